@@ -1,0 +1,67 @@
+"""The errors of yumi, drawn once; each class is one decision of the caller.
+
+::
+
+    YumiError
+    ├── SettingsError        a configuration file or option is wrong: mend it and start again
+    ├── MissingPrerequisite  the machine lacks something: install it
+    ├── CommandRefused       a request broke a rule; nothing was changed: ask for something else
+    ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
+    ├── NoConnection         nothing answers at the address: check cable, address, power
+    ├── LoginRefused         the controller is there but does not accept the user or password
+    ├── ControllerRefused    the controller answered "no", with ABB's code
+    ├── ProtocolError        the other side said something that has no meaning in the protocol
+    └── RapidError           a RAPID module does not parse, or a RAPID program stopped with an error
+"""
+
+from __future__ import annotations
+
+
+class YumiError(Exception):
+    """Base of all errors; the message is one sentence for a person."""
+
+
+class SettingsError(YumiError):
+    """A configuration value is wrong; the message names the file, the key and what is allowed."""
+
+
+class MissingPrerequisite(YumiError):
+    """The machine lacks something yumi needs; the message says what to install."""
+
+
+class CommandRefused(YumiError):
+    """A request broke a rule and changed nothing; the message gives the value and the limit."""
+
+
+class RobotNotReady(YumiError):
+    """The robot is not in the state the request needs; the message says what to do first."""
+
+
+class NoConnection(YumiError):
+    """Nothing answered at the address in time."""
+
+
+class LoginRefused(YumiError):
+    """The controller refused the user name or the password."""
+
+
+class ControllerRefused(YumiError):
+    """The controller understood the request and refused it.
+
+    Attributes:
+        status: the HTTP status.
+        code: ABB's return code (reference/rws.md §3.5), or None when the body had none.
+    """
+
+    def __init__(self, sentence: str, *, status: int, code: int | None = None) -> None:
+        super().__init__(sentence)
+        self.status = status
+        self.code = code
+
+
+class ProtocolError(YumiError):
+    """Bytes or a document that have no meaning in the protocol."""
+
+
+class RapidError(YumiError):
+    """A RAPID module does not parse, or a RAPID program stopped with an error nobody handled."""

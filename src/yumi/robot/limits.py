@@ -1,0 +1,42 @@
+"""Position and speed limits of the joints, from the robot's own motion configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees, radians
+
+from yumi.robot.joints import Joints, joints
+
+
+@dataclass(frozen=True, slots=True)
+class JointLimits:
+    """What the joints of one arm may do, in chain order.
+
+    Attributes:
+        lower: lowest positions [rad], (7,).
+        upper: highest positions [rad], (7,).
+        velocity: highest speeds [rad/s], (7,).
+    """
+
+    lower: Joints
+    upper: Joints
+    velocity: Joints
+
+    def outside(self, position: Joints) -> int | None:
+        """Index of the first joint whose position [rad] is out of range (or not a number), or None."""
+        for index, value in enumerate(position):
+            if not self.lower[index] <= value <= self.upper[index]:
+                return index
+        return None
+
+    def range_deg(self, index: int) -> str:
+        """The joint's range for a sentence, e.g. ``-143.5° to 43.5°``."""
+        return f"{degrees(self.lower[index]):.1f}° to {degrees(self.upper[index]):.1f}°"
+
+
+# MOC.cfg of three real robots, equal for both arms (reference/yumi.md §1.2); speeds from ABB's specification.
+YUMI_LIMITS = JointLimits(
+    lower=(-2.94088, -2.50455, -2.94088, -2.15548, -5.06145, -1.53589, -3.9968),
+    upper=(2.94088, 0.759218, 2.94088, 1.39626, 5.06145, 2.40855, 3.9968),
+    velocity=joints([radians(speed_deg) for speed_deg in (180, 180, 180, 180, 400, 400, 400)]),
+)
