@@ -1,0 +1,33 @@
+"""Fixtures for all tests, each named after the thing it gives."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from math import radians
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.robot.joints import Joints, joints
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def middle() -> Joints:
+    """A position well inside every joint's range [rad]."""
+    return joints([radians(value) for value in (10.0, -60.0, 20.0, 15.0, 30.0, 40.0, 50.0)])
+
+
+@pytest.fixture(autouse=True)
+def _no_thread_is_left() -> Iterator[None]:
+    before = set(threading.enumerate())
+    yield
+    left = [thread for thread in threading.enumerate() if thread not in before and thread.is_alive()]
+    for thread in left:
+        thread.join(timeout=2.0)
+    assert [thread.name for thread in left if thread.is_alive()] == []
