@@ -1,0 +1,126 @@
+"""One arm's part of the fast line: its cycle, what comes after the reply, and the watch over silence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.guard import Guard
+from yumi.control.mailbox import Mailbox
+from yumi.control.manager import ControllerManager
+from yumi.control.port import ArmPort
+from yumi.control.requests import (
+    ControllerFailed,
+    Event,
+    RobotFollows,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+)
+from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.robot.joints import Side
+from yumi.robot.values import ZERO, ArmState
+
+STANDING = 1e-3
+"""An arm whose joints all move slower than this stands [rad/s]."""
+
+
+class ArmLine:
+    """Runs the cycles of one arm.
+
+    Args:
+        side: which arm.
+        arm: its hardware.
+        manager: its controllers.
+        guard: what its commands must pass.
+        snapshots: where the outside world looks.
+    """
+
+    def __init__(self, side: Side, arm: ArmPort, manager: ControllerManager, guard: Guard, snapshots: Mailbox) -> None:
+        self.manager = manager
+        self._side = side
+        self._arm = arm
+        self._guard = guard
+        self._snapshots = snapshots
+        self._last: Cycle | None = None
+        self._cycles = 0
+        self._position = ZERO
+        self._events: list[Event] = []
+
+    @property
+    def state(self) -> ArmState | None:
+        """The newest state while the robot streams, else None."""
+        return self._last.state if self._last else None
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the arm stands, as far as its last datagram tells, or cannot be heard any more."""
+        return self._last is None or max(map(abs, self._last.state.velocity)) < STANDING
+
+    def run(self, now: float) -> Cycle | None:
+        """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
+        cycle = run_cycle(self._arm, self.manager, self._guard, now)
+        if cycle is not None:
+            self._after_reply(cycle)
+        return cycle
+
+    def watch_silence(self, now: float) -> None:
+        """Notice that the robot has fallen silent; to be called every few milliseconds."""
+        silence = self._arm.lost_after(now)
+        if silence is None:
+            return
+        self._last = None
+        self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
+        self._publish(now)
+
+    def take_events(self) -> Sequence[Event]:
+        """What happened since the last call."""
+        if not self._events:
+            return ()
+        events, self._events = self._events, []
+        return events
+
+    def _after_reply(self, cycle: Cycle) -> None:
+        before, self._last, self._position = self._last, cycle, cycle.state.position
+        self._cycles += 1
+        self.manager.watch(cycle.state)
+        self._note_changes(before.state if before else None, cycle.state)
+        self._publish(cycle.state.time)
+
+    def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
+        if before is None or before.session != state.session:
+            self._events.append(SessionStarted(self._side, state.session))
+            self.manager.deactivate_commanding()
+            before = None
+        was_running = before is not None and before.is_running
+        if state.is_running and not was_running:
+            self._events.append(RobotFollows(self._side))
+        elif was_running and not state.is_running:
+            self._events.append(RobotStoppedFollowing(self._side, self.manager.deactivate_commanding()))
+        while self.manager.failures:
+            self._events.append(ControllerFailed(self._side, self.manager.failures.pop(0)))
+
+    def _publish(self, now: float) -> None:
+        wire, guard, last = self._arm.wire_counters(), self._guard.counters, self._last
+        reference = self.manager.reference
+        put_snapshot(
+            self._snapshots,
+            Snapshot(
+                time=now,
+                session=wire.session,
+                is_streaming=last is not None,
+                is_running=last is not None and last.state.is_running,
+                is_commanded=reference is not None,
+                position=self._position,
+                velocity=last.state.velocity if last else ZERO,
+                admitted=last.admitted.position if last else self._position,
+                reference=reference,
+                cycles=self._cycles,
+                missed=wire.missed,
+                stale=wire.stale,
+                malformed=wire.malformed,
+                refused=guard.refused,
+                position_limited=guard.position_limited,
+                velocity_limited=guard.velocity_limited,
+            ),
+        )

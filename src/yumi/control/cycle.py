@@ -1,0 +1,36 @@
+"""The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from yumi.control.guard import Guard
+from yumi.control.manager import ControllerManager
+from yumi.control.port import ArmPort
+from yumi.robot.values import ArmCommand, ArmState
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """What happened in one cycle.
+
+    Attributes:
+        state: what the arm reported.
+        wanted: what the controllers wanted; None where they wanted it to hold.
+        admitted: what the guard let through and the arm was told.
+    """
+
+    state: ArmState
+    wanted: ArmCommand | None
+    admitted: ArmCommand
+
+
+def run_cycle(arm: ArmPort, manager: ControllerManager, guard: Guard, now: float) -> Cycle | None:
+    """Answer the newest state of ``arm``; None when there is no new one."""
+    state = arm.read(now)
+    if state is None:
+        return None
+    wanted = manager.update(state)
+    admitted = guard.admit(state, wanted)
+    arm.write(admitted)
+    return Cycle(state, wanted, admitted)

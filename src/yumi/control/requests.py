@@ -1,0 +1,148 @@
+"""What is asked of the fast line between two cycles, what it answers, and what it tells unasked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from yumi.control.manager import ControllerInfo
+from yumi.robot.joints import Side
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchControllers:
+    """Activate and deactivate controllers of one arm as one step."""
+
+    side: Side
+    activate: tuple[str, ...] = ()
+    deactivate: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SetParameters:
+    """Change parameters of one controller from the next cycle on."""
+
+    side: Side
+    controller: str
+    values: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ListControllers:
+    """Tell which controllers one arm has."""
+
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the fast line; every arm holds until its robot has been told to stop."""
+
+
+Request = SwitchControllers | SetParameters | ListControllers | Stop
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The request was carried out.
+
+    Attributes:
+        controllers: the answer to :class:`ListControllers`.
+    """
+
+    controllers: tuple[ControllerInfo, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The request broke a rule and changed nothing."""
+
+    sentence: str
+
+
+Reply = Done | Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class SessionStarted:
+    """The robot began to send datagrams for an arm."""
+
+    side: Side
+    session: int
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: EGM session {self.session} started."
+
+
+@dataclass(frozen=True, slots=True)
+class SessionLost:
+    """No datagram came for too long.
+
+    Attributes:
+        silence: how long the robot has been silent [s].
+        deactivated: controllers that commanded the arm until then.
+    """
+
+    side: Side
+    silence: float
+    deactivated: tuple[str, ...]
+
+    def __str__(self) -> str:
+        stopped = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        return (
+            f"{self.side.word.capitalize()} arm: EGM feedback lost, the robot has been silent for "
+            f"{self.silence * 1e3:.0f} ms{stopped}. Call start_egm when the controller is back."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RobotFollows:
+    """The robot began to follow commands."""
+
+    side: Side
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: the robot follows commands."
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStoppedFollowing:
+    """The robot still sends datagrams but no longer follows commands.
+
+    Attributes:
+        deactivated: controllers that commanded the arm until then.
+    """
+
+    side: Side
+    deactivated: tuple[str, ...]
+
+    def __str__(self) -> str:
+        stopped = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        return (
+            f"{self.side.word.capitalize()} arm: the robot no longer follows commands (motors off, RAPID stopped or "
+            f"EGM ended){stopped}."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerFailed:
+    """A controller raised an error in its update."""
+
+    side: Side
+    sentence: str
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: {self.sentence}"
+
+
+@dataclass(frozen=True, slots=True)
+class CycleFailed:
+    """A cycle could not be completed; the robot got no answer and keeps its last reference."""
+
+    side: Side
+    sentence: str
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: a cycle failed, the robot keeps its last reference: {self.sentence}"
+
+
+Event = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed

@@ -1,0 +1,271 @@
+"""The fast-line process: both arms' cycles in one thread, and the handle its parent holds.
+
+Whichever robot datagram arrives is answered at once, so no arm waits for the other. Requests are served between two
+cycles. When the parent dies the arms hold until they stand, then the process ends.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Event as Flag
+from threading import Lock, Thread
+
+from yumi.clock import Clock, SystemClock
+from yumi.control.arm_line import ArmLine
+from yumi.control.goals import GOAL_SIZE
+from yumi.control.requests import (
+    CycleFailed,
+    Done,
+    Event,
+    ListControllers,
+    Refusal,
+    Reply,
+    Request,
+    SetParameters,
+    Stop,
+    SwitchControllers,
+)
+from yumi.control.snapshot import SNAPSHOT_SIZE
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
+from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
+from yumi.links.poller import HasFileno, Poller
+from yumi.links.realtime import prepare_process
+from yumi.links.shared_memory import Bell, SharedMailbox, new_bell
+from yumi.robot.joints import JOINT_COUNT, Side
+
+GLANCE = 0.010
+"""How often the silence of the robot is looked at when nothing arrives [s]."""
+
+LAST_HOLD = 2.0
+"""How long an arm without a driver is held while it still moves [s]."""
+
+_ANSWER_TIMEOUT = 5.0
+
+
+class ArmBoxes:
+    """What the fast line and its parent share for one arm.
+
+    Attributes:
+        states: every measured state, see the joint state broadcaster.
+        snapshots: everything else about the arm.
+        goals: where it shall go.
+        bell: rung after every cycle.
+    """
+
+    def __init__(self) -> None:
+        self.states = SharedMailbox(1 + 2 * JOINT_COUNT)
+        self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
+        self.goals = SharedMailbox(GOAL_SIZE)
+        self.bell: Bell = new_bell()
+
+
+@dataclass(frozen=True, slots=True)
+class WiredArm:
+    """An arm of the fast line, built in its process.
+
+    Attributes:
+        line: its cycle.
+        socket: what becomes readable when its robot speaks.
+    """
+
+    line: ArmLine
+    socket: HasFileno
+
+
+Build = Callable[[Mapping[Side, ArmBoxes]], Mapping[Side, WiredArm]]
+"""Builds the arms inside the fast-line process; must be picklable."""
+
+
+class FastLineProcess:
+    """The parent's handle.
+
+    Args:
+        build: how to build the arms in the child.
+        on_event: called on a thread of its own for everything the fast line tells.
+    """
+
+    def __init__(self, build: Build, on_event: Callable[[Event], None]) -> None:
+        self.boxes = {side: ArmBoxes() for side in Side}
+        self.started_as = ""
+        self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes)
+        self._on_event = on_event
+        self._lock = Lock()
+        self._answers: list[Reply] = []
+        self._answered = Flag()
+        self._reader = Thread(target=self._read, name="fast-line-events", daemon=True)
+        self._is_over = False
+
+    def start(self) -> None:
+        """Start the process and wait until it listens.
+
+        Raises:
+            NoConnection: it cannot listen for the robot.
+        """
+        self._child.start()
+        try:
+            first = self._child.pipe.receive()
+        except PipeClosed as error:
+            raise RobotNotReady("The fast-line process ended while it started; its output says why.") from error
+        if isinstance(first, Refusal):
+            self._child.join(_ANSWER_TIMEOUT)
+            raise NoConnection(first.sentence)
+        self.started_as = first
+        self._reader.start()
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles.
+
+        Raises:
+            CommandRefused: a rule stands against it; nothing was changed.
+            RobotNotReady: the fast line is gone.
+        """
+        with self._lock:
+            reply = self._exchange(request)
+        if isinstance(reply, Refusal):
+            raise CommandRefused(reply.sentence)
+        return reply
+
+    def stop(self) -> None:
+        """End the process; the arms hold as long as they move."""
+        if self._child.exit_code is None:
+            self._is_over = True
+            self._tell_to_stop()
+        if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
+            self._child.kill()
+
+    def _tell_to_stop(self) -> None:
+        try:
+            self._child.pipe.send(Stop())
+        except PipeClosed:
+            return  # it has ended by itself, which is what we want
+
+    def _exchange(self, request: Request) -> Reply:
+        self._answered.clear()
+        try:
+            self._child.pipe.send(request)
+        except PipeClosed as error:
+            raise RobotNotReady("The fast-line process has ended; restart the driver.") from error
+        if not self._answered.wait(_ANSWER_TIMEOUT):
+            raise RobotNotReady(f"The fast line did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver.")
+        return self._answers.pop()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                value = self._child.pipe.receive()
+            except PipeClosed:
+                return
+            if isinstance(value, Done | Refusal):
+                self._answers.append(value)
+                self._answered.set()
+            else:
+                self._on_event(value)
+
+
+def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes]) -> None:
+    """Main function of the fast-line process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when motion ends
+    try:
+        arms = build(boxes)
+    except YumiError as error:
+        pipe.send(Refusal(str(error)))
+        return
+    pipe.send(prepare_process())
+    FastLine(pipe, arms, boxes, SystemClock()).run()
+
+
+class FastLine:
+    """The loop inside the process."""
+
+    def __init__(
+        self, pipe: PipeEnd, arms: Mapping[Side, WiredArm], boxes: Mapping[Side, ArmBoxes], clock: Clock
+    ) -> None:
+        self._pipe = pipe
+        self._arms = {side: arm.line for side, arm in arms.items()}
+        self._clock = clock
+        self._stop_at: float | None = None
+        self._failures: set[str] = set()
+        self._poller = Poller()
+        for side, arm in arms.items():
+            self._poller.watch(arm.socket, self._cycle_of(side, arm.line, boxes[side].bell))
+        self._poller.watch(pipe, self._serve)
+
+    def run(self) -> None:
+        """Serve datagrams and requests until told to stop, and until the arms stand."""
+        while not self._may_end():
+            self._poller.wait(GLANCE)
+            for line in self._arms.values():
+                line.watch_silence(self._clock.now())
+                self._tell(line)
+        self._poller.close()
+
+    def _cycle_of(self, side: Side, line: ArmLine, bell: Bell) -> Callable[[], None]:
+        clock = self._clock
+
+        def run_cycle() -> None:
+            try:
+                if line.run(clock.now()) is not None:
+                    bell.release()
+            except Exception as error:
+                self._note_failure(side, error)
+
+        return run_cycle
+
+    def _note_failure(self, side: Side, error: Exception) -> None:
+        """Tell once per kind of fault; at 250 Hz a second telling would only bury the first."""
+        sentence = f"{type(error).__name__}: {error}"
+        if sentence not in self._failures:
+            self._failures.add(sentence)
+            self._send(CycleFailed(side, sentence))
+
+    def _may_end(self) -> bool:
+        if self._stop_at is None:
+            return False
+        return self._clock.now() > self._stop_at or all(line.is_still for line in self._arms.values())
+
+    def _tell(self, line: ArmLine) -> None:
+        for event in line.take_events():
+            self._send(event)
+
+    def _serve(self) -> None:
+        try:
+            request = self._pipe.receive()
+        except PipeClosed:
+            self._poller.forget(self._pipe)
+            self._begin_to_end()
+            return
+        if isinstance(request, Stop):
+            self._begin_to_end()
+        else:
+            self._send(self._reply_to(request))
+
+    def _begin_to_end(self) -> None:
+        self._stop_at = self._clock.now() + LAST_HOLD
+        for line in self._arms.values():
+            line.manager.deactivate_commanding()
+
+    def _reply_to(self, request: Request) -> Reply:
+        try:
+            return self._carry_out(request)
+        except CommandRefused as error:
+            return Refusal(str(error))
+
+    def _carry_out(self, request: Request) -> Done:
+        if isinstance(request, Stop):
+            return Done()
+        line = self._arms[request.side]
+        if isinstance(request, SwitchControllers):
+            line.manager.switch(request.activate, request.deactivate, line.state)
+        elif isinstance(request, SetParameters):
+            line.manager.set_parameters(request.controller, request.values)
+        elif isinstance(request, ListControllers):
+            return Done(line.manager.controllers())
+        return Done()
+
+    def _send(self, value: object) -> None:
+        try:
+            self._pipe.send(value)
+        except PipeClosed:
+            return  # the parent is gone; its end of the pipe says so to _serve

@@ -1,0 +1,97 @@
+"""Commands of yumi run as processes of their own: started, watched for a ready line, stopped in order."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from queue import Empty, Queue
+from threading import Thread
+from types import TracebackType
+
+from yumi.errors import RobotNotReady
+
+READY = "yumi is ready"
+"""First words of the line a command prints when it serves."""
+
+_STOP_TIMEOUT = 20.0
+
+
+class Command:
+    """``yumi <arguments>`` as a child in a session of its own, so that Ctrl-C reaches its parent only.
+
+    The child ends when its standard input does, so a parent that is killed leaves nobody behind.
+
+    Args:
+        name: for sentences.
+        arguments: what follows ``yumi``.
+        log: where its output goes.
+    """
+
+    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+        self.name = name
+        self.log = log
+        self._arguments = [sys.executable, "-m", "yumi", *arguments, "--until-stdin-closes"]
+        self._lines: Queue[str | None] = Queue()
+
+    def __enter__(self) -> Command:
+        self._process = subprocess.Popen(
+            self._arguments,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        self._reader = Thread(target=self._read, name=f"{self.name}-output")
+        self._reader.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._process.poll()
+
+    def wait_until_ready(self, timeout: float) -> str:
+        """Wait for its ready line; returns what follows the first words.
+
+        Raises:
+            RobotNotReady: it ended or did not become ready in time; the message is its last line.
+        """
+        last = ""
+        while True:
+            try:
+                line = self._lines.get(timeout=timeout)
+            except Empty:
+                raise RobotNotReady(f"The {self.name} was not ready within {timeout:g} s; see {self.log}.") from None
+            if line is None:
+                raise RobotNotReady(last or f"The {self.name} ended without a word; see {self.log}.")
+            if line.startswith(READY):
+                return line.removeprefix(READY).strip(" :")
+            last = line.removeprefix("Error: ") or last
+
+    def stop(self) -> None:
+        """End it in order; it stops motion and ends EGM by itself."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            self._process.wait(_STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self.log.open("w", encoding="utf-8") as log, self._process.stdout as output:
+            for line in output:
+                log.write(line)
+                log.flush()
+                self._lines.put(line.rstrip())
+        self._lines.put(None)

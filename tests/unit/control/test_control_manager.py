@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+import itertools
+import re
+
+import pytest
+
+from yumi.control.controller import Controller, Parameter
+from yumi.control.lifecycle import TRANSITIONS, State, Transition
+from yumi.control.manager import ControllerManager
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.values import ZERO, ArmCommand, ArmState
+
+RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
+STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)
+THERE: Joints = (0.1,) * 7
+
+
+class Pusher(Controller):
+    kind = "test/Pusher"
+    parameters = (Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain."),)
+
+    def __init__(self) -> None:
+        self.values: dict[str, float] = {}
+        self.began_at: Joints | None = None
+        self.fault: Exception | None = None
+
+    def configure(self, values: dict[str, float]) -> None:
+        self.values = values
+
+    def activate(self, state: ArmState) -> None:
+        self.began_at = state.position
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        if self.fault:
+            raise self.fault
+        return ArmCommand(THERE)
+
+    @property
+    def reference(self) -> Joints | None:
+        return THERE
+
+
+class Watcher(Pusher):
+    is_command = False
+
+
+@pytest.fixture
+def pusher() -> Pusher:
+    return Pusher()
+
+
+@pytest.fixture
+def manager(pusher: Pusher) -> ControllerManager:
+    manager = ControllerManager(joint_names(Side.RIGHT))
+    manager.load("pusher", pusher)
+    return manager
+
+
+def states(manager: ControllerManager) -> dict[str, State]:
+    return {info.name: info.state for info in manager.controllers()}
+
+
+def test_manager_leads_a_controller_through_its_life(manager: ControllerManager, pusher: Pusher) -> None:
+    assert states(manager) == {"pusher": State.UNCONFIGURED}
+    manager.configure("pusher", {"p": 1.6})
+    assert states(manager) == {"pusher": State.INACTIVE}
+    manager.switch(["pusher"], [], RUNNING)
+    assert (states(manager), pusher.began_at, pusher.values) == ({"pusher": State.ACTIVE}, ZERO, {"p": 1.6})
+    manager.switch([], ["pusher"], RUNNING)
+    assert states(manager) == {"pusher": State.INACTIVE}
+
+
+def test_manager_lists_required_and_claimed_interfaces(manager: ControllerManager) -> None:
+    manager.configure("pusher")
+    (inactive,) = manager.controllers()
+    manager.switch(["pusher"], [], RUNNING)
+    (active,) = manager.controllers()
+    assert inactive.required == tuple(f"{name}/position" for name in joint_names(Side.RIGHT))
+    assert (inactive.claimed, active.claimed) == ((), active.required)
+
+
+def test_manager_asks_active_controllers_only(manager: ControllerManager) -> None:
+    manager.configure("pusher")
+    assert manager.update(RUNNING) is None
+    assert manager.reference is None
+    manager.switch(["pusher"], [], RUNNING)
+    assert manager.update(RUNNING) == ArmCommand(THERE)
+    assert manager.reference == THERE
+
+
+def test_manager_refuses_a_second_owner_of_an_interface(manager: ControllerManager) -> None:
+    manager.load("rival", Pusher())
+    for name in ("pusher", "rival"):
+        manager.configure(name)
+    manager.switch(["pusher"], [], RUNNING)
+    with pytest.raises(CommandRefused, match="'rival' needs yumi_joint_1_r/position, which 'pusher' has claimed"):
+        manager.switch(["rival"], [], RUNNING)
+    assert states(manager) == {"pusher": State.ACTIVE, "rival": State.INACTIVE}
+
+
+def test_manager_hands_an_interface_over_within_one_switch(manager: ControllerManager) -> None:
+    manager.load("rival", Pusher())
+    for name in ("pusher", "rival"):
+        manager.configure(name)
+    manager.switch(["pusher"], [], RUNNING)
+    manager.switch(["rival"], ["pusher"], RUNNING)
+    assert states(manager) == {"pusher": State.INACTIVE, "rival": State.ACTIVE}
+
+
+@pytest.mark.parametrize("state", [None, STOPPED])
+def test_manager_starts_no_commanding_controller_while_egm_does_not_run(
+    manager: ControllerManager, state: ArmState | None
+) -> None:
+    manager.configure("pusher")
+    with pytest.raises(CommandRefused, match="EGM is not running on this arm; start EGM first"):
+        manager.switch(["pusher"], [], state)
+    assert states(manager) == {"pusher": State.INACTIVE}
+
+
+def test_manager_starts_a_watching_controller_at_any_time(manager: ControllerManager) -> None:
+    manager.load("watcher", Watcher())
+    manager.configure("watcher")
+    manager.switch(["watcher"], [], None)
+    assert states(manager)["watcher"] is State.ACTIVE
+
+
+def test_manager_deactivates_a_controller_that_fails_and_holds(manager: ControllerManager, pusher: Pusher) -> None:
+    manager.configure("pusher")
+    manager.switch(["pusher"], [], RUNNING)
+    pusher.fault = ZeroDivisionError("by zero")
+    assert manager.update(RUNNING) is None
+    assert states(manager) == {"pusher": State.INACTIVE}
+    assert manager.failures == [
+        "Controller 'pusher' failed with ZeroDivisionError: by zero; it was deactivated and the arm holds."
+    ]
+
+
+@pytest.mark.parametrize(("value", "sentence"), [(2.1, "is 2.1; allowed is 0 to 2 1/s."), (float("nan"), "is nan; allowed")])
+def test_manager_refuses_a_parameter_out_of_range(
+    manager: ControllerManager, pusher: Pusher, value: float, sentence: str
+) -> None:
+    manager.configure("pusher")
+    with pytest.raises(CommandRefused, match=re.escape(sentence)):
+        manager.set_parameters("pusher", {"p": value})
+    assert pusher.values == {"p": 1.0}
+
+
+def test_manager_refuses_a_parameter_nobody_knows(manager: ControllerManager) -> None:
+    with pytest.raises(CommandRefused, match="has no parameter 'q'; it has: p"):
+        manager.set_parameters("pusher", {"q": 1.0})
+
+
+def test_manager_names_the_controllers_it_has(manager: ControllerManager) -> None:
+    with pytest.raises(CommandRefused, match="There is no controller 'x'; loaded are: pusher"):
+        manager.switch(["x"], [], RUNNING)
+
+
+def test_manager_refuses_a_name_that_is_taken(manager: ControllerManager) -> None:
+    with pytest.raises(CommandRefused, match="'pusher' is loaded already"):
+        manager.load("pusher", Pusher())
+
+
+@pytest.mark.parametrize(("source", "transition"), list(itertools.product(State, Transition)))
+def test_lifecycle_table_ends_in_finalized_and_never_leaves_it(source: State, transition: Transition) -> None:
+    target = TRANSITIONS.get((source, transition))
+    assert target is None or source is not State.FINALIZED
+    if transition is Transition.SHUTDOWN and source is not State.FINALIZED:
+        assert target is State.FINALIZED
+
+
+@pytest.mark.parametrize("name", ["activate", "deactivate"])
+def test_manager_says_what_a_controller_can_do_instead(manager: ControllerManager, name: str) -> None:
+    lists = {"activate": ["pusher"] if name == "activate" else [], "deactivate": ["pusher"] if name == "deactivate" else []}
+    with pytest.raises(CommandRefused, match=f"is unconfigured and cannot {name}; it can configure, shutdown"):
+        manager.switch(lists["activate"], lists["deactivate"], RUNNING)
