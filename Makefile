@@ -1,0 +1,47 @@
+# Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test check constraints clean
+MAKEFLAGS += --no-print-directory
+
+# What ROS, Matplotlib and Python would write into the home folder stays in the clone.
+export ROS_LOG_DIR ?= $(CURDIR)/build/ros
+export MPLCONFIGDIR ?= $(CURDIR)/build/matplotlib
+
+help:
+	@echo 'make setup         everything the project needs, into .venv; make demo and make test do it first'
+	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
+	@echo 'make test          the whole check: format, lint, types, layers, spelling, then all tests'
+	@echo 'make check         the same without the tests'
+	@echo 'make constraints   constraints.txt again from pyproject.toml'
+	@echo 'make clean         removes .venv, build and the caches'
+	@echo 'PYTHON=python3.12  after any of them chooses the Python'
+
+setup:
+	@python=$$(sh setup/find_python.sh '$(PYTHON)') && exec "$$python" -E -S setup
+
+demo: setup
+	@exec .venv/bin/yumi demo $(ARGS)
+
+check: setup
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/mypy
+	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/installation.py interfaces/build.py
+	.venv/bin/lint-imports
+	.venv/bin/codespell
+
+test: check
+	@exec .venv/bin/python -m pytest $(ARGS)
+
+constraints: setup
+	@.venv/bin/python -m venv build/uv
+	@build/uv/bin/pip --quiet install uv
+	@build/uv/bin/uv pip compile pyproject.toml --quiet --all-extras --universal --python-version 3.10 \
+	    --excludes setup/excluded.txt --no-annotate --no-header --output-file build/constraints.txt
+	@{ echo '# Every package of .venv, for Python 3.10 to 3.14; made from pyproject.toml by `make constraints`.'; \
+	    cat build/constraints.txt; } > constraints.txt
+
+clean:
+	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache .coverage
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

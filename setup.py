@@ -1,0 +1,15 @@
+"""For colcon alone, which builds an `ament_python` package by this file; pip builds by pyproject.toml's hatchling."""
+
+from setuptools import find_packages, setup
+
+distribution = setup(
+    package_dir={"": "src"},
+    packages=find_packages("src"),
+    package_data={"yumi": ["**/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
+        ("share/yumi_ros2", ["package.xml"]),
+    ],
+)
+# colcon reads what setup() was told back from its text, and a version specifier's text is not a literal.
+distribution.python_requires = distribution.metadata.python_requires = None

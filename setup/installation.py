@@ -1,0 +1,163 @@
+"""Brings .venv to what constraints.txt, pyproject.toml and interfaces/ say, doing only what has changed since."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from commands import environment, pip_install, run, say
+from prerequisites import Machine
+
+
+@dataclass(frozen=True)
+class Clone:
+    """The folders of one clone that set-up reads and writes."""
+
+    root: Path
+
+    @property
+    def venv(self) -> Path:
+        """The virtual environment: the only place anything is installed in."""
+        return self.root / ".venv"
+
+    @property
+    def python(self) -> Path:
+        """The Python of the virtual environment."""
+        return self.venv / "bin" / "python"
+
+    @property
+    def logs(self) -> Path:
+        """Where the long outputs go."""
+        return self.root / "build" / "setup"
+
+    @property
+    def record(self) -> Path:
+        """What has been installed: the fingerprint of each step that succeeded."""
+        return self.venv / "yumi-setup.json"
+
+
+def install(root: str, machine: Machine) -> None:
+    """Bring .venv up to date; quick where it is. Raises InstallationFailed."""
+    clone = Clone(Path(root))
+    clone.logs.mkdir(parents=True, exist_ok=True)
+    started = time.monotonic()
+    with _alone(clone):
+        done = [
+            _step(clone, "venv", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
+            _step(clone, "packages", _packages_fingerprint(clone), lambda: _install_packages(clone, machine)),
+            _step(clone, "clone", _clone_fingerprint(clone), lambda: _install_clone(clone)),
+        ]
+        if not machine.sourced:
+            done.append(_step(clone, "interfaces", _interfaces_fingerprint(clone), lambda: _build_interfaces(clone)))
+        if any(done):
+            say(f"done in {time.monotonic() - started:.0f} s")
+
+
+@contextlib.contextmanager
+def _alone(clone: Clone) -> Iterator[None]:
+    """Let one set-up at a time work on this clone."""
+    with (clone.logs / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say("waiting for another set-up of this clone")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _step(clone: Clone, name: str, fingerprint: str, act: Callable[[], None]) -> bool:
+    """Act unless the record says that it was done for the same inputs; whether it acted."""
+    if clone.python.exists() and _recorded(clone).get(name) == fingerprint:
+        return False
+    act()
+    clone.record.write_text(json.dumps(_recorded(clone) | {name: fingerprint}, indent=1) + "\n")
+    return True
+
+
+def _recorded(clone: Clone) -> dict[str, str]:
+    return dict(json.loads(clone.record.read_text())) if clone.record.exists() else {}
+
+
+def _venv_fingerprint(machine: Machine) -> str:
+    origin = f"the sourced ROS 2 {machine.sourced}" if machine.sourced else "ROS 2 from PyPI"
+    return f"Python {'.'.join(map(str, machine.python))}, {origin}"
+
+
+def _packages_fingerprint(clone: Clone) -> str:
+    return _digest([clone.root / "constraints.txt"])
+
+
+def _clone_fingerprint(clone: Clone) -> str:
+    """Of the tables of pyproject.toml that an installation reads; a new lint rule installs nothing."""
+    wanted, lines = False, []
+    for line in (clone.root / "pyproject.toml").read_text().splitlines():
+        if line.startswith("["):
+            wanted = line.startswith(("[build-system]", "[project", "[tool.hatch"))
+        if wanted:
+            lines.append(line)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _interfaces_fingerprint(clone: Clone) -> str:
+    folder = clone.root / "interfaces"
+    return _digest(sorted(file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts))
+
+
+def _digest(files: list[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(str(file).encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _make_venv(clone: Clone, machine: Machine) -> None:
+    shutil.rmtree(clone.venv, ignore_errors=True)
+    kind = ["--system-site-packages"] if machine.sourced else []
+    say(f"making .venv: {_venv_fingerprint(machine)} ({sys.executable})")
+    command = [sys.executable, "-m", "venv", *kind, str(clone.venv)]
+    run(command, clone.logs / "venv.log", "no virtual environment could be made")
+
+
+def _install_packages(clone: Clone, machine: Machine) -> None:
+    if machine.sourced:
+        _install_beside_ros(clone)
+        return
+    constraints = clone.root / "constraints.txt"
+    pins = [line for line in constraints.read_text().splitlines() if "==" in line]
+    say(f"installing {len(pins)} packages: a minute or two the first time")
+    # All is pinned, so nothing is resolved; and setuptools goes first, to build empy, which is no wheel.
+    tools = [pin for pin in pins if pin.startswith("setuptools==")]
+    pip_install(clone.python, ["--no-deps", *tools], clone.logs / "setuptools.log")
+    everything = ["--no-deps", "--no-build-isolation", "--requirement", str(constraints)]
+    pip_install(clone.python, everything, clone.logs / "packages.log")
+
+
+def _install_beside_ros(clone: Clone) -> None:
+    """Install less ROS and NumPy: a sourced ROS is built against the NumPy of its own machine."""
+    say("installing the packages that ROS 2 does not bring")
+    pins = (clone.root / "constraints.txt").read_text().splitlines()
+    kept = clone.logs / "constraints_beside_ros.txt"
+    kept.write_text("\n".join(pin for pin in pins if not pin.startswith(("ros-", "numpy=="))) + "\n")
+    wanted = ["--constraint", str(kept), "--editable", f"{clone.root}[plot,dev]"]
+    pip_install(clone.python, wanted, clone.logs / "packages.log")
+
+
+def _install_clone(clone: Clone) -> None:
+    arguments = ["--no-deps", "--no-build-isolation", "--editable", str(clone.root)]
+    pip_install(clone.python, arguments, clone.logs / "clone.log")
+
+
+def _build_interfaces(clone: Clone) -> None:
+    log = clone.logs / "interfaces.log"
+    command = [str(clone.python), str(clone.root / "interfaces" / "build.py"), "--log", str(log)]
+    if subprocess.run(command, env=environment(), stdin=subprocess.DEVNULL, check=False).returncode != 0:
+        sys.exit(1)  # build.py has said why
