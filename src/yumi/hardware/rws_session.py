@@ -1,0 +1,125 @@
+"""One session with a controller over one connection: login, retries and deadline, one policy for all.
+
+* A session is opened by digest once and then kept by its cookies; when the controller has forgotten it, the
+  request is answered 401, was not carried out, and is sent again with a new login.
+* A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy
+  (503).
+* Any other request is never repeated after it may have been carried out.
+
+Source: reference/rws.md §1.1-1.2, §2.2.
+"""
+
+from __future__ import annotations
+
+from threading import Lock
+from typing import Protocol
+
+from yumi.clock import Clock
+from yumi.errors import LoginRefused, NoConnection, ProtocolError
+from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
+from yumi.rws import digest, forms
+from yumi.rws.login import Headers, Login
+from yumi.rws.requests import Request
+
+_REPEATS = 2
+_UNAUTHORIZED = 401
+_BUSY = 503
+
+
+class Link(Protocol):
+    """A connection that carries one exchange at a time; :class:`yumi.links.http.HttpLink` is one."""
+
+    @property
+    def address(self) -> str: ...
+
+    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply: ...
+
+    def close(self) -> None: ...
+
+
+class RwsSession:
+    """A login over ``link``; requests of several threads queue up."""
+
+    def __init__(self, link: Link, *, user: str, password: str, timeout: float, clock: Clock) -> None:
+        self.address = link.address
+        self._link = link
+        self._user = user
+        self._timeout = timeout
+        self._clock = clock
+        self._login = Login(user, password)
+        self._lock = Lock()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the controller has given us a session, as far as we know."""
+        return self._login.has_session
+
+    def exchange(self, request: Request) -> HttpReply:
+        """The controller's answer to ``request``, whatever its status, within the timeout in all.
+
+        Raises:
+            NoConnection: nothing answered in time.
+            LoginRefused: the user or the password is wrong.
+            ProtocolError: what answers is not a controller.
+        """
+        deadline = self._clock.now() + self._timeout
+        if not self._lock.acquire(timeout=self._timeout):
+            raise NoConnection(f"{self.address} is busy with another request for {self._timeout:.1f} s.")
+        try:
+            return self._repeated(request, deadline)
+        finally:
+            self._lock.release()
+
+    def close(self) -> None:
+        """Close the connection and forget the session; the controller keeps it until its time is up."""
+        self._login.forget()
+        self._link.close()
+
+    def _repeated(self, request: Request, deadline: float) -> HttpReply:
+        for _ in range(_REPEATS if request.is_repeatable else 0):
+            try:
+                reply = self._authorized(request, deadline)
+            except ConnectionLost:
+                continue
+            if reply.status != _BUSY:
+                return reply
+        return self._authorized(request, deadline)
+
+    def _authorized(self, request: Request, deadline: float) -> HttpReply:
+        reply = self._once(request, self._login.headers(), deadline)
+        if reply.status != _UNAUTHORIZED:
+            return reply
+        proof = self._login.answer(self._challenge(reply), request.method, request.target)
+        reply = self._once(request, proof, deadline)
+        if reply.status == _UNAUTHORIZED:
+            raise LoginRefused(
+                f"The controller at {self.address} does not accept user {self._user!r} with this password; give "
+                "the right ones (a new controller knows user 'Default User' with password 'robotics')."
+            )
+        return reply
+
+    def _once(self, request: Request, headers: Headers, deadline: float) -> HttpReply:
+        left = deadline - self._clock.now()
+        if left <= 0.0:
+            raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")
+        kind = () if request.form is None else (("Content-Type", forms.CONTENT_TYPE),)
+        message = HttpRequest(request.method, request.target, headers + kind, request.body)
+        reply = self._link.exchange(message, left)
+        self._login.accept(reply.headers)
+        return reply
+
+    def _challenge(self, reply: HttpReply) -> digest.Challenge:
+        try:
+            challenge = digest.read_challenge(reply.header("WWW-Authenticate") or "")
+        except ProtocolError as error:
+            raise self.not_a_controller("it asks for another kind of login") from error
+        if challenge.realm != digest.REALM:
+            raise self.not_a_controller(f"its login is for {challenge.realm!r}")
+        return challenge
+
+    def not_a_controller(self, why: str) -> ProtocolError:
+        """The error for a peer that speaks HTTP but not Robot Web Services."""
+        return ProtocolError(
+            f"A web server answers at {self.address}, but it is not an IRC5 controller with Robot Web Services "
+            f"1.0: {why}; check the address and the port."
+        )

@@ -1,0 +1,108 @@
+"""An HTTP/1.1 server in a thread of its own; it owns the port and asks a function for every answer."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from types import TracebackType
+
+from aiohttp import web
+
+from yumi.errors import SettingsError
+from yumi.links.http import HttpReply, HttpRequest
+
+Handler = Callable[[HttpRequest], HttpReply]
+
+_MAX_BODY = 64 * 1024 * 1024
+_KEEP_ALIVE = 300.0  # [s]
+_GRACE = 0.2  # [s] an answer under way may take when the server stops
+
+
+class HttpServer:
+    """Serves ``handler`` at ``host:port`` between ``start`` and ``stop``; a context manager does both.
+
+    The handler is called on the server's thread, one request at a time; it must answer at once. Port 0 lets
+    the system choose: read ``port`` after the start. A server starts once.
+    """
+
+    def __init__(self, handler: Handler, port: int, host: str = "127.0.0.1") -> None:
+        self.port = port
+        self._handler = handler
+        self._host = host
+        self._listening: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+        self._thread = threading.Thread(target=self._run, name="http-server", daemon=True)
+
+    @property
+    def address(self) -> str:
+        """Host and port, as a client gives them."""
+        return f"{self._host}:{self.port}"
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            SettingsError: the port is not free or not allowed; choose another.
+        """
+        self._thread.start()
+        try:
+            self._listening.result()
+        except OSError as error:
+            self._thread.join()
+            raise SettingsError(
+                f"Port {self.port} on {self._host} cannot be opened ({error.strerror}); choose another port."
+            ) from error
+
+    def stop(self) -> None:
+        """Close all connections and end the thread."""
+        loop, ending = self._listening.result()
+        loop.call_soon_threadsafe(ending.set)
+        self._thread.join()
+
+    def __enter__(self) -> HttpServer:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        ending = asyncio.Event()
+        runner = await self._runner()
+        try:
+            await web.TCPSite(runner, self._host, self.port, reuse_address=True).start()
+            self.port = runner.addresses[0][1]
+            self._listening.set_result((asyncio.get_running_loop(), ending))
+            await ending.wait()
+        except OSError as error:
+            self._listening.set_exception(error)
+        finally:
+            await runner.cleanup()
+
+    async def _runner(self) -> web.AppRunner:
+        application = web.Application(client_max_size=_MAX_BODY)
+        application.router.add_route("*", "/{path:.*}", self._answer)
+        runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
+        await runner.setup()
+        return runner
+
+    async def _answer(self, request: web.Request) -> web.StreamResponse:
+        body = await request.read()
+        reply = self._handler(_incoming(request, body))
+        response = web.Response(status=reply.status, body=reply.body or None)
+        for name, value in reply.headers:
+            response.headers.add(name, value)
+        return response
+
+
+def _incoming(request: web.Request, body: bytes) -> HttpRequest:
+    headers = tuple((name, value) for name, value in request.headers.items())
+    transport = request.transport
+    peer = transport.get_extra_info("peername") if transport is not None else None
+    return HttpRequest(request.method, request.raw_path, headers, body, str(peer))

@@ -1,0 +1,230 @@
+"""What a client gets out of the answers of Robot Web Services: typed values, or a refusal with ABB's code."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+from math import radians
+from typing import TypeVar
+
+from yumi.errors import ControllerRefused, ProtocolError
+from yumi.robot.joints import Joints, chain_from_abb, joints
+from yumi.rws import codes
+from yumi.rws.pages import Page, State, Status
+from yumi.rws.representations import read_status
+from yumi.rws.states import (
+    ControllerState,
+    EventType,
+    ExecutionState,
+    OperatingMode,
+    SignalType,
+    TaskExecution,
+)
+
+E = TypeVar("E", bound=Enum)
+SixAxes = tuple[float, float, float, float, float, float]
+
+_NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
+_VERSION = re.compile(r"\d+(\.\d+)+")
+
+
+@dataclass(frozen=True, slots=True)
+class SystemInfo:
+    """The controller's system, e.g. version (6, 13, 0, 0)."""
+
+    name: str
+    robotware: tuple[int, ...]
+    options: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskInfo:
+    """One RAPID task."""
+
+    name: str
+    execution: TaskExecution
+    is_active: bool
+    is_motion_task: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleInfo:
+    """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
+
+    name: str
+    type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One I/O signal and its logical value."""
+
+    name: str
+    type: SignalType
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointTarget:
+    """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
+
+    robax_deg: SixAxes
+    extax_deg: tuple[float | None, ...]
+
+    def chain(self) -> Joints:
+        """The seven joints of a YuMi arm in chain order [rad].
+
+        Raises:
+            ProtocolError: the unit has no seventh axis.
+        """
+        axis_7_deg = self.extax_deg[0]
+        if axis_7_deg is None:
+            raise ProtocolError("The mechanical unit has no seventh axis; it is not an arm of a YuMi.")
+        return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One message of the event log; ``time`` is the controller's local time as it prints it."""
+
+    number: int
+    type: EventType
+    code: int
+    time: str
+    title: str
+    description: str
+
+
+def system(page: Page) -> SystemInfo:
+    """``/rw/system``."""
+    state = page.one("sys-system-li")
+    version = state.text("rwversionname")
+    if not _VERSION.fullmatch(version):
+        raise ProtocolError(f"The controller's RobotWare version {version!r} is not numbers and dots.")
+    options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
+    return SystemInfo(state.text("name"), tuple(int(part) for part in version.split(".")), options)
+
+
+def controller_state(page: Page) -> ControllerState:
+    """``/rw/panel/ctrlstate``."""
+    return _enum(ControllerState, page.one("pnl-ctrlstate").text("ctrlstate"))
+
+
+def operating_mode(page: Page) -> OperatingMode:
+    """``/rw/panel/opmode``."""
+    return _enum(OperatingMode, page.one("pnl-opmode").text("opmode"))
+
+
+def speed_ratio(page: Page) -> int:
+    """``/rw/panel/speedratio`` [%]."""
+    return int(_number(page.one("pnl-speedratio"), "speedratio"))
+
+
+def execution(page: Page) -> ExecutionState:
+    """``/rw/rapid/execution``."""
+    return _enum(ExecutionState, page.one("rap-execution").text("ctrlexecstate"))
+
+
+def tasks(page: Page) -> tuple[TaskInfo, ...]:
+    """``/rw/rapid/tasks``."""
+    return tuple(map(_task, page.of_type("rap-task-li")))
+
+
+def modules(page: Page) -> tuple[ModuleInfo, ...]:
+    """``/rw/rapid/modules``."""
+    states = page.of_type("rap-module-info-li")
+    return tuple(ModuleInfo(state.text("name"), state.text("type")) for state in states)
+
+
+def symbol(page: Page) -> str:
+    """``/rw/rapid/symbol/data``: the RAPID literal."""
+    return page.one("rap-data").text("value")
+
+
+def symbol_type(page: Page) -> str:
+    """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
+    for state in page.states:
+        if state.type.startswith("rap-symprop"):
+            return state.text("dattyp")
+    raise ProtocolError("The controller's answer holds no properties of a symbol.")
+
+
+def signal(page: Page) -> Signal:
+    """``/rw/iosystem/signals/{name}``."""
+    state = page.one("ios-signal", "ios-signal-li")
+    return Signal(state.text("name"), _enum(SignalType, state.text("type")), _number(state, "lvalue"))
+
+
+def joint_target(page: Page) -> JointTarget:
+    """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
+    state = page.one("ms-jointtarget")
+    a1, a2, a3, a4, a5, a6 = (_number(state, f"rax_{axis}") for axis in range(1, 7))
+    external = tuple(_number(state, f"eax_{letter}") for letter in "abcdef")
+    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in external))
+
+
+def events(page: Page) -> tuple[Event, ...]:
+    """``/rw/elog/{domain}``, in the controller's order."""
+    return tuple(map(_event, page.of_type("elog-message-li", "elog-message")))
+
+
+def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
+    """The error for an answer that says no; ``what`` is the request in a few words."""
+    known = _status(content_type, body)
+    if known is None:
+        return ControllerRefused(f"{what} was refused with HTTP status {status}.", status=status)
+    reason = codes.sentence(known.code) or known.message or "the controller gives no reason"
+    name = f"{codes.name_of(known.code)} {known.code}".strip()
+    return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)
+
+
+def _status(content_type: str, body: bytes) -> Status | None:
+    """The status in an error body; None for a body of another kind, which gateways and old versions send."""
+    try:
+        return read_status(content_type, body)
+    except ProtocolError:
+        return None
+
+
+def _task(state: State) -> TaskInfo:
+    return TaskInfo(
+        name=state.text("name"),
+        execution=_enum(TaskExecution, state.text("excstate")[:4].lower()),
+        is_active=state.text("active").lower() == "on",
+        is_motion_task=state.text("motiontask").lower() == "true",
+    )
+
+
+def _event(state: State) -> Event:
+    return Event(
+        number=int(_last_number(state.title)),
+        type=EventType(int(_number(state, "msgtype"))),
+        code=int(_number(state, "code")),
+        time=state.text("tstamp"),
+        title=state.text("title"),
+        description=state.text("desc"),
+    )
+
+
+def _last_number(title: str) -> str:
+    number = title.rpartition("/")[2]
+    if not number.isdecimal():
+        raise ProtocolError(f"The controller's event {title!r} has no number.")
+    return number
+
+
+def _enum(kind: type[E], text: str) -> E:
+    try:
+        return kind(text)
+    except ValueError as error:
+        allowed = ", ".join(str(member.value) for member in kind)
+        raise ProtocolError(f"The controller says {text!r} where only {allowed} have a meaning.") from error
+
+
+def _number(state: State, name: str) -> float:
+    text = state.text(name)
+    try:
+        return float(text)
+    except ValueError as error:
+        raise ProtocolError(f"The controller's {name!r} is {text!r}, not a number.") from error

@@ -1,0 +1,172 @@
+"""The virtual controller's side of Robot Web Services: logins, formats, and the table of all resources.
+
+A request comes in as a value and an answer goes out as one; the port belongs to ``yumi.links.http_server``, the
+behaviour to the controller.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from dataclasses import replace
+from urllib.parse import unquote
+
+from yumi.errors import ProtocolError, RapidError
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.rws import cookies, digest, forms
+from yumi.rws.codes import Code
+from yumi.rws.representations import Form, write_page, write_status
+from yumi.rws.sessions import Session, SessionTable, TooManySessions
+from yumi.virtual import (
+    rws_cfg,
+    rws_elog,
+    rws_io,
+    rws_motion,
+    rws_panel,
+    rws_rapid,
+    rws_refusals,
+    rws_system,
+)
+from yumi.virtual.refusal import Refused
+from yumi.virtual.rws_port import Controller
+from yumi.virtual.rws_routes import Call, Failure, answer
+
+ROUTES = (
+    *rws_system.ROUTES,
+    *rws_panel.ROUTES,
+    *rws_rapid.ROUTES,
+    *rws_io.ROUTES,
+    *rws_motion.ROUTES,
+    *rws_cfg.ROUTES,
+    *rws_elog.ROUTES,
+)
+
+_OK = 200
+_NO_CONTENT = 204
+
+
+class RwsAdapter:
+    """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
+
+    Args:
+        controller: what the requests are about.
+        user: the one user.
+        password: of the user.
+        make_secret: gives 64 hexadecimal digits nobody can guess.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        *,
+        user: str,
+        password: str,
+        make_secret: Callable[[], str] = secrets.token_hex,
+    ) -> None:
+        self._controller = controller
+        self._user = user
+        self._password = password
+        self._sessions = SessionTable(make_secret)
+        self._nonce_secret = make_secret()[:16]
+        self._nonces = 0
+
+    def handle(self, request: HttpRequest, now: float) -> HttpReply:
+        """The answer to ``request``, which arrived at ``now`` [s]."""
+        reply = self._authorized(request, now)
+        return replace(reply, headers=(*reply.headers, _connection(request)))
+
+    def _authorized(self, request: HttpRequest, now: float) -> HttpReply:
+        session = self._sessions.find(cookies.read_cookies(request.header_values("Cookie")), now)
+        found = self._log_in(request, now) if session is None else session
+        if isinstance(found, HttpReply):
+            return found
+        set_cookies = self._sessions.touch(found, request.peer, now)
+        reply = self._answer(request, found)
+        headers = tuple(("Set-Cookie", line) for line in set_cookies)
+        return replace(reply, headers=(*headers, *reply.headers))
+
+    def _log_in(self, request: HttpRequest, now: float) -> Session | HttpReply:
+        """The session of a request with genuine credentials, or the challenge for one without."""
+        age = self._proven_age(request, now)
+        if age is None or age > digest.NONCE_LIFE:
+            return self._challenge(now, is_stale=age is not None)
+        known = self._sessions.find_by_connection(cookies.read_cookies(request.header_values("Cookie")))
+        try:
+            return known or self._sessions.open(now)
+        except TooManySessions as error:
+            return _plain(503, str(error))
+
+    def _proven_age(self, request: HttpRequest, now: float) -> float | None:
+        """Age of the nonce in genuine credentials [s]; None without such."""
+        try:
+            credentials = digest.read_credentials(request.header("Authorization") or "")
+        except ProtocolError:
+            return None  # whoever cannot say who they are is asked
+        is_genuine = digest.is_genuine(
+            credentials,
+            user=self._user,
+            password=self._password,
+            method=request.method,
+            target=request.target,
+        )
+        return digest.nonce_age(credentials.nonce, self._nonce_secret, now) if is_genuine else None
+
+    def _challenge(self, now: float, *, is_stale: bool) -> HttpReply:
+        self._nonces += 1
+        nonce = digest.make_nonce(self._nonce_secret, now, self._nonces)
+        header = ("WWW-Authenticate", digest.Challenge(nonce, is_stale=is_stale).header())
+        reply = _plain(401, "Access denied: log in with user and password.")
+        return replace(reply, headers=(header, *reply.headers))
+
+    def _answer(self, request: HttpRequest, session: Session) -> HttpReply:
+        path, _, query = request.target.partition("?")
+        call = Call(request.method, _segments(path), forms.decode(query))
+        form = Form.JSON if call.option("json") == "1" else Form.XHTML
+        root = f"http://{request.header('Host') or ''}"
+        try:
+            return self._done(replace(call, form=_form(request)), session, form, root)
+        except Refused as refused:
+            return _failed(rws_refusals.failure(refused), call, form, root)
+        except RapidError as error:
+            return _failed(Failure(400, Code.TASK_STATE, str(error)), call, form, root)
+        except Failure as failure:
+            return _failed(failure, call, form, root)
+
+    def _done(self, call: Call, session: Session, form: Form, root: str) -> HttpReply:
+        if call.path == ("logout",):
+            self._sessions.close(session)
+            return HttpReply(_NO_CONTENT)
+        page = answer(ROUTES, self._controller, call)
+        if page is None:
+            return HttpReply(_NO_CONTENT)
+        body = write_page(replace(page, base=root + page.base), form)
+        return HttpReply(_OK, (("Content-Type", form.value),), body)
+
+
+def _segments(path: str) -> tuple[str, ...]:
+    """The parts of a path; a sub-property behind ``;`` shows in the page of its resource anyway."""
+    return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
+
+
+def _form(request: HttpRequest) -> forms.Pairs:
+    """The form in the body; only a body that is there must say that it is one."""
+    kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+    if request.body and kind != forms.CONTENT_TYPE:
+        raise Failure(415, Code.INVALIDARG, f"a body is {forms.CONTENT_TYPE}, not {kind or 'of no type'}")
+    return forms.decode(request.body.decode("utf-8", "replace"))
+
+
+def _failed(failure: Failure, call: Call, form: Form, root: str) -> HttpReply:
+    service = call.path[1] if len(call.path) > 1 else "rw"
+    body = write_status(rws_refusals.status_of(failure, service), form, base=f"{root}/")
+    return HttpReply(failure.status, (("Content-Type", form.value),), body)
+
+
+def _plain(status: int, sentence: str) -> HttpReply:
+    """An answer from before any resource is reached."""
+    return HttpReply(status, (("Content-Type", "text/html"),), f"<html><body>{sentence}</body></html>".encode())
+
+
+def _connection(request: HttpRequest) -> tuple[str, str]:
+    is_last = (request.header("Connection") or "").lower() == "close"
+    return ("Connection", "close" if is_last else "Keep-Alive")

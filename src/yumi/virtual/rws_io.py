@@ -1,0 +1,117 @@
+"""``/rw/iosystem``: the signals (reference/rws.md §7)."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from yumi.rws import forms
+from yumi.rws.codes import Code
+from yumi.rws.pages import Link, Page, State
+from yumi.virtual.rws_port import Controller
+from yumi.virtual.rws_routes import Call, Failure, Route, entry, invalid, resource
+from yumi.virtual.signals import Signal
+
+_BASE = "/rw/iosystem/"
+_DEFAULT_LIMIT = 100
+
+
+def _io_system(controller: Controller, call: Call) -> Page:
+    return resource("io", _BASE, "", entry("ios-signals-li", "signals"))
+
+
+def _signals(controller: Controller, call: Call) -> Page:
+    """All signals, or one page of them where the client asks for pages."""
+    names = controller.signals.names
+    start, limit = call.number_option("start", 0), call.number_option("limit", _DEFAULT_LIMIT)
+    is_paged = call.option("start") is not None or call.option("limit") is not None
+    shown = names[start : start + limit] if is_paged else names
+    following = start + limit
+    more = f"signals?start={following}&limit={limit}" if is_paged and following < len(names) else None
+    entries = (_entry(controller.signals.get(name)) for name in shown)
+    return resource("io", _BASE, "signals", *entries, next_href=more)
+
+
+def _signal(controller: Controller, call: Call) -> Page:
+    signal = controller.signals.get(_name(call))
+    text = _number(signal.value)
+    fields = {
+        **_fields(signal),
+        "unitnm": signal.device,
+        "phstate": "valid",
+        "pvalue": text,
+        "ltime-sec": "0",
+        "ltime-microsec": "0",
+        "ptime-sec": "0",
+        "ptime-microsec": "0",
+        "quality": "1",
+    }
+    links = (Link("device", f"devices/{signal.device}"),) if signal.device else ()
+    return resource("io", _BASE, f"signals/{_path(signal)}", State("ios-signal", _path(signal), fields, links))
+
+
+def _set_signal(controller: Controller, call: Call) -> None:
+    """Write a signal; the interrupts of its edge run before the answer."""
+    signal = controller.signals.get(_name(call))
+    _check_writable(controller, signal)
+    controller.signals.set(signal.name, _wanted(signal, call))
+    controller.settle()
+
+
+def _check_writable(controller: Controller, signal: Signal) -> None:
+    if controller.mode.value != "AUTO":
+        raise Failure(403, Code.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
+    if signal.device and signal.type.value.endswith("I"):
+        raise Failure(403, Code.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
+
+
+def _wanted(signal: Signal, call: Call) -> float:
+    """The value a write asks for; pulses and delays of the controller's own are not offered."""
+    mode = forms.first(call.form, "mode") or "value"
+    if mode in ("invert", "toggle"):
+        return 1.0 - signal.value
+    if mode != "value":
+        raise Failure(400, Code.NOTIMPL, f"mode {mode} is not available")
+    text = call.required("lvalue")
+    try:
+        value = float(text)
+    except ValueError:
+        raise invalid(f"lvalue is a number, not {text!r}") from None
+    if not isfinite(value):
+        raise invalid(f"lvalue is a finite number, not {text!r}")
+    return value
+
+
+def _name(call: Call) -> str:
+    """The last part: network and device may be left out, and may be wrong for a virtual signal (rws.md §17)."""
+    return call.names["signal"].rpartition("/")[2]
+
+
+def _entry(signal: Signal) -> State:
+    path = _path(signal)
+    return State("ios-signal-li", path, _fields(signal), (Link("self", f"signals/{path}"),))
+
+
+def _fields(signal: Signal) -> dict[str, str]:
+    return {
+        "name": signal.name,
+        "type": signal.type.value,
+        "category": signal.category,
+        "lvalue": _number(signal.value),
+        "lstate": "not simulated",
+    }
+
+
+def _path(signal: Signal) -> str:
+    return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
+
+
+def _number(value: float) -> str:
+    return str(int(value)) if value == int(value) else repr(value)
+
+
+ROUTES = (
+    Route("GET", "/rw/iosystem", _io_system),
+    Route("GET", "/rw/iosystem/signals", _signals),
+    Route("GET", "/rw/iosystem/signals/{signal*}", _signal),
+    Route("POST", "/rw/iosystem/signals/{signal*}", _set_signal, "set"),
+)

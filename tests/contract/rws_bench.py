@@ -1,0 +1,145 @@
+"""A controller of plain values behind a real RWS server on loopback, for tests of either end of the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import yumi.virtual
+from yumi.clock import ManualClock
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+from yumi.rapid.errors import RapidValueError, UnknownSymbol
+from yumi.rapid.host import Execution
+from yumi.rapid.task import ModuleInfo
+from yumi.rws.states import ControllerState, OperatingMode
+from yumi.virtual.configuration import Configuration, Instance
+from yumi.virtual.events import EventLog
+from yumi.virtual.identity import Identity
+from yumi.virtual.mechanical_units import YUMI_UNITS
+from yumi.virtual.refusal import Refusal, Refused
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.signals import Signal, Signals, SignalType
+
+USER, PASSWORD = "Default User", "robotics"
+CFG = Path(yumi.virtual.__file__).parent / "stock"
+MIDNIGHT = 1_783_555_200.0  # 2026-07-09 00:00:00 UTC
+
+Symbol = tuple[str, str, str]
+
+
+class PlainTask:
+    """A RAPID task that is a dictionary; a num takes numbers only."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.execution = Execution.READY
+        self.modules = (ModuleInfo("TRobMain", False, ""), ModuleInfo("TRobSystem", True, ""))
+        self.symbols: dict[tuple[str, str], Symbol] = {
+            ("TRobMain", "current_state"): ("num", "var", "0"),
+            ("TRobMain", "STATE_IDLE"): ("num", "con", "0"),
+            ("TRobMain", "points"): ("pos", "var", "[[0,0,0],[0,0,0],[0,0,0]]"),
+            ("TRobSystem", "routine_name_input"): ("string", "per", '""'),
+        }
+
+    def _symbol(self, module: str, name: str) -> Symbol:
+        if (module, name) not in self.symbols:
+            raise UnknownSymbol(f"{module} has no {name}.")
+        return self.symbols[module, name]
+
+    def read(self, module: str, name: str) -> str:
+        return self._symbol(module, name)[2]
+
+    def type_of(self, module: str, name: str) -> str:
+        return self._symbol(module, name)[0]
+
+    def kind_of(self, module: str, name: str) -> str:
+        return self._symbol(module, name)[1]
+
+    def dimensions_of(self, module: str, name: str) -> tuple[int, ...]:
+        return (3,) if self.read(module, name).startswith("[") else ()
+
+    def write(self, module: str, name: str, literal: str) -> None:
+        type_name, kind, _ = self._symbol(module, name)
+        if type_name == "num" and literal.startswith('"'):
+            raise RapidValueError(f"{literal} is not a num.")
+        self.symbols[module, name] = (type_name, kind, literal)
+
+
+class PlainController:
+    """A controller whose state is set by the test; it refuses what a real one refuses in that state."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(MIDNIGHT)
+        self.identity = Identity()
+        self.mode = OperatingMode.AUTO
+        self.controller_state = ControllerState.MOTORS_OFF
+        self.is_running = False
+        self.cycle = "forever"
+        self.speed_ratio = 100
+        self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
+        self.edges: list[tuple[str, float, float]] = []
+        self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))
+        self.events = EventLog(self.clock.now)
+        self.units = YUMI_UNITS
+        self.configuration = Configuration(path.read_text() for path in sorted(CFG.glob("*.cfg")))
+        self.pp_at_main = 0
+        self.requests: list[HttpRequest] = []
+        self.settled = 0
+
+    def set_motors(self, on: bool) -> None:
+        if self.mode is not OperatingMode.AUTO:
+            raise Refused(Refusal.WRONG_MODE, "motors are switched by hand in manual mode.")
+        if self.controller_state is ControllerState.EMERGENCY_STOP:
+            raise Refused(Refusal.EMERGENCY_STOP, "the emergency stop is pressed.")
+        self.controller_state = ControllerState.MOTORS_ON if on else ControllerState.MOTORS_OFF
+
+    def start_rapid(self) -> None:
+        if self.controller_state is not ControllerState.MOTORS_ON:
+            raise Refused(Refusal.MOTORS_OFF, "the motors are off.")
+        self.is_running = True
+
+    def stop_rapid(self) -> None:
+        self.is_running = False
+
+    def move_pp_to_main(self) -> None:
+        if self.is_running:
+            raise Refused(Refusal.NOT_STOPPED, "RAPID is running.")
+        self.pp_at_main += 1
+
+    def set_speed_ratio(self, percent: int) -> None:
+        if not 0 <= percent <= 100:
+            raise Refused(Refusal.OUT_OF_RANGE, f"the speed ratio is 0 to 100, not {percent}.")
+        self.speed_ratio = percent
+
+    def joint_target(self, unit: str) -> tuple[Sequence[float], Sequence[float]]:
+        return (0.0, -130.0, 30.0, 0.0, 40.0, 0.123456), (-135.0, 9e9, 9e9, 9e9, 9e9, 9e9)
+
+    def cfg(self, domain: str, type: str) -> Sequence[Instance]:
+        return self.configuration.instances(domain, type)
+
+    def settle(self) -> None:
+        self.settled += 1
+
+
+def _signals() -> list[Signal]:
+    return [
+        Signal("EGM_START_JOINT", SignalType.DI, "", "All", 0.0, ""),
+        Signal("OUTPUT_STATIONARY_ROB_R", SignalType.DO, "", "ReadOnly", 1.0, ""),
+        Signal("hand_MaxSpeed_R", SignalType.GO, "HandRight", "All", 200.0, "Hand_R", "EtherNetIP"),
+        Signal("hand_ActualPosition_R", SignalType.GI, "HandRight", "All", 250.0, "Hand_R", "EtherNetIP"),
+    ]
+
+
+@contextmanager
+def serving(controller: PlainController, port: int = 0) -> Iterator[str]:
+    """The controller on loopback; its address. Time stands where the controller's clock stands."""
+    adapter = RwsAdapter(controller, user=USER, password=PASSWORD)
+
+    def handle(request: HttpRequest) -> HttpReply:
+        controller.requests.append(request)
+        return adapter.handle(request, controller.clock.now())
+
+    with HttpServer(handle, port) as server:
+        yield server.address

@@ -1,0 +1,265 @@
+"""What the client does, and says, when login or connection are not as they should be."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from contract.rws_bench import PASSWORD, PlainController, serving
+from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
+from yumi.hardware.rws_client import RwsClient
+from yumi.links.http import HttpReply
+from yumi.links.http_server import HttpServer
+from yumi.virtual.rws_adapter import RwsAdapter
+
+HTML = (("Content-Type", "text/html"),)
+BASIC = ("WWW-Authenticate", 'Basic realm="validusers@robapi.abb"')
+ROUTER = ("WWW-Authenticate", 'Digest realm="router", nonce="1", qop="auth"')
+
+
+@pytest.fixture
+def controller() -> PlainController:
+    return PlainController()
+
+
+@pytest.fixture
+def address(controller: PlainController) -> Iterator[str]:
+    with serving(controller) as address:
+        yield address
+
+
+@contextmanager
+def greeting(words: bytes) -> Iterator[str]:
+    """A server that says ``words`` to whoever connects, hears what they say, and hangs up."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=_greet, args=(server, words))
+        thread.start()
+        try:
+            yield f"127.0.0.1:{server.getsockname()[1]}"
+        finally:
+            server.shutdown(socket.SHUT_RDWR)
+            thread.join()
+
+
+def _greet(server: socket.socket, words: bytes) -> None:
+    while True:
+        try:
+            peer, _ = server.accept()
+        except OSError:
+            return
+        with peer:
+            peer.recv(4096)
+            peer.sendall(words)
+
+
+@contextmanager
+def dripping(head: bytes, drop: bytes) -> Iterator[str]:
+    """A server whose answer begins with ``head`` and goes on with ``drop`` as long as somebody listens."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=_drip, args=(server, head, drop))
+        thread.start()
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+        thread.join()
+
+
+def _drip(server: socket.socket, head: bytes, drop: bytes) -> None:
+    peer, _ = server.accept()
+    with peer, suppress(OSError):
+        peer.recv(4096)
+        peer.sendall(head)
+        while True:
+            peer.sendall(drop)
+
+
+def refusal(address: str, kind: type[Exception], **settings: str | float) -> str:
+    with pytest.raises(kind) as refused:
+        RwsClient(address, **settings).connect()  # type: ignore[arg-type]
+    assert type(refused.value) is kind
+    return str(refused.value)
+
+
+def test_wrong_password_is_said(address: str) -> None:
+    assert refusal(address, LoginRefused, password="wrong") == (
+        f"The controller at {address} does not accept user 'Default User' with this password; give the right "
+        "ones (a new controller knows user 'Default User' with password 'robotics')."
+    )
+
+
+@pytest.mark.parametrize("user", ["Nobody", "Jürgen", 'a "quoted" one'])
+def test_wrong_user_is_said(address: str, user: str) -> None:
+    assert f"does not accept user {user!r}" in refusal(address, LoginRefused, user=user, password=PASSWORD)
+
+
+def test_user_that_http_cannot_carry_is_refused(address: str) -> None:
+    assert "cannot be put into HTTP" in refusal(address, ProtocolError, user="two\nlines")
+
+
+def test_user_with_an_umlaut_is_let_in(controller: PlainController) -> None:
+    adapter = RwsAdapter(controller, user="Jürgen", password="größer")
+    with (
+        HttpServer(lambda request: adapter.handle(request, 0.0), port=0) as server,
+        RwsClient(server.address, user="Jürgen", password="größer") as client,
+    ):
+        assert client.speed_ratio() == 100
+
+
+def test_answer_that_never_ends_is_given_up() -> None:
+    head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
+    with dripping(head, b"1\r\nx\r\n") as address:
+        sentence = refusal(address, NoConnection, timeout=0.2)
+    assert sentence == f"{address} is too slow: its answer did not end in time."
+
+
+def test_closed_port_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+    assert refusal(address, NoConnection) == (
+        f"The machine at {address} refuses the connection: no controller listens there; check address and "
+        "port, or start the virtual controller."
+    )
+
+
+def test_unknown_name_is_said() -> None:
+    sentence = refusal("yumi.invalid", NoConnection)
+    assert sentence == "No machine named yumi.invalid is known; check the address."
+
+
+def test_machine_that_swallows_all_packets_is_said() -> None:
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen(0)
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        with socket.create_connection(server.getsockname()):  # the queue is full now
+            sentence = refusal(address, NoConnection, timeout=0.2)
+    assert sentence == (
+        f"Nothing answers at {address} within 0.2 s; check the address, the cable and that the controller is "
+        "switched on."
+    )
+
+
+def test_machine_that_never_answers_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        sentence = refusal(address, NoConnection, timeout=0.2)
+    assert sentence == f"{address} accepted the connection but did not answer within 0.2 s."
+
+
+def test_server_that_does_not_speak_http_is_said() -> None:
+    with greeting(b"220 smtp.example.org ready\r\n\r\n") as address:
+        sentence = refusal(address, ProtocolError)
+    assert sentence == (
+        f"Something answers at {address}, but it does not speak HTTP as a controller does; check the address "
+        "and the port (a controller's is 80)."
+    )
+
+
+@pytest.mark.parametrize("words", [b"", b"SSH-2.0-OpenSSH_9.6\r\n"])
+def test_server_that_hangs_up_is_said(words: bytes) -> None:
+    with greeting(words) as address, pytest.raises(NoConnection) as refused:
+        RwsClient(address).connect()
+    assert str(refused.value) == (
+        f"{address} closed the connection without an HTTP answer; try again, and check that a controller "
+        "listens there (its port is 80)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("reply", "why"),
+    [
+        (HttpReply(200, HTML, b"<html><body>It works</body></html>"), "it answers HTTP 200 without a session"),
+        (HttpReply(404, HTML, b"<html><body>Not here</body></html>"), "it answers HTTP 404 without a session"),
+        (HttpReply(401, (BASIC,)), "it asks for another kind of login"),
+        (HttpReply(401), "it asks for another kind of login"),
+        (HttpReply(401, (ROUTER,)), "its login is for 'router'"),
+    ],
+)
+def test_web_server_that_is_no_controller_is_said(reply: HttpReply, why: str) -> None:
+    with HttpServer(lambda request: reply, port=0) as server:
+        sentence = refusal(server.address, ProtocolError)
+    assert sentence == (
+        f"A web server answers at {server.address}, but it is not an IRC5 controller with Robot Web Services "
+        f"1.0: {why}; check the address and the port."
+    )
+
+
+def test_controller_without_a_free_session_is_said(address: str) -> None:
+    clients = [RwsClient(address) for _ in range(71)]
+    for client in clients[:70]:
+        client.connect()
+    with pytest.raises(ControllerRefused, match="all its 70 sessions are taken") as refused:
+        clients[70].connect()
+    clients[0].close()
+    clients[70].connect()
+    for client in clients:
+        client.close()
+    assert refused.value.status == 503
+
+
+@pytest.mark.parametrize("address", ["", "http://yumi", "yumi:eighty", "yumi:99999", "a b", "user@yumi"])
+def test_address_that_is_none_is_refused(address: str) -> None:
+    with pytest.raises(SettingsError, match="is not an address; give a host name or IP address, with :port"):
+        RwsClient(address)
+
+
+def test_building_a_client_does_nothing() -> None:
+    RwsClient("yumi.invalid").close()
+
+
+def test_client_logs_in_once_and_uses_one_session(address: str, controller: PlainController) -> None:
+    with RwsClient(address) as client:
+        for _ in range(100):
+            client.operating_mode()
+    logins = [request for request in controller.requests if request.header("Authorization")]
+    assert len(logins) == 1
+    assert len({request.peer for request in controller.requests}) == 1
+
+
+def test_client_logs_in_again_when_its_session_is_forgotten(address: str, controller: PlainController) -> None:
+    with RwsClient(address) as client:
+        controller.clock.advance(301.0)
+        client.set_speed_ratio(40)
+    assert controller.speed_ratio == 40
+
+
+def test_client_works_on_after_logging_out(address: str) -> None:
+    with RwsClient(address) as client:
+        client.log_out()
+        assert client.speed_ratio() == 100
+
+
+def test_client_finds_a_controller_that_was_restarted(controller: PlainController) -> None:
+    with serving(controller) as address:
+        client = RwsClient(address)
+        client.connect()
+    with pytest.raises(NoConnection):
+        client.speed_ratio()
+    port = int(address.rpartition(":")[2])
+    with serving(controller, port) as address:
+        assert client.speed_ratio() == 100
+        client.close()
+
+
+def test_client_closes_when_the_controller_is_gone(controller: PlainController) -> None:
+    with serving(controller) as address:
+        client = RwsClient(address)
+        client.connect()
+    client.close()
+
+
+def test_client_serves_several_threads(address: str) -> None:
+    ratios: list[int] = []
+    with RwsClient(address) as client:
+
+        def read() -> None:
+            ratios.extend(client.speed_ratio() for _ in range(20))
+
+        threads = [threading.Thread(target=read) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert ratios == [100] * 80

@@ -1,0 +1,101 @@
+"""What is asked again and what never is, with a link that answers by script."""
+
+from __future__ import annotations
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.errors import LoginRefused, NoConnection
+from yumi.hardware.rws_session import RwsSession
+from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
+from yumi.rws import digest, requests
+from yumi.rws.requests import Request
+
+TIMEOUT = 4.0
+READ = requests.get_execution()
+WRITE = requests.start_rapid()
+
+OK = HttpReply(200, (("Set-Cookie", "-http-session-=1; path=/"),))
+BUSY = HttpReply(503)
+STRANGER = HttpReply(401, (("WWW-Authenticate", digest.Challenge("abc").header()),))
+LOST = ConnectionLost("the connection broke")
+DEAD = NoConnection("nothing answers")
+
+
+class ScriptedLink:
+    """Answers with the script's entries in turn, each after half a second."""
+
+    address = "yumi"
+
+    def __init__(self, clock: ManualClock, *script: HttpReply | NoConnection) -> None:
+        self._clock = clock
+        self._script = list(script)
+        self.sent: list[HttpRequest] = []
+        self.timeouts: list[float] = []
+
+    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
+        self.sent.append(request)
+        self.timeouts.append(timeout)
+        self._clock.advance(0.5)
+        reply = self._script.pop(0)
+        if isinstance(reply, NoConnection):
+            raise reply
+        return reply
+
+    def close(self) -> None:
+        self._script.clear()
+
+
+def ask(request: Request, *script: HttpReply | NoConnection, timeout: float = TIMEOUT) -> ScriptedLink:
+    """The link after asking once; an error of the session passes through."""
+    clock = ManualClock()
+    link = ScriptedLink(clock, *script)
+    session = RwsSession(link, user="u", password="p", timeout=timeout, clock=clock)
+    assert session.exchange(request).status == (BUSY if script[-1] is BUSY else OK).status
+    return link
+
+
+@pytest.mark.parametrize("script", [(LOST, OK), (LOST, LOST, OK), (BUSY, LOST, OK), (BUSY, BUSY, BUSY)])
+def test_reading_is_tried_up_to_three_times(script: tuple[HttpReply | NoConnection, ...]) -> None:
+    assert len(ask(READ, *script).sent) == len(script)
+
+
+def test_reading_gives_up_when_the_connection_breaks_three_times() -> None:
+    with pytest.raises(ConnectionLost, match="the connection broke"):
+        ask(READ, LOST, LOST, LOST, OK)
+
+
+def test_reading_is_not_tried_again_when_nothing_answers() -> None:
+    with pytest.raises(NoConnection, match="nothing answers"):
+        ask(READ, DEAD, OK)
+
+
+def test_writing_is_never_tried_again_when_the_connection_breaks() -> None:
+    with pytest.raises(ConnectionLost, match="the connection broke"):
+        ask(WRITE, LOST, OK)
+
+
+def test_writing_is_not_tried_again_when_the_controller_is_busy() -> None:
+    assert len(ask(WRITE, BUSY).sent) == 1
+
+
+def test_writing_is_sent_again_after_a_challenge_with_a_proof() -> None:
+    first, second = ask(WRITE, STRANGER, OK).sent
+    credentials = digest.read_credentials(second.header("Authorization") or "")
+    assert first.header("Authorization") is None
+    assert digest.is_genuine(credentials, user="u", password="p", method="POST", target=second.target)
+    assert first.body == second.body
+
+
+def test_second_challenge_refuses_the_login() -> None:
+    with pytest.raises(LoginRefused, match="yumi does not accept user 'u'"):
+        ask(READ, STRANGER, STRANGER, OK)
+
+
+def test_attempts_share_one_deadline() -> None:
+    assert ask(READ, LOST, LOST, OK).timeouts == [4.0, 3.5, 3.0]
+
+
+def test_no_attempt_begins_after_the_deadline() -> None:
+    with pytest.raises(NoConnection, match=r"yumi did not answer within 1\.0 s"):
+        ask(READ, LOST, LOST, OK, timeout=1.0)

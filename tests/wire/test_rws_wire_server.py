@@ -1,0 +1,91 @@
+"""The HTTP server that carries Robot Web Services: what reaches the handler, and its port."""
+
+from __future__ import annotations
+
+import socket
+from http.client import HTTPConnection
+
+import pytest
+
+from yumi.errors import SettingsError
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+
+
+def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:
+    """What the handler gets when a client sends this."""
+    requests: list[HttpRequest] = []
+
+    def handle(request: HttpRequest) -> HttpReply:
+        requests.append(request)
+        return HttpReply(204)
+
+    with HttpServer(handle, port=0) as server:
+        connection = HTTPConnection(server.address, timeout=5.0)
+        connection.request(method, target, body=body, headers={"X-Twice": "a"})
+        assert connection.getresponse().status == 204
+        connection.close()
+    return requests[0]
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "/rw/rapid/symbol/data/RAPID/T/M/S%7B1%7D?action=set",
+        "/fileservice/$home/a%2Fb;state?x=%20&y",
+        "//rw//panel",
+        "/rw/x{1}",
+    ],
+)
+def test_target_arrives_as_it_was_sent(target: str) -> None:
+    assert heard(target).target == target
+
+
+def test_body_arrives_as_it_was_sent() -> None:
+    body = b'value=[[1,2,3],"a+b%"]\r\n\x00\xff'
+    assert heard("/", body).body == body
+
+
+def test_body_may_be_as_long_as_a_program() -> None:
+    assert len(heard("/", b"x" * 5_000_000, method="PUT").body) == 5_000_000
+
+
+def test_header_is_found_in_any_case() -> None:
+    request = heard("/")
+    assert request.header("x-twice") == "a"
+    assert request.header("X-Missing") is None
+
+
+def test_reply_keeps_repeated_headers_in_order() -> None:
+    reply = HttpReply(200, (("Set-Cookie", "a=1"), ("Set-Cookie", "b=2"), ("Content-Type", "text/html")), b"hi")
+    with HttpServer(lambda request: reply, port=0) as server:
+        connection = HTTPConnection(server.address, timeout=5.0)
+        connection.request("GET", "/")
+        response = connection.getresponse()
+        assert response.headers.get_all("Set-Cookie") == ["a=1", "b=2"]
+        assert response.headers["Content-Type"] == "text/html"
+        assert response.read() == b"hi"
+        connection.close()
+
+
+def test_port_that_is_taken_is_refused_with_a_sentence() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(SettingsError, match=rf"Port {port} on 127\.0\.0\.1 cannot be opened .*; choose another"):
+            HttpServer(lambda request: HttpReply(204), port).start()
+
+
+def test_port_is_free_again_after_the_stop() -> None:
+    with HttpServer(lambda request: HttpReply(204), port=0) as server:
+        port = server.port
+    with HttpServer(lambda request: HttpReply(204), port) as server:
+        assert server.address == f"127.0.0.1:{port}"
+
+
+def test_stop_does_not_wait_for_clients_that_stay_connected() -> None:
+    with HttpServer(lambda request: HttpReply(204), port=0) as server:
+        idle = HTTPConnection(server.address, timeout=5.0)
+        idle.request("GET", "/")
+        assert idle.getresponse().status == 204
+    assert idle.sock.recv(1) == b""
+    idle.close()
