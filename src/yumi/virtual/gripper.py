@@ -1,0 +1,303 @@
+"""The Smart Gripper of one arm: its commands, its states and its I/O; advances by dt.
+
+Positions are per finger from the closed position: 0 closed, 25 mm open (reference/yumi.md §2, statemachine.md §5).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import isfinite
+
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.virtual.gripper_actions import Action, FreeMove, Grip, Jog, Pause
+from yumi.virtual.gripper_codes import GripperCommand, GripperState
+from yumi.virtual.gripper_fingers import TRAVEL, Fingers, Workpiece
+
+__all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_FORCE", "TOP_SPEED", "TRAVEL", "VirtualGripper", "Workpiece"]
+
+TOP_SPEED = 0.025
+LOWEST_SPEED = 0.003
+TOP_FORCE = 20.0
+SETTLING_TIME = 0.5
+CALIBRATION_TIME = 0.5
+CHANNELS = (1, 2)
+
+_ATMOSPHERE_KPA = 100
+
+
+class VirtualGripper:
+    """One gripper, closed and not calibrated at first, as after power-up.
+
+    Args:
+        workpiece: what the fingers may hold; None is nothing.
+        is_calibrated: whether it knows where its fingers are.
+
+    Attributes:
+        is_calibrated: ``hand_StatusCalibrated``.
+        max_speed: speed of moves and grips [m/s].
+        hold_force: force of grips [N].
+        physical_limit: largest position that may be asked for [m].
+    """
+
+    def __init__(self, workpiece: Workpiece | None = None, *, is_calibrated: bool = False) -> None:
+        self.is_calibrated = is_calibrated
+        self.max_speed = TOP_SPEED
+        self.hold_force = TOP_FORCE
+        self.physical_limit = TRAVEL
+        self._fingers = Fingers(workpiece)
+        self._zero = 0.0
+        self._min_position, self._max_position = 0.0, TRAVEL
+        self._state = GripperState.READY
+        self._actions: deque[Action] = deque()
+        self._vacuum = dict.fromkeys(CHANNELS, False)
+        self._blow = dict.fromkeys(CHANNELS, False)
+
+    @property
+    def state(self) -> GripperState:
+        """``hand_SysState``."""
+        return self._state
+
+    @property
+    def position(self) -> float:
+        """Position of each finger as the gripper knows it [m]."""
+        return self._fingers.opening - self._zero
+
+    @property
+    def speed(self) -> float:
+        """Speed of each finger, positive when opening [m/s]."""
+        return self._fingers.speed
+
+    @property
+    def force(self) -> float:
+        """What the fingers press with [N]; 0 when they are closed on nothing."""
+        return self._fingers.force
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a command is being carried out; a grip that holds its object is done."""
+        return bool(self._actions) and not self.is_holding
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether the fingers hold an object with the hold force."""
+        return self._state is GripperState.KEEP_OBJECT
+
+    @property
+    def workpiece(self) -> Workpiece | None:
+        """What the fingers may hold; it may be exchanged or taken away at any time."""
+        return self._fingers.workpiece
+
+    @workpiece.setter
+    def workpiece(self, workpiece: Workpiece | None) -> None:
+        self._fingers.workpiece = workpiece
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass."""
+        while self._actions and dt > 0.0:
+            action = self._actions[0]
+            dt = action.advance(self._fingers, dt)
+            if action.is_over:
+                self._actions.popleft()
+                self._fingers.rest()
+            self._state = self._actions[0].state if action.is_over and self._actions else action.state
+
+    # What RAPID's g_ instructions do
+
+    def initialize(
+        self, max_speed: float = TOP_SPEED, hold_force: float = TOP_FORCE, physical_limit: float = TRAVEL
+    ) -> None:
+        """g_Init: speed [m/s] and force [N] are brought into range, the limit of positions [m] is checked.
+
+        Raises:
+            CommandRefused: the limit is outside the fingers' travel.
+        """
+        _check_position(physical_limit, TRAVEL)
+        self.set_max_speed(max_speed)
+        self.set_hold_force(hold_force)
+        self.physical_limit = physical_limit
+        self.stop()
+
+    def set_max_speed(self, max_speed: float) -> None:
+        """g_SetMaxSpd [m/s], brought into the range of the drive."""
+        self.max_speed = max(LOWEST_SPEED, min(TOP_SPEED, max_speed))
+
+    def set_hold_force(self, hold_force: float) -> None:
+        """g_SetForce [N], brought into the range of the drive."""
+        self.hold_force = max(0.0, min(TOP_FORCE, hold_force))
+
+    def calibrate(self, *, jog: bool = True) -> None:
+        """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
+        closing: tuple[Action, ...] = (
+            Jog(opens=False, ends_at_standstill=True),
+            Pause(GripperState.READY, SETTLING_TIME, state_after=GripperState.READY),
+        )
+        self._begin(*(closing if jog else ()), _Zeroing(self, GripperState.READY))
+
+    def move_to(self, position: float) -> None:
+        """g_MoveTo: free move of each finger to ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        self._check_calibrated()
+        _check_position(position, self.physical_limit)
+        if self.position >= position:
+            self._min_position = position
+            self._obey(GripperCommand.FREE_MOVE_TO_MIN_POS)
+        else:
+            self._max_position = position
+            self._obey(GripperCommand.FREE_MOVE_TO_MAX_POS)
+
+    def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
+        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        self._check_grip(hold_force, position)
+        self._min_position = position
+        self._obey(GripperCommand.AGILE_GRIP_INWARD)
+
+    def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
+        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        widest = self.physical_limit if position is None else position
+        self._check_grip(hold_force, widest)
+        self._max_position = widest
+        self._obey(GripperCommand.AGILE_GRIP_OUTWARD)
+
+    def stop(self) -> None:
+        """g_Stop: the motor lets go; the gripper is ready for the next command."""
+        self._obey(GripperCommand.GO_TO_READY)
+
+    def set_vacuum(self, channel: int, *, is_on: bool) -> None:
+        """g_VacuumOn, g_VacuumOff of channel 1 or 2; a channel does not suck and blow at once."""
+        self._vacuum[channel] = is_on
+        self._blow[channel] = self._blow[channel] and not is_on
+
+    def set_blow(self, channel: int, *, is_on: bool) -> None:
+        """g_BlowOn, g_BlowOff of channel 1 or 2; a channel does not suck and blow at once."""
+        self._blow[channel] = is_on
+        self._vacuum[channel] = self._vacuum[channel] and not is_on
+
+    # What the fieldbus carries; positions in 0.1 mm, speeds in 0.1 mm/s, forces in 0.1 N
+
+    def signals(self) -> dict[str, int]:
+        """Values of the gripper's inputs to the controller by name, without the suffix of the arm."""
+        values = {
+            "hand_SysState": int(self._state),
+            "hand_StatusCalibrated": int(self.is_calibrated),
+            "hand_ActualPosition": max(0, round(self.position * 1e4)),
+            "hand_ActualSpeed": round(abs(self.speed) * 1e4),
+            "hand_SysError": int(self._state is GripperState.ERROR),
+            "hand_StatusCamLinked": 0,
+            "hand_SoftwareVersion": 0,
+        }
+        for channel in CHANNELS:
+            values[f"hand_StatusVacuum{channel}"] = int(self._vacuum[channel])
+            values[f"hand_StatusBlowoff{channel}"] = int(self._blow[channel])
+            values[f"hand_ActualPressure{channel}"] = _ATMOSPHERE_KPA
+        return values
+
+    def write(self, signal: str, value: int) -> None:
+        """An output of the controller changes, named without the suffix of the arm.
+
+        A command counts in state READY only, but for the one that leads there; unknown ones do nothing.
+        """
+        if signal == "hand_CmdGripper":
+            self._command(value)
+        elif signal == "hand_MinPosition":
+            self._min_position = value * 1e-4
+        elif signal == "hand_MaxPosition":
+            self._max_position = value * 1e-4
+        elif signal == "hand_MaxSpeed":
+            self.set_max_speed(value * 1e-4)
+        elif signal == "hand_HoldForce":
+            self.set_hold_force(value * 0.1)
+        else:
+            self._switch(signal, is_on=bool(value))
+
+    def _switch(self, signal: str, *, is_on: bool) -> None:
+        if signal == "hand_CmdClearErr":
+            if is_on and self._state is GripperState.ERROR:
+                self.stop()
+        elif signal in ("hand_CmdVacuum1", "hand_CmdVacuum2"):
+            self.set_vacuum(int(signal[-1]), is_on=is_on)
+        elif signal in ("hand_CmdBlowoff1", "hand_CmdBlowoff2"):
+            self.set_blow(int(signal[-1]), is_on=is_on)
+
+    def _command(self, value: int) -> None:
+        is_known = value in [int(command) for command in GripperCommand]
+        if is_known and (value == GripperCommand.GO_TO_READY or self._state is GripperState.READY):
+            self._obey(GripperCommand(value))
+
+    def _check_calibrated(self) -> None:
+        if not self.is_calibrated:
+            raise RobotNotReady("The gripper is not calibrated: calibrate it first.")
+
+    def _check_grip(self, hold_force: float | None, position: float) -> None:
+        self._check_calibrated()
+        _check_position(position, self.physical_limit)
+        if hold_force is not None:
+            self.set_hold_force(hold_force)
+
+    def _obey(self, command: GripperCommand) -> None:
+        action = self._action(command)
+        if action is not None:
+            self._begin(action)
+        elif command is not GripperCommand.NONE:
+            self._begin()
+            self._state = GripperState.ERROR if command is GripperCommand.GO_TO_ERROR else GripperState.READY
+
+    def _begin(self, *actions: Action) -> None:
+        self._actions = deque(actions)
+        self._fingers.rest()
+        if actions:
+            self._state = actions[0].state
+
+    def _action(self, command: GripperCommand) -> Action | None:
+        narrow, wide = self._mechanical(self._min_position), self._mechanical(self._max_position)
+        speed, force = self.max_speed, self.hold_force
+        actions: dict[GripperCommand, Action] = {
+            GripperCommand.JOG_OPEN: Jog(opens=True),
+            GripperCommand.JOG_CLOSE: Jog(opens=False),
+            GripperCommand.FREE_MOVE_TO_MAX_POS: FreeMove(GripperState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            GripperCommand.FREE_MOVE_TO_MIN_POS: FreeMove(GripperState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            GripperCommand.AGILE_GRIP_INWARD: Grip(GripperState.AGILE_GRIP_INWARD, narrow, speed, force),
+            GripperCommand.AGILE_GRIP_OUTWARD: Grip(GripperState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            GripperCommand.GO_TO_CALIBRATION: _Zeroing(self, GripperState.ACTION_COMPLETED),
+        }
+        return actions.get(command)
+
+    def _mechanical(self, position: float) -> float:
+        return max(0.0, min(TRAVEL, position + self._zero))
+
+    def take_zero(self) -> None:
+        """Take the present position for 0: the gripper is calibrated, rightly if the fingers are closed."""
+        self._zero = self._fingers.opening
+        self.is_calibrated = True
+
+
+class _Zeroing(Pause):
+    """Stand still for the time of a calibration, then take the position for 0."""
+
+    def __init__(self, gripper: VirtualGripper, state_after: GripperState) -> None:
+        super().__init__(GripperState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
+        self._gripper = gripper
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        left = super().advance(fingers, dt)
+        if self.is_over:
+            self._gripper.take_zero()
+        return left
+
+
+def _check_position(position: float, limit: float) -> None:
+    if not (isfinite(position) and 0.0 <= position <= limit):
+        raise CommandRefused(f"Gripper position {position * 1e3:g} mm: allowed are 0 to {limit * 1e3:g} mm.")
