@@ -1,0 +1,80 @@
+"""The event log of the virtual controller (reference/rws.md §12)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+ALL_DOMAINS = 0
+_CAPACITY = 1000
+_DOMAIN_CAPACITY = 20
+
+
+class EventType(IntEnum):
+    """How serious an event is, in ABB's numbers."""
+
+    INFORMATION = 1
+    WARNING = 2
+    ERROR = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One entry of the log.
+
+    Attributes:
+        number: rises by one with each event, over all domains.
+        code: ABB's event number.
+        time: when it happened, on the controller's clock [s].
+        type: how serious it is.
+        domain: the log it is in; domain 0 shows all.
+        title: one line.
+        description: what happened and what to do, in sentences.
+    """
+
+    number: int
+    code: int
+    time: float
+    type: EventType
+    domain: int
+    title: str
+    description: str
+
+
+class EventLog:
+    """Remembers the latest events, all of them together and each domain for itself."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self._last_number = 0
+        self._logs: dict[int, deque[Event]] = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
+
+    def append(
+        self,
+        code: int,
+        title: str,
+        description: str = "",
+        type: EventType = EventType.INFORMATION,
+        domain: int | None = None,
+    ) -> Event:
+        """Log an event; its domain is the ten-thousands of its code unless another one is given."""
+        self._last_number += 1
+        place = code // 10000 if domain is None else domain
+        event = Event(self._last_number, code, self._now(), type, place, title, description)
+        self._logs[ALL_DOMAINS].appendleft(event)
+        if place != ALL_DOMAINS:
+            self._logs.setdefault(place, deque(maxlen=_DOMAIN_CAPACITY)).appendleft(event)
+        return event
+
+    def entries(self, domain: int = ALL_DOMAINS) -> tuple[Event, ...]:
+        """Events of a domain, newest first; domain 0 has all."""
+        return tuple(self._logs.get(domain, ()))
+
+    def clear(self, domain: int = ALL_DOMAINS) -> None:
+        """Forget the events of a domain; domain 0 forgets all."""
+        if domain == ALL_DOMAINS:
+            self._logs = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
+        else:
+            self._logs.pop(domain, None)

@@ -1,0 +1,120 @@
+"""RAPID execution: the tasks of the virtual controller, started and stopped together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from yumi.egm.messages import RapidState
+from yumi.rapid.errors import RapidReferenceError
+from yumi.rapid.host import EventKind, Execution, TaskEvent
+from yumi.rapid.task import Task
+from yumi.virtual.events import EventLog, EventType
+from yumi.virtual.refusal import Refusal, Refused
+from yumi.virtual.station import Station
+from yumi.virtual.task_host import TaskHost
+
+
+class RapidExecution:
+    """The tasks of all arms; when one stops by itself, the others are stopped with it, as ABB's normal tasks are.
+
+    Args:
+        tasks: the tasks in their order, each with the arm it moves and what it runs on.
+        events: the controller's event log.
+
+    Attributes:
+        tasks: the tasks by name.
+        is_running: whether RAPID runs.
+    """
+
+    def __init__(self, tasks: Sequence[tuple[Task, Station, TaskHost]], events: EventLog) -> None:
+        self.tasks: Mapping[str, Task] = MappingProxyType({task.name: task for task, _, _ in tasks})
+        self.is_running = False
+        self._stations = [station for _, station, _ in tasks]
+        self._hosts = {task.name: host for task, _, host in tasks}
+        self._events = events
+
+    @property
+    def screens(self) -> Mapping[str, tuple[str, ...]]:
+        """The lines each task wrote to the FlexPendant, oldest first."""
+        return {name: tuple(host.lines) for name, host in self._hosts.items()}
+
+    def start(self) -> None:
+        """Start all tasks from their program pointers.
+
+        Raises:
+            Refused: ALREADY_RUNNING or NO_PROGRAM_POINTER.
+        """
+        if self.is_running:
+            raise Refused(Refusal.ALREADY_RUNNING, "RAPID is running already.")
+        for task in self.tasks.values():
+            if task.execution is Execution.UNINITIALIZED:
+                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program pointer: move it to main first.")
+        self.is_running = True
+        self._each_egm(RapidState.RUNNING)
+        for task in self.tasks.values():
+            task.start()
+        self._events.append(10150, "Program started", "RAPID runs in all tasks.")
+
+    def stop(self, reason: str) -> None:
+        """Stop all tasks and bring the arms to a standstill; nothing happens when RAPID is stopped."""
+        if not self.is_running:
+            return
+        self.is_running = False
+        for task in self.tasks.values():
+            task.stop()
+        self._each_egm(RapidState.STOPPED)
+        for station in self._stations:
+            _bring_to_rest(station)
+        self._events.append(10125, "Program stopped", reason)
+
+    def move_pp_to_main(self) -> None:
+        """Set the program pointers to main; all variables begin anew.
+
+        Raises:
+            Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when a module that was loaded meanwhile does not fit.
+        """
+        if self.is_running:
+            raise Refused(Refusal.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first.")
+        for task in self.tasks.values():
+            try:
+                task.move_pp_to_main()
+            except RapidReferenceError as error:
+                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
+
+    def advance(self, dt: float) -> None:
+        """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""
+        if not self.is_running:
+            return
+        for task in self.tasks.values():
+            task.advance(dt)
+        for name, host in self._hosts.items():
+            while host.events:
+                self._react(name, host.events.popleft())
+
+    def signal_changed(self, name: str, old: float, new: float) -> None:
+        """Pass an edge on to the tasks; those that do not run lose it."""
+        for task in self.tasks.values():
+            task.signal_changed(name, old, new)
+
+    def _react(self, task: str, event: TaskEvent) -> None:
+        if event.kind is EventKind.ERROR:
+            place = f"{task}/{event.module}/{event.routine}, line {event.line}"
+            self._events.append(40228, "Execution error", f"{place}: {event.sentence}", EventType.ERROR)
+        if event.kind is not EventKind.FINISHED or self._none_runs():
+            self.stop(f"{task} has stopped: {event.sentence}")
+
+    def _none_runs(self) -> bool:
+        return all(task.execution is not Execution.STARTED for task in self.tasks.values())
+
+    def _each_egm(self, state: RapidState) -> None:
+        for station in self._stations:
+            station.egm.rapid = state
+
+
+def _bring_to_rest(station: Station) -> None:
+    """An arm that EGM guides ramps down as configured; any other motion stops as fast as it can."""
+    was_guided = station.arm.egm is not None
+    station.egm.abort()
+    if not was_guided:
+        station.arm.stop()

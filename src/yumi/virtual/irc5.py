@@ -1,0 +1,289 @@
+"""The virtual IRC5: mode, motors, RAPID execution, tasks, signals, events, and the arms they move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import Enum
+
+from yumi.rapid.task import Task
+from yumi.robot.joints import Side
+from yumi.virtual.configuration import Configuration, Instance
+from yumi.virtual.egm_adapter import EgmOutcome
+from yumi.virtual.events import EventLog, EventType
+from yumi.virtual.execution import RapidExecution
+from yumi.virtual.identity import Identity
+from yumi.virtual.instructions import robot_library
+from yumi.virtual.mechanical_units import YUMI_UNITS, MechanicalUnit
+from yumi.virtual.rapid_values import JointTarget, jointtarget
+from yumi.virtual.refusal import Refusal, Refused
+from yumi.virtual.signals import Signals
+from yumi.virtual.station import Station
+from yumi.virtual.sync_points import SyncPoints
+from yumi.virtual.task_host import TaskHost
+
+
+class OperatingMode(Enum):
+    """Position of the mode selector; the value is RWS' word."""
+
+    AUTO = "AUTO"
+    MANR = "MANR"
+    MANF = "MANF"
+
+
+class ControllerState(Enum):
+    """State of motors and safety chain; the value is RWS' word."""
+
+    INIT = "init"
+    MOTORS_OFF = "motoroff"
+    MOTORS_ON = "motoron"
+    GUARD_STOP = "guardstop"
+    EMERGENCY_STOP = "emergencystop"
+    EMERGENCY_STOP_RESET = "emergencystopreset"
+    SYSTEM_FAILURE = "sysfail"
+
+
+_STOPPED_BY_SAFETY = (
+    ControllerState.GUARD_STOP,
+    ControllerState.EMERGENCY_STOP,
+    ControllerState.SYSTEM_FAILURE,
+)
+_MODE_EVENTS = {
+    OperatingMode.AUTO: (10017, "Automatic mode confirmed"),
+    OperatingMode.MANR: (10015, "Manual mode selected"),
+    OperatingMode.MANF: (10016, "Manual full speed mode selected"),
+}
+
+
+class Irc5:
+    """The controller; a request it cannot fulfil raises :class:`Refused` and changes nothing.
+
+    It starts as a controller does after power-up in AUTO: motors off, RAPID stopped, the program loaded and the
+    program pointers at main.
+
+    Args:
+        stations: the arms with what belongs to them, in the order of the tasks.
+        configuration: the system parameters.
+        files: the file store, by path such as ``HOME:/yumi/TRobMain.mod``.
+        identity: names, version and options.
+        start_time: what its clock shows at first [s]; seconds since 1970 where people shall read it.
+
+    Attributes:
+        identity: names, version and options.
+        mode: position of the mode selector.
+        controller_state: state of motors and safety chain.
+        cycle: RWS' word for what RAPID does at the end of main.
+        speed_ratio: speed override of RAPID motions, 0 to 100 [%].
+        time: the controller's clock [s].
+        files: the file store.
+        units: the mechanical units.
+        events: the event log.
+        signals: the I/O system.
+        execution: the RAPID tasks and whether they run.
+    """
+
+    def __init__(
+        self,
+        stations: Sequence[Station],
+        configuration: Configuration,
+        files: Mapping[str, str],
+        identity: Identity | None = None,
+        start_time: float = 0.0,
+    ) -> None:
+        self.identity = identity or Identity()
+        self.mode = OperatingMode.AUTO
+        self.controller_state = ControllerState.MOTORS_OFF
+        self.cycle = "forever"
+        self.speed_ratio = 100
+        self.time = start_time
+        self.files = dict(files)
+        self.units: tuple[MechanicalUnit, ...] = YUMI_UNITS
+        self.events = EventLog(lambda: self.time)
+        self.signals = Signals.configured(configuration, self._signal_changed)
+        self._configuration = configuration
+        self._stations = {station.side: station for station in stations}
+        self._gripper_inputs: dict[Side, dict[str, int]] = {}
+        self._sync_points = SyncPoints()
+        self.execution = RapidExecution([self._loaded(station) for station in stations], self.events)
+        self.execution.move_pp_to_main()
+        self.supervise()
+
+    # What clients read
+
+    @property
+    def is_running(self) -> bool:
+        """Whether RAPID runs."""
+        return self.execution.is_running
+
+    @property
+    def tasks(self) -> Mapping[str, Task]:
+        """The RAPID tasks by name, the right arm's first."""
+        return self.execution.tasks
+
+    @property
+    def screens(self) -> Mapping[str, tuple[str, ...]]:
+        """The lines each task wrote to the FlexPendant, oldest first."""
+        return self.execution.screens
+
+    def joint_target(self, unit: str) -> JointTarget:
+        """Position of the arm that ``unit`` belongs to, as RAPID's jointtarget [deg].
+
+        Raises:
+            Refused: UNKNOWN.
+        """
+        found = next((one for one in self.units if one.name.upper() == unit.upper()), None)
+        if found is None:
+            raise Refused(Refusal.UNKNOWN, f"there is no mechanical unit {unit}.")
+        return jointtarget(self._stations[found.side].arm.position)
+
+    def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
+        """The instances of a configuration type; none when there is no such type."""
+        return self._configuration.instances(domain, type)
+
+    # What clients ask for
+
+    def set_motors(self, on: bool) -> None:
+        """Switch the motors of both arms; switching them off stops RAPID.
+
+        Raises:
+            Refused: WRONG_MODE outside AUTO, EMERGENCY_STOP while a stop is active.
+        """
+        if on:
+            self._switch_motors_on()
+        elif self.controller_state is ControllerState.MOTORS_ON:
+            self._switch_motors_off(ControllerState.MOTORS_OFF, "Motors off on request.")
+
+    def start_rapid(self) -> None:
+        """Start both tasks from their program pointers.
+
+        Raises:
+            Refused: WRONG_MODE, MOTORS_OFF, ALREADY_RUNNING or NO_PROGRAM_POINTER.
+        """
+        self._check_auto("starting RAPID needs the start button")
+        if self.controller_state is not ControllerState.MOTORS_ON:
+            raise Refused(Refusal.MOTORS_OFF, "RAPID starts with motors on only: switch them on first.")
+        self.execution.start()
+
+    def stop_rapid(self) -> None:
+        """Stop both tasks and the arms; nothing happens when RAPID is stopped."""
+        self.execution.stop("RAPID has been stopped on request.")
+
+    def move_pp_to_main(self) -> None:
+        """Set the program pointers of both tasks to main; all variables begin anew.
+
+        Raises:
+            Refused: WRONG_MODE or NOT_STOPPED.
+        """
+        self._check_auto("moving the program pointer needs the FlexPendant")
+        self.execution.move_pp_to_main()
+
+    def set_speed_ratio(self, percent: int) -> None:
+        """Set the speed override of RAPID motions; it counts from the next motion on.
+
+        Raises:
+            Refused: WRONG_MODE or OUT_OF_RANGE.
+        """
+        self._check_auto("the speed ratio is set on the FlexPendant")
+        if not 0 <= percent <= 100:
+            raise Refused(Refusal.OUT_OF_RANGE, f"a speed ratio is 0 to 100 %, not {percent} %.")
+        self.speed_ratio = percent
+        self.events.append(10140, "Speed adjusted", f"The speed override is {percent} %.")
+
+    def settle(self) -> None:
+        """Run the interrupts that are due, so that the effects of a write can be read at once."""
+        self.execution.advance(0.0)
+
+    # What happens to it
+
+    def press_emergency_stop(self) -> None:
+        """Someone presses an emergency stop: brakes, motors off, RAPID stops."""
+        self._switch_motors_off(ControllerState.EMERGENCY_STOP, "An emergency stop is pressed.")
+
+    def release_emergency_stop(self) -> None:
+        """The button is pulled out; motors on resets the stop."""
+        if self.controller_state is ControllerState.EMERGENCY_STOP:
+            self.controller_state = ControllerState.EMERGENCY_STOP_RESET
+
+    def select_mode(self, mode: OperatingMode) -> None:
+        """Someone turns the mode selector: motors off, RAPID stops."""
+        if mode is not self.mode:
+            if self.controller_state is ControllerState.MOTORS_ON:
+                self._switch_motors_off(ControllerState.MOTORS_OFF, "The operating mode has been changed.")
+            self.mode = mode
+            self.events.append(*_MODE_EVENTS[mode])
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
+        self.time += dt
+        self.execution.advance(dt)
+
+    def supervise(self) -> None:
+        """Follow what happened to the arms: their signals, and faults of EGM that stop everything."""
+        for station in self._stations.values():
+            self.signals.drive(f"OUTPUT_STATIONARY_{station.side.unit}", float(station.arm.is_stationary))
+            self._copy_gripper(station)
+            if station.egm.outcome is EgmOutcome.OUT_OF_BOUNDS and self._motors_differ(station):
+                self.events.append(50027, "EGM input out of bounds", station.egm.fault, EventType.ERROR)
+                self._switch_motors_off(ControllerState.MOTORS_OFF, station.egm.fault)
+
+    def _motors_differ(self, station: Station) -> bool:
+        return self.controller_state is ControllerState.MOTORS_ON and not station.arm.motors_on
+
+    def _copy_gripper(self, station: Station) -> None:
+        """The gripper's inputs; most cycles bring nothing new."""
+        values = station.gripper.signals()
+        if values != self._gripper_inputs.get(station.side):
+            self._gripper_inputs[station.side] = values
+            for name, value in values.items():
+                self.signals.drive(f"{name}_{station.side.name[0]}", float(value))
+
+    def _signal_changed(self, name: str, old: float, new: float) -> None:
+        if name.startswith("hand_") and self.signals.get(name).type.is_output:
+            station = next(s for s in self._stations.values() if name.endswith(f"_{s.side.name[0]}"))
+            station.gripper.write(name[:-2], int(new))
+        self.execution.signal_changed(name, old, new)
+
+    def _switch_motors_on(self) -> None:
+        self._check_auto("switching the motors on needs the enabling device")
+        if self.controller_state in _STOPPED_BY_SAFETY:
+            state = self.controller_state.value
+            raise Refused(Refusal.EMERGENCY_STOP, f"the motors stay off in state {state}: release the stop first.")
+        if self.controller_state is ControllerState.MOTORS_ON:
+            return
+        self.controller_state = ControllerState.MOTORS_ON
+        for station in self._stations.values():
+            station.arm.switch_motors_on()
+        self.events.append(10011, "Motors ON", "The motors of both arms are on.")
+
+    def _switch_motors_off(self, state: ControllerState, reason: str) -> None:
+        """The brakes hold the arms before RAPID is told, as they do in the cabinet."""
+        were_on = self.controller_state is ControllerState.MOTORS_ON
+        self.controller_state = state
+        for station in self._stations.values():
+            station.arm.switch_motors_off()
+        self.execution.stop(reason)
+        if state is ControllerState.EMERGENCY_STOP:
+            self.events.append(10013, "Emergency stop", reason, EventType.ERROR)
+        elif were_on:
+            self.events.append(10010, "Motors OFF", reason)
+
+    def _check_auto(self, otherwise: str) -> None:
+        if self.mode is not OperatingMode.AUTO:
+            raise Refused(Refusal.WRONG_MODE, f"the controller is in {self.mode.value}: {otherwise}, or select AUTO.")
+
+    def _loaded(self, station: Station) -> tuple[Task, Station, TaskHost]:
+        """The task of one arm with the modules the configuration lists for it (CAB_TASK_MODULES)."""
+        host = TaskHost(self.signals, self.files, is_virtual=self.identity.is_virtual)
+        library = robot_library(
+            station,
+            configuration=self._configuration,
+            events=self.events,
+            speed_ratio=lambda: self.speed_ratio,
+            units=self.units,
+            sync_points=self._sync_points,
+        )
+        task = Task(station.side.task, host, library)
+        task.in_position = lambda: station.arm.is_stationary
+        for module in self.cfg("SYS", "CAB_TASK_MODULES"):
+            path = module.attributes["File"]
+            task.load(host.read_file(path), path.rsplit("/")[-1])
+        return task, station, host

@@ -1,0 +1,125 @@
+"""The whole virtual robot: controller, arms, grippers and EGM clients, advanced together by one cycle at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yumi.controller_files
+import yumi.virtual
+from yumi.robot.joints import Joints, Side
+from yumi.virtual.arm import VirtualArm
+from yumi.virtual.arm_model import ArmModel
+from yumi.virtual.configuration import Configuration
+from yumi.virtual.egm_adapter import CYCLE, EgmClient
+from yumi.virtual.gripper import VirtualGripper, Workpiece
+from yumi.virtual.identity import Identity
+from yumi.virtual.irc5 import Irc5
+from yumi.virtual.station import Station
+
+__all__ = ["CYCLE", "World", "WorldSettings"]
+
+_HOME = "HOME:/yumi/"
+
+
+@dataclass(frozen=True, slots=True)
+class WorldSettings:
+    """What kind of robot there is.
+
+    Attributes:
+        robot_name: name of controller and system.
+        workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
+        positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
+        arm_model: dynamics of both arms.
+        egm_host: address the arms send their datagrams to.
+        egm_ports: UDP ports of arms that do not use those of ``SIO.cfg`` (left 6511, right 6512).
+        grippers_are_calibrated: whether somebody has calibrated the grippers already.
+        start_time: what the controller's clock shows at first [s]; seconds since 1970 where people shall read it.
+    """
+
+    robot_name: str = "YuMi"
+    workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
+    positions: Mapping[Side, Joints] = field(default_factory=dict)
+    arm_model: ArmModel = field(default_factory=ArmModel)
+    egm_host: str = "127.0.0.1"
+    egm_ports: Mapping[Side, int] = field(default_factory=dict)
+    grippers_are_calibrated: bool = False
+    start_time: float = 0.0
+
+
+class World:
+    """The virtual robot; nothing in it looks at a clock.
+
+    Attributes:
+        controller: the IRC5.
+        arms: the arms by side.
+        grippers: the grippers by side.
+    """
+
+    def __init__(self, settings: WorldSettings | None = None) -> None:
+        settings = settings or WorldSettings()
+        self._configuration = _configuration(settings)
+        self._stations = {side: _station(side, settings) for side in Side}
+        self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._stations.items()}
+        self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._stations.items()}
+        self.controller = Irc5(
+            tuple(self._stations.values()),
+            self._configuration,
+            {_HOME + path.name: path.read_text(encoding="ascii") for path in _modules()},
+            Identity(system_name=settings.robot_name, controller_name=settings.robot_name),
+            settings.start_time,
+        )
+
+    def cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> dict[Side, bytes]:
+        """One cycle of 4.032 ms.
+
+        Args:
+            inboxes: datagrams that came for each arm since the last cycle, oldest first.
+
+        Returns:
+            The datagram of each arm that has one to send.
+        """
+        self.controller.advance(CYCLE)
+        datagrams = {}
+        for side, station in self._stations.items():
+            datagram = station.egm.cycle(inboxes.get(side, ()))
+            if datagram is not None:
+                datagrams[side] = datagram
+            station.gripper.advance(CYCLE)
+            station.arm.advance(CYCLE)
+        self.controller.supervise()
+        return datagrams
+
+    def egm_destination(self, side: Side) -> tuple[str, int]:
+        """Address and port of the UDPUC device the arm sends its datagrams to."""
+        device = self._configuration.find("SIO", "COM_TRP", self._stations[side].egm_device)
+        assert device is not None, "EGMSetupUC chooses devices that exist"
+        return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
+
+
+def _station(side: Side, settings: WorldSettings) -> Station:
+    arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
+    gripper = VirtualGripper(settings.workpieces.get(side), is_calibrated=settings.grippers_are_calibrated)
+    return Station(arm, EgmClient(arm), gripper)
+
+
+def _configuration(settings: WorldSettings) -> Configuration:
+    """A stock YuMi's parameters, then ours, then the addresses of this machine instead of the robot cell's."""
+    folders = (Path(next(iter(yumi.virtual.__path__))) / "stock", _controller_files())
+    paths = [path for folder in folders for path in sorted(folder.glob("*.cfg"))]
+    configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
+    for side in Side:
+        address = {"RemoteAdress": settings.egm_host}
+        if side in settings.egm_ports:
+            address["RemotePortNumber"] = str(settings.egm_ports[side])
+        configuration.change("SIO", "COM_TRP", side.unit, address)
+    return configuration
+
+
+def _controller_files() -> Path:
+    return Path(next(iter(yumi.controller_files.__path__)))
+
+
+def _modules() -> list[Path]:
+    return sorted([*_controller_files().glob("*.mod"), *_controller_files().glob("*.sys")])

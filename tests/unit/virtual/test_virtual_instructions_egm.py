@@ -1,0 +1,156 @@
+"""EGM instructions: their checks, and how a run ends for the program."""
+
+from math import radians
+
+import pytest
+from instruction_bench import InstructionBench
+
+from yumi.egm.codec import SensorCodec
+from yumi.egm.messages import SensorMessage
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+from yumi.virtual.egm_adapter import EgmState
+from yumi.virtual.egm_settings import EgmActivation
+
+MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
+SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '
+ACT = "EGMActJoint egm\\Tool:=my_tool\\J1:=[-0.1,0.1]\\MaxSpeedDeviation:=100; "
+RUN = "EGMRunJoint egm,EGM_STOP_HOLD\\J1\\J2\\J3\\J4\\J5\\J6\\J7\\CondTime:=0.2\\PosCorrGain:=1; "
+
+
+@pytest.fixture
+def bench() -> InstructionBench:
+    return InstructionBench()
+
+
+def guide(bench: InstructionBench, limit: float = 5.0) -> None:
+    """Answer every datagram with home, until the program ends."""
+    codec = SensorCodec()
+    while bench.task.is_running and bench.task.now < limit:
+        if bench.sent:
+            bench.inbox = [codec.encode(SensorMessage(0, home(Side.RIGHT)))]
+        bench.step()
+
+
+def test_run_returns_after_convergence(bench: InstructionBench) -> None:
+    bench.start(MOVE + SETUP + ACT + RUN + "number:=EGMGetState(egm);")
+    guide(bench)
+    assert bench.failure == ""
+    assert float(bench.read("number")) == EgmState.CONNECTED
+    assert 0.2 < bench.task.now < 0.5
+
+
+def test_silent_sensor_raises_an_error_the_program_can_handle(bench: InstructionBench) -> None:
+    bench.run(MOVE + SETUP + ACT + RUN + 'ERROR IF ERRNO=ERR_UDPUC_COMM text:="timed out"; RETURN;')
+    assert bench.read("text") == '"timed out"'
+    assert [event.code for event in bench.events.entries()] == [41822]
+
+
+def test_run_without_handler_stops_the_program_when_the_sensor_is_silent(bench: InstructionBench) -> None:
+    bench.run(MOVE + SETUP + ACT + RUN)
+    assert "ERR_UDPUC_COMM" in bench.failure
+    assert "No data from the UdpUc device for 0.5 s" in bench.failure
+
+
+def test_run_without_waiting_goes_on_in_the_program(bench: InstructionBench) -> None:
+    start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
+    bench.start(MOVE + SETUP + ACT + start + "number:=EGMGetState(egm); EGMWaitCond egm; flag:=TRUE;")
+    guide(bench)
+    assert float(bench.read("number")) == EgmState.RUNNING
+    assert bench.read("flag") == "TRUE"
+
+
+def test_stop_ends_a_run(bench: InstructionBench) -> None:
+    start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
+    bench.start(MOVE + SETUP + ACT + start + "WaitTime 0.1; EGMStop egm,EGM_STOP_HOLD; number:=EGMGetState(egm);")
+    guide(bench)
+    assert float(bench.read("number")) == EgmState.CONNECTED
+    assert bench.station.arm.is_stationary
+
+
+def test_reset_gives_the_identity_back(bench: InstructionBench) -> None:
+    bench.run("EGMGetId egm; EGMReset egm; number:=EGMGetState(egm);")
+    assert float(bench.read("number")) == EgmState.DISCONNECTED
+    assert bench.station.egm_identities == set()
+
+
+def test_egm_cannot_be_the_first_motion(bench: InstructionBench) -> None:
+    bench.run(SETUP + ACT + RUN)
+    assert "EGM cannot be the first motion after a start" in bench.failure
+
+
+def test_run_needs_an_identity(bench: InstructionBench) -> None:
+    bench.run(MOVE + RUN)
+    assert "EGM of the right arm is disconnected" in bench.failure
+
+
+def test_fifth_identity_is_refused(bench: InstructionBench) -> None:
+    names = ("b", "c", "d", "e")
+    declarations = "; ".join(f"VAR egmident {name}" for name in names)
+    bench.start("EGMGetId egm; " + "".join(f"EGMGetId {name};" for name in names), others=f"; {declarations}")
+    bench.finish()
+    assert "4 EGM identities are in use" in bench.failure
+    assert bench.events.entries()[0].code == 41828
+
+
+def test_same_variable_keeps_its_identity(bench: InstructionBench) -> None:
+    bench.run("FOR i FROM 1 TO 9 DO EGMGetId egm; ENDFOR")
+    assert bench.failure == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ('"ROB_R","NOWHERE"\\Joint', "no Transmission Protocol of type UDPUC is called 'NOWHERE'"),
+        ('"NOTHING","ROB_R"\\Joint', "there is no External Motion Interface Data 'NOTHING'"),
+        ('"ROB_R","ROB_R"\\Pose', "a seven-axis arm is guided with \\Joint"),
+    ],
+)
+def test_setup_names_what_is_missing(bench: InstructionBench, arguments: str, sentence: str) -> None:
+    bench.run(f"EGMGetId egm; EGMSetupUC ROB_ID,egm,{arguments};")
+    assert sentence in bench.failure
+
+
+def test_setup_refuses_a_unit_that_is_no_robot(bench: InstructionBench) -> None:
+    bench.run('EGMGetId egm; EGMSetupUC ROB_R_7,egm,"ROB_R","ROB_R"\\Joint;')
+    assert "ROB_R_7 is no TCP robot" in bench.failure
+
+
+def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
+    bench.run('EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","UCdevice:"\\Joint;')
+    assert bench.failure == ""
+    assert bench.station.egm_device == "UCdevice"
+
+
+def test_stream_sends_until_it_is_stopped(bench: InstructionBench) -> None:
+    bench.run(SETUP + "EGMStreamStart egm\\SampleRate:=8; WaitTime 0.2; EGMStreamStop egm; WaitTime 0.2;")
+    assert 20 <= len(bench.sent) <= 30
+
+
+def test_tool_shifts_the_pose_in_the_datagrams(bench: InstructionBench) -> None:
+    bench.run(
+        SETUP + "EGMStreamStart egm; WaitTime 0.1; EGMStreamStop egm; " + ACT + "EGMStreamStart egm; WaitTime 0.1;"
+    )
+    first, last = (SensorCodec().decode(bench.sent[index]).measured_pose for index in (0, -1))
+    assert first is not None
+    assert last is not None
+    assert sum((a - b) ** 2 for a, b in zip(first.position, last.position, strict=True)) ** 0.5 == pytest.approx(0.1)
+
+
+def test_raw_data_shortens_the_reaction(bench: InstructionBench) -> None:
+    raw = SETUP.replace('"ROB_R","ROB_R"', '"ROB_R_RAW","ROB_R"')
+    bench.start(MOVE + raw + ACT + RUN)
+    guide(bench)
+    filtered = InstructionBench()
+    filtered.start(MOVE + SETUP + ACT + RUN)
+    guide(filtered)
+    assert bench.station.arm.reaction_time < filtered.station.arm.reaction_time
+
+
+def test_convergence_bands_arrive_in_chain_order(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    activations: list[EgmActivation] = []
+    monkeypatch.setattr(bench.station.egm, "activate", activations.append)
+    bands = "".join(f"\\J{axis}:=[-{axis},{axis}]" for axis in range(1, 8))
+    bench.run(f"{SETUP} EGMActJoint egm{bands};")
+    highest = [high for _, high in activations[0].cond_min_max]
+    assert highest == pytest.approx([radians(axis) for axis in (1, 2, 7, 3, 4, 5, 6)])

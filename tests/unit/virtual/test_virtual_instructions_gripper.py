@@ -1,0 +1,90 @@
+"""Gripper instructions: waiting, not waiting, and what they raise."""
+
+import pytest
+from instruction_bench import InstructionBench
+
+from yumi.virtual.gripper import Workpiece
+
+
+@pytest.fixture
+def bench() -> InstructionBench:
+    return InstructionBench()
+
+
+@pytest.fixture
+def loaded() -> InstructionBench:
+    """Something 20 mm wide between open fingers."""
+    bench = InstructionBench(workpiece=Workpiece(0.020))
+    bench.station.gripper.move_to(0.025)
+    bench.station.gripper.advance(2.0)
+    return bench
+
+
+def test_move_to_waits_for_the_fingers(bench: InstructionBench) -> None:
+    assert bench.run("g_MoveTo 20; number:=g_GetPos();") == pytest.approx(0.8, abs=0.1)
+    assert float(bench.read("number")) == pytest.approx(20.0)
+
+
+def test_move_to_goes_on_at_once_when_told(bench: InstructionBench) -> None:
+    assert bench.run("g_MoveTo 20\\NoWait;") < 0.05
+
+
+def test_move_to_refuses_a_position_beyond_the_limit(bench: InstructionBench) -> None:
+    bench.run("g_MoveTo 26;")
+    assert "ERR_HAND_AUGOUTOFRANGE" in bench.failure
+    assert bench.events.entries()[0].code == 112757
+
+
+def test_move_to_refuses_an_uncalibrated_gripper(bench: InstructionBench) -> None:
+    bench.station.gripper.is_calibrated = False
+    bench.run("g_MoveTo 20;")
+    assert "ERR_HAND_NOTCALIBRATED" in bench.failure
+
+
+def test_grip_in_holds_what_is_there(loaded: InstructionBench) -> None:
+    loaded.run("g_GripIn\\holdForce:=8;")
+    assert loaded.station.gripper.is_holding
+    assert loaded.station.gripper.hold_force == 8
+
+
+def test_grip_in_raises_when_nothing_is_there(bench: InstructionBench) -> None:
+    bench.station.gripper.move_to(0.025)
+    bench.station.gripper.advance(2.0)
+    bench.run("g_GripIn;")
+    assert "ERR_HAND_FAILEDGRIPINWARD" in bench.failure
+
+
+def test_grip_checks_the_position_it_was_given(loaded: InstructionBench) -> None:
+    loaded.run("g_GripIn\\targetPos:=3;")
+    assert "ERR_HAND_FAILEDGRIPPOS" in loaded.failure
+
+
+def test_grip_out_holds_something_hollow() -> None:
+    bench = InstructionBench(workpiece=Workpiece(0.020, is_hollow=True))
+    bench.run("g_GripOut;")
+    assert bench.station.gripper.is_holding
+
+
+def test_calibrate_takes_its_time_and_leaves_a_calibrated_gripper(bench: InstructionBench) -> None:
+    bench.station.gripper.is_calibrated = False
+    assert bench.run("g_Calibrate\\Jog; flag:=g_IsCalibrated();") > 0.5
+    assert bench.read("flag") == "TRUE"
+
+
+def test_init_sets_speed_and_limit(bench: InstructionBench) -> None:
+    bench.run("g_Init\\maxSpd:=10\\holdForce:=5\\phyLimit:=12;")
+    gripper = bench.station.gripper
+    assert (gripper.max_speed, gripper.hold_force, gripper.physical_limit) == pytest.approx((0.010, 5, 0.012))
+
+
+def test_init_calibrates_when_told(bench: InstructionBench) -> None:
+    bench.station.gripper.is_calibrated = False
+    bench.run("g_Init\\Calibrate;")
+    assert bench.station.gripper.is_calibrated
+
+
+@pytest.mark.parametrize("channel", [1, 2])
+def test_vacuum_and_blow_exclude_each_other(bench: InstructionBench, channel: int) -> None:
+    bench.run(f"g_VacuumOn{channel}; g_BlowOn{channel};")
+    signals = bench.station.gripper.signals()
+    assert (signals[f"hand_StatusVacuum{channel}"], signals[f"hand_StatusBlowoff{channel}"]) == (0, 1)

@@ -1,0 +1,127 @@
+"""Motion instructions: where the arm goes, how fast, and what it says about itself."""
+
+from math import degrees, radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from instruction_bench import InstructionBench
+
+from yumi.robot.joints import Joints, Side
+from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
+from yumi.virtual.arm_angle import arm_angle_deg
+from yumi.virtual.rapid_values import NOT_PRESENT, jointtarget, robtarget
+
+NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
+
+
+@pytest.fixture
+def bench() -> InstructionBench:
+    return InstructionBench()
+
+
+def test_move_abs_j_stands_at_its_target(bench: InstructionBench) -> None:
+    bench.run(f"MoveAbsJ {NEAR}\\NoEOffs,v1000,fine,tool0;")
+    robax, extax = jointtarget(bench.station.arm.position)
+    assert robax == pytest.approx((20, -120, 30, 0, 40, 0), abs=1e-3)
+    assert extax[0] == pytest.approx(-130, abs=1e-3)
+    assert bench.station.arm.is_stationary
+
+
+def test_move_abs_j_leaves_an_axis_that_is_not_given(bench: InstructionBench) -> None:
+    bench.run("MoveAbsJ [[20,-120,30,0,40,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;")
+    assert bench.station.arm.position[2] == pytest.approx(radians(-135), abs=1e-5)
+
+
+def test_move_abs_j_is_slower_with_a_slower_speed(bench: InstructionBench) -> None:
+    slow = bench.run(f"MoveAbsJ {NEAR},v50,fine,tool0;")
+    assert slow > 2.0 * InstructionBench().run(f"MoveAbsJ {NEAR},v200,fine,tool0;")
+
+
+def test_move_abs_j_obeys_the_speed_ratio(bench: InstructionBench) -> None:
+    full = InstructionBench().run(f"MoveAbsJ {NEAR},v50,fine,tool0;")
+    bench.speed_ratio = 50
+    assert bench.run(f"MoveAbsJ {NEAR},v50,fine,tool0;") == pytest.approx(2.0 * full, rel=0.05)
+
+
+def test_move_abs_j_takes_at_least_the_time_it_is_given(bench: InstructionBench) -> None:
+    assert bench.run(f"MoveAbsJ {NEAR},v1000\\T:=4,fine,tool0;") == pytest.approx(4.0, abs=0.2)
+
+
+def test_move_abs_j_refuses_a_target_out_of_range(bench: InstructionBench) -> None:
+    bench.run("MoveAbsJ [[0,-130,200,0,40,0],[-135,0,0,0,0,0]],v1000,fine,tool0;")
+    assert "ERR_ROBLIMIT" in bench.failure
+    assert "yumi_joint_3_r cannot move" in bench.failure
+    assert bench.station.arm.position == home(Side.RIGHT)
+
+
+def test_move_abs_j_refuses_while_the_motors_are_off(bench: InstructionBench) -> None:
+    bench.station.arm.switch_motors_off()
+    bench.run(f"MoveAbsJ {NEAR},v1000,fine,tool0;")
+    assert "motors of the right arm are off" in bench.failure
+
+
+def test_move_abs_j_to_where_the_arm_is_takes_no_time(bench: InstructionBench) -> None:
+    assert bench.run("MoveAbsJ CJointT(),v100,fine,tool0;") < 0.1
+
+
+@pytest.mark.parametrize("name", ["MoveJ", "MoveL"])
+def test_cartesian_motion_is_refused_with_a_way_out(bench: InstructionBench, name: str) -> None:
+    bench.run(f"point:=CRobT(); {name} point,v100,fine,tool0;")
+    assert f"{name} needs inverse kinematics" in bench.failure
+    assert "use MoveAbsJ" in bench.failure
+
+
+def test_wait_rob_waits_until_the_arm_stands(bench: InstructionBench) -> None:
+    bench.station.arm.move_to(tuple(value + 0.2 for value in home(Side.RIGHT)))  # type: ignore[arg-type]
+    bench.run("WaitRob\\InPos;")
+    assert bench.station.arm.is_stationary
+
+
+def test_c_joint_t_tells_where_the_arm_is(bench: InstructionBench) -> None:
+    bench.run("target:=CJointT();")
+    assert bench.read("target") == "[[0,-130,30,0,40,0],[-135,9E+09,9E+09,9E+09,9E+09,9E+09]]"
+
+
+def test_c_rob_t_tells_home_as_abb_does() -> None:
+    bench = InstructionBench(Side.LEFT)
+    bench.run("point:=CRobT();")
+    assert bench.read("point").startswith("[[-9.57833,182.61,198.628],[0.0660108,0.842421,-0.111215,0.523069]")
+    assert ",[101.964,9E+09,9E+09,9E+09,9E+09,9E+09]]" in bench.read("point")
+
+
+def test_c_rob_t_counts_the_tool_in(bench: InstructionBench) -> None:
+    bench.run("point:=CRobT(); tip:=CRobT(\\Tool:=my_tool\\WObj:=wobj0); number:=Distance(point.trans,tip.trans);")
+    assert float(bench.read("number")) == pytest.approx(100.0, abs=1e-3)
+
+
+def test_c_tool_tells_the_tool_of_the_last_motion(bench: InstructionBench) -> None:
+    bench.run(f"MoveAbsJ {NEAR},v1000,fine,my_tool; my_tool:=CTool();")
+    assert bench.station.tool.tframe.trans.z == 100
+
+
+@pytest.mark.parametrize(("side", "angle_deg"), [(Side.RIGHT, -101.9644), (Side.LEFT, 101.9644)])
+def test_arm_angle_at_home_is_the_one_abb_publishes(side: Side, angle_deg: float) -> None:
+    assert arm_angle_deg(side, home(side)) == pytest.approx(angle_deg, abs=1e-4)
+
+
+positions = st.tuples(*(st.floats(low, high) for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
+
+
+@given(positions)
+def test_robtarget_without_tool_and_work_object_is_tool0_in_millimetres(position: Joints) -> None:
+    trans, rot, _, extax = robtarget(Side.LEFT, position, None, None)
+    pose = tool0_to_body(Side.LEFT, position)
+    assert trans == pytest.approx([value * 1e3 for value in pose.position])
+    assert rot == pose.orientation
+    assert -180.0 <= extax[0] <= 180.0
+
+
+@given(positions)
+def test_jointtarget_holds_every_axis_in_abbs_order(position: Joints) -> None:
+    robax, extax = jointtarget(position)
+    a1, a2, a7, a3, a4, a5, a6 = map(degrees, position)
+    assert robax == (a1, a2, a3, a4, a5, a6)
+    assert extax == (a7, *(NOT_PRESENT,) * 5)

@@ -1,0 +1,63 @@
+"""The configuration: ABB's cfg text in, instances out."""
+
+import pytest
+
+from yumi.errors import SettingsError
+from yumi.virtual.configuration import Configuration
+
+TEXT = """EIO:CFG_1.0:6:1::
+# a comment
+EIO_SIGNAL:
+
+      -Name "FIRST" -SignalType "DI" \\
+      -Access "All"
+      -Name "SECOND" -SignalType "DO" -Default 1
+
+CAB:
+      -Name "flag" -Hidden
+"""
+
+
+@pytest.fixture
+def configuration() -> Configuration:
+    return Configuration([TEXT])
+
+
+def test_configuration_lists_instances_in_the_order_of_the_file(configuration: Configuration) -> None:
+    assert [instance.name for instance in configuration.instances("EIO", "EIO_SIGNAL")] == ["FIRST", "SECOND"]
+
+
+def test_configuration_joins_lines_that_end_in_a_backslash(configuration: Configuration) -> None:
+    first = configuration.find("EIO", "EIO_SIGNAL", "FIRST")
+    assert first is not None
+    assert first.attributes["Access"] == "All"
+
+
+def test_configuration_completes_instances_with_defaults(
+    configuration: Configuration,
+) -> None:
+    second = configuration.find("EIO", "EIO_SIGNAL", "SECOND")
+    assert second is not None
+    assert (second.attributes["Access"], second.attributes["Default"]) == ("Default", "1")
+
+
+def test_configuration_takes_an_attribute_without_value_for_a_flag(configuration: Configuration) -> None:
+    assert configuration.instances("EIO", "CAB")[0].attributes["Hidden"] == "TRUE"
+
+
+@pytest.mark.parametrize("domain", ["eio", "EIO"])
+def test_configuration_finds_domains_and_types_in_any_case(configuration: Configuration, domain: str) -> None:
+    assert configuration.types(domain) == ("EIO_SIGNAL", "CAB")
+    assert configuration.find(domain, "eio_signal", "FIRST") is not None
+
+
+def test_configuration_changes_single_attributes(configuration: Configuration) -> None:
+    configuration.change("EIO", "EIO_SIGNAL", "FIRST", {"Access": "ReadOnly"})
+    first = configuration.find("EIO", "EIO_SIGNAL", "FIRST")
+    assert first is not None
+    assert first.attributes == {**first.attributes, "Access": "ReadOnly", "SignalType": "DI"}
+
+
+def test_configuration_refuses_text_without_a_domain() -> None:
+    with pytest.raises(SettingsError, match=r"begins with its domain, such as EIO:CFG_1.0, not 'hello'"):
+        Configuration(["hello\nworld:\n"])
