@@ -1,0 +1,39 @@
+"""RAPID, the language of ABB's IRC5: parser and interpreter; knows no robot.
+
+A host registers the robot's instructions in an `InstructionSet`, and lets a `Task` load modules and advance.
+"""
+
+from yumi.rapid.errors import (
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    RapidValueError,
+    UnknownSymbol,
+)
+from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
+from yumi.rapid.library import Call, Wait
+from yumi.rapid.parser import parse_module
+from yumi.rapid.standard import InstructionSet
+from yumi.rapid.syntax import Module
+from yumi.rapid.task import ModuleInfo, Task
+from yumi.rapid.types import Signal
+
+__all__ = [
+    "Call",
+    "EventKind",
+    "Execution",
+    "Host",
+    "InstructionSet",
+    "Module",
+    "ModuleInfo",
+    "RapidReferenceError",
+    "RapidRuntimeError",
+    "RapidSyntaxError",
+    "RapidValueError",
+    "Signal",
+    "Task",
+    "TaskEvent",
+    "UnknownSymbol",
+    "Wait",
+    "parse_module",
+]

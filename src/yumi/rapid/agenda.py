@@ -1,0 +1,31 @@
+"""The agenda: what a task has promised to do at a later time while its program goes on, such as ending a pulse."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Callable
+
+Action = Callable[[], None]
+
+
+class Agenda:
+    """Actions in the order of their task time [s]."""
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[float, int, Action]] = []
+        self._order = itertools.count()
+
+    def add(self, time: float, action: Action) -> None:
+        heapq.heappush(self._entries, (time, next(self._order), action))
+
+    @property
+    def next_time(self) -> float:
+        """When the next action is due [s]; infinite when there is none."""
+        return self._entries[0][0] if self._entries else math.inf
+
+    def perform(self, now: float) -> None:
+        """Do everything that is due."""
+        while self._entries and self._entries[0][0] <= now:
+            heapq.heappop(self._entries)[2]()

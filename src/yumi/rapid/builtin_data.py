@@ -1,0 +1,96 @@
+"""RAPID's predefined types and data: records of positions and motion, speeds, zones, tool0, wobj0."""
+
+from __future__ import annotations
+
+import math
+
+from yumi.rapid.library import Library, core_library
+
+JOINTS = tuple(f"rax_{n}" for n in range(1, 7))
+EXTERNAL_AXES = tuple(f"eax_{letter}" for letter in "abcdef")
+NUMS = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
+
+RECORDS: dict[str, dict[str, str]] = {
+    "pos": dict.fromkeys(("x", "y", "z"), "num"),
+    "orient": dict.fromkeys(("q1", "q2", "q3", "q4"), "num"),
+    "pose": {"trans": "pos", "rot": "orient"},
+    "confdata": dict.fromkeys(("cf1", "cf4", "cf6", "cfx"), "num"),
+    "robjoint": dict.fromkeys(JOINTS, "num"),
+    "extjoint": dict.fromkeys(EXTERNAL_AXES, "num"),
+    "robtarget": {"trans": "pos", "rot": "orient", "robconf": "confdata", "extax": "extjoint"},
+    "jointtarget": {"robax": "robjoint", "extax": "extjoint"},
+    "speeddata": dict.fromkeys(("v_tcp", "v_ori", "v_leax", "v_reax"), "num"),
+    "zonedata": {
+        "finep": "bool",
+        **dict.fromkeys(("pzone_tcp", "pzone_ori", "pzone_eax", "zone_ori", "zone_leax", "zone_reax"), "num"),
+    },
+    "loaddata": {"mass": "num", "cog": "pos", "aom": "orient", "ix": "num", "iy": "num", "iz": "num"},
+    "tooldata": {"robhold": "bool", "tframe": "pose", "tload": "loaddata"},
+    "wobjdata": {"robhold": "bool", "ufprog": "bool", "ufmec": "string", "uframe": "pose", "oframe": "pose"},
+}
+
+SPEEDS_MM_S = (
+    *(5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500, 3000),
+    *(4000, 5000, 6000, 7000),
+)
+REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S = 500, 5000, 1000
+
+# Radius around the point for path [mm], reorientation [mm] and [deg].
+ZONES_MM = {
+    0: (0.3, 0.3, 0.03),
+    1: (1, 1, 0.1),
+    5: (5, 8, 0.8),
+    10: (10, 15, 1.5),
+    15: (15, 23, 2.3),
+    20: (20, 30, 3),
+    30: (30, 45, 4.5),
+    40: (40, 60, 6),
+    50: (50, 75, 7.5),
+    60: (60, 90, 9),
+    80: (80, 120, 12),
+    100: (100, 150, 15),
+    150: (150, 225, 23),
+    200: (200, 300, 30),
+}
+NO_POSE = ((0, 0, 0), (1, 0, 0, 0))
+
+
+def _data_library() -> Library:
+    library = Library(core_library())
+    for name in NUMS:
+        library.alias(name, "num")
+    for name, components in RECORDS.items():
+        library.record(name, components)
+    _add_constants(library)
+    _add_motion_data(library)
+    return library
+
+
+def _add_constants(library: Library) -> None:
+    library.data("pi", "num", math.pi)
+    library.data("stEmpty", "string", "")
+    for name, value in (("low", 0), ("high", 1), ("edge", 2)):
+        library.data(name, "dionum", value)
+    for value, name in enumerate(("OP_UNDEF", "OP_AUTO", "OP_MAN_PROG", "OP_MAN_TEST")):
+        library.data(name, "symnum", value)
+
+
+def _add_motion_data(library: Library) -> None:
+    load0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
+    library.data("load0", "loaddata", load0)
+    library.data("tool0", "tooldata", (True, NO_POSE, load0))
+    library.data("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
+    for speed in SPEEDS_MM_S:
+        library.data(f"v{speed}", "speeddata", _speed(speed))
+    library.data("vmax", "speeddata", _speed(SPEEDS_MM_S[-1]))
+    library.data("fine", "zonedata", (True, 0, 0, 0, 0, 0, 0))
+    for radius, (path, reorientation, angle) in ZONES_MM.items():
+        zone = (False, path, reorientation, reorientation, angle, reorientation, angle)
+        library.data(f"z{radius}", "zonedata", zone)
+
+
+def _speed(tool_mm_s: float) -> tuple[float, float, float, float]:
+    return (tool_mm_s, REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S)
+
+
+DATA = _data_library()

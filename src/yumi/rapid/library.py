@@ -1,0 +1,241 @@
+r"""The library: instructions, functions, types and data that extend the language.
+
+Whoever owns a robot registers its instructions here; RAPID itself only knows how to call them. A signature is the
+parameter list of a RAPID routine, exactly as it would stand between its parentheses::
+
+    library = InstructionSet()  # on top of RAPID's own instructions
+
+    @library.instruction("EGMStop", r"VAR egmident EGMid, egmstopmode Mode, \num RampOutTime")
+    def egm_stop(call: Call) -> Iterator[None]:
+        ...
+        yield  # not done: look again at the next advance
+
+- `VAR`, `PERS`, `INOUT` before a type: the argument must be such a datum, and `call["EGMid"] = value` writes to it.
+- `\num RampOutTime`: optional, `call.present("RampOutTime")`, `call.get("RampOutTime", default)`.
+- `\switch Joint | \switch Pose`: at most one of them; a switch that is present has the value True.
+- Types: every RAPID type, and `anytype`, `anynum` (num or dnum), `signal` (any kind), `x{*}` for arrays.
+
+An instruction returns None, or is a generator: each `yield` gives the task back until the next advance (`yield t`:
+and no later than task time t [s]). A function returns its value, or is a generator that returns it.
+`RapidRuntimeError` starts RAPID's error handling. When the routine is abandoned (long jump, PP to main) the generator
+is closed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from yumi.rapid.data import ABSENT, Place, Variable
+from yumi.rapid.error_numbers import ERROR_NAMES, FIRST_ERROR_NUMBER
+from yumi.rapid.errors import RapidReferenceError
+from yumi.rapid.parser import parse_parameters
+from yumi.rapid.syntax import Mode, Storage
+from yumi.rapid.types import (
+    ANY_NUM,
+    ANY_SIGNAL,
+    ANY_TYPE,
+    BOOL,
+    DNUM,
+    NUM,
+    STRING,
+    SWITCH,
+    AliasType,
+    ArrayType,
+    ObjectType,
+    RecordType,
+    SignalType,
+    Type,
+)
+
+if TYPE_CHECKING:
+    from yumi.rapid.task import Task
+
+Implementation = TypeVar("Implementation", bound=Callable[..., Any])
+Wait = Iterator["float | None"]
+
+
+class Call:
+    """One call of an instruction or function: its arguments by name, without regard to case.
+
+    Attributes:
+        task: the task that executes it.
+        name: the name it was called by.
+    """
+
+    __slots__ = ("_arguments", "name", "task")
+
+    def __init__(self, task: Task, name: str, arguments: dict[str, Place]) -> None:
+        self.task = task
+        self.name = name
+        self._arguments = arguments
+
+    def present(self, name: str) -> bool:
+        return self._arguments[name.lower()] is not ABSENT
+
+    def __getitem__(self, name: str) -> Any:
+        return self._arguments[name.lower()].value
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Write to the datum passed for a VAR, PERS or INOUT parameter."""
+        place = self._arguments[name.lower()]
+        place.value = place.type.convert(value)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        place = self._arguments[name.lower()]
+        return default if place is ABSENT else place.value
+
+    def place(self, name: str) -> Place:
+        """The datum itself, with its name, type and value."""
+        return self._arguments[name.lower()]
+
+
+@dataclass(frozen=True, slots=True)
+class FormalParameter:
+    """A parameter with its type looked up."""
+
+    name: str
+    type: Type
+    mode: Mode
+    group: int | None
+
+    @property
+    def key(self) -> str:
+        return self.name.lower()
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryRoutine:
+    """An instruction (`returns` is None) or function written in Python."""
+
+    name: str
+    parameters: tuple[FormalParameter, ...]
+    returns: Type | None
+    implementation: Callable[[Call], Any]
+    may_wait: bool
+
+
+class Library:
+    """Names that every module of a task sees; what is registered here hides the same name of `base`."""
+
+    def __init__(self, base: Library | None = None) -> None:
+        self._base = base
+        self._routines: dict[str, LibraryRoutine] = {}
+        self._types: dict[str, Type] = {}
+        self._data: dict[str, Variable] = {}
+        self._errors: dict[str, float] = {}
+        self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
+
+    # Registering --------------------------------------------------------------------------------------------------
+
+    def instruction(self, name: str, signature: str = "") -> Callable[[Implementation], Implementation]:
+        """Decorate the function that executes the instruction `name`; it receives a `Call`."""
+        return self._register(name, signature, None)
+
+    def function(self, name: str, signature: str, returns: str) -> Callable[[Implementation], Implementation]:
+        """Decorate the function that computes `name(...)`, of type `returns`, from a `Call`."""
+        return self._register(name, signature, self.type(returns))
+
+    def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
+        parameters = self.formal(signature)
+
+        def registered(implementation: Implementation) -> Implementation:
+            may_wait = inspect.isgeneratorfunction(implementation)
+            self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, may_wait)
+            return implementation
+
+        return registered
+
+    def formal(self, signature: str) -> tuple[FormalParameter, ...]:
+        """The parameters of a signature."""
+        return tuple(
+            FormalParameter(
+                p.name,
+                ArrayType(self.type(p.type_name), (0,) * p.rank) if p.rank else self.type(p.type_name),
+                p.mode,
+                p.group,
+            )
+            for p in parse_parameters(signature)
+        )
+
+    def record(self, name: str, components: dict[str, str]) -> RecordType:
+        """Register a record type from component names to type names, in order."""
+        fields = tuple((component, self.type(type_name)) for component, type_name in components.items())
+        record = RecordType.named(name, fields)
+        self._types[name.lower()] = record
+        return record
+
+    def alias(self, name: str, base: str) -> None:
+        """Register another name for a type, as errnum is for num."""
+        self._types[name.lower()] = AliasType(name, self.type(base))
+
+    def object_type(self, name: str, new: Callable[[], Any]) -> None:
+        """Register a type without value (egmident, mecunit); each datum of it begins with an object from `new`."""
+        self._types[name.lower()] = ObjectType(name, new)
+
+    def add_type(self, type_: Type) -> None:
+        self._types[type_.name.lower()] = type_
+
+    def data(self, name: str, type_name: str, value: Any) -> None:
+        """Register a predefined constant."""
+        type_ = self.type(type_name)
+        self._data[name.lower()] = Variable(name, type_, type_.convert(value), Storage.CONST, is_local=False)
+
+    def error(self, name: str) -> float:
+        """Register an error name such as ERR_UDPUC_COMM; returns its number."""
+        number = float(self._next_error)
+        self._next_error += 1
+        self._errors[name.lower()] = number
+        self.data(name, "errnum", number)
+        return number
+
+    def include(self, other: Library) -> None:
+        """Take over everything that `other` registered itself, without what it is based on."""
+        self._routines.update(other._routines)
+        self._types.update(other._types)
+        self._data.update(other._data)
+        self._errors.update(other._errors)
+
+    # Looking up ---------------------------------------------------------------------------------------------------
+
+    def routine(self, name: str) -> LibraryRoutine | None:
+        found = self._routines.get(name.lower())
+        return found or (self._base.routine(name) if self._base else None)
+
+    def find_type(self, name: str) -> Type | None:
+        found = self._types.get(name.lower())
+        return found or (self._base.find_type(name) if self._base else None)
+
+    def type(self, name: str) -> Type:
+        """The type called `name`; raises RapidReferenceError."""
+        found = self.find_type(name)
+        if found is None:
+            raise RapidReferenceError(f"There is no type '{name}'; register it before it is used.")
+        return found
+
+    def datum(self, name: str) -> Variable | None:
+        found = self._data.get(name.lower())
+        return found or (self._base.datum(name) if self._base else None)
+
+    def error_number(self, name: str) -> float | None:
+        found = self._errors.get(name.lower())
+        return found or (self._base.error_number(name) if self._base else None)
+
+    def error_name(self, number: float) -> str | None:
+        found = next((name.upper() for name, n in self._errors.items() if n == number), None)
+        return found or (self._base.error_name(number) if self._base else None)
+
+
+def core_library() -> Library:
+    """The atomic types, signals and error numbers: what RAPID's own instructions are written in."""
+    core = Library()
+    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_SIGNAL):
+        core.add_type(type_)
+    for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
+        core.add_type(SignalType(kind))
+    core.alias("errnum", "num")
+    for name in ERROR_NAMES:
+        core.error(name)
+    return core

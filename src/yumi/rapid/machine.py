@@ -1,0 +1,201 @@
+"""The machine: executes compiled routines step by step, and can pause between any two of them.
+
+The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
+interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
+is abandoned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from yumi.rapid.code import Code
+from yumi.rapid.data import Place
+from yumi.rapid.error_numbers import LARGEST_OWN_NUMBER
+from yumi.rapid.errors import RapidReferenceError, RapidRuntimeError
+from yumi.rapid.frame import Frame, Propagated
+from yumi.rapid.interrupts import Interrupts
+from yumi.rapid.scope import UserRoutine
+from yumi.rapid.statements import compile_routine
+
+if TYPE_CHECKING:
+    from yumi.rapid.task import Task
+
+DEEPEST_STACK = 250
+
+
+class Machine:
+    """The execution of one task: its call stack and its interrupts."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.frames: list[Frame] = []
+        self.interrupts = Interrupts()
+        self.in_trap = False
+        self.instant = 0
+        self.budget = 0
+
+    # Running ------------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Execute until the task waits or stops, or the budget of steps is used up."""
+        self.instant += 1
+        while self.task.is_running:
+            frame = self.frames[-1]
+            if self.interrupts.queue and self._is_open(frame):
+                self._begin_trap(frame)
+            elif frame.waiting is not None:
+                if not self._look(frame):
+                    return
+            elif self.budget <= 0:
+                return
+            else:
+                self._execute(frame)
+
+    def _look(self, frame: Frame) -> bool:
+        """Look at a waiting frame, once in an instant; whether there is anything to go on with."""
+        if frame.polled_at == self.instant:
+            return False
+        frame.polled_at = self.instant
+        return self._guarded(frame.look)
+
+    def _execute(self, frame: Frame) -> None:
+        self.budget -= 1
+        step = frame.code.steps[frame.step]
+        frame.step += 1
+        frame.polled_at = -1
+        try:
+            step(self, frame)
+        except RapidRuntimeError as error:
+            self._recover(error)
+        except Propagated as passed:
+            self._propagate(passed)
+
+    def _guarded(self, look: Callable[[], bool]) -> bool:
+        try:
+            return look()
+        except RapidRuntimeError as error:
+            self._recover(error)
+            return True
+
+    def next_wake(self) -> float:
+        """Task time at which something is due [s]; infinite when nothing is."""
+        timer = self.interrupts.next_timer()
+        wake = self.frames[-1].wake if self.frames and self.frames[-1].waiting is not None else None
+        return timer if wake is None else min(wake, timer)
+
+    # Entering and leaving routines --------------------------------------------------------------------------------
+
+    def enter(self, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> Frame:
+        if len(self.frames) >= DEEPEST_STACK:
+            raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
+        frame = Frame(self.task, routine, self._code_of(routine), arguments, result_slot)
+        self.frames.append(frame)
+        return frame
+
+    def _code_of(self, routine: UserRoutine) -> Code:
+        if routine.code is None:
+            try:
+                routine.code = compile_routine(self.task.program, routine)
+            except RapidReferenceError as error:
+                raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
+        return routine.code
+
+    def leave(self, value: Any) -> None:
+        frame = self.frames.pop()
+        if not self.frames:
+            self.task.finished()
+            return
+        below = self.frames[-1]
+        if frame.is_trap:
+            self.in_trap = below.is_interrupted = False
+        elif frame.result_slot is not None:
+            below.slots[frame.result_slot] = value
+
+    def abandon(self, depth: int = 0) -> None:
+        """Leave all routines above `depth` without finishing them, the topmost first."""
+        while len(self.frames) > depth:
+            frame = self.frames.pop()
+            if frame.is_trap:
+                self.in_trap = False
+            frame.abandon()
+
+    def exit(self) -> None:
+        where = self.frames[-1]
+        self.abandon()
+        self.task.exited(where)
+
+    # Interrupts ---------------------------------------------------------------------------------------------------
+
+    def _is_open(self, frame: Frame) -> bool:
+        is_allowed = not self.in_trap and not self.interrupts.is_disabled
+        return is_allowed and (frame.waiting is not None or frame.is_between_statements())
+
+    def _begin_trap(self, below: Frame) -> None:
+        number, trap = self.interrupts.take()
+        self.task.set_system("intno", float(number))
+        below.is_interrupted = below.waiting is None
+        try:
+            self.enter(trap, (), None).is_trap = True
+        except RapidRuntimeError as error:
+            self._recover(error)
+        else:
+            self.in_trap = True
+
+    def connect(self, place: Place, trap: UserRoutine) -> None:
+        place.value = float(self.interrupts.connect(int(place.value), trap))
+
+    # Errors -------------------------------------------------------------------------------------------------------
+
+    def raise_number(self, frame: Frame, number: float) -> None:
+        """RAISE with a number; in an error handler that lists numbers it is a long jump."""
+        error = RapidRuntimeError(self.task.error_name(number), f"The program raised the error {number:g}.")
+        error.number = number
+        if frame.error is not None and frame.code.handler is not None:
+            raise Propagated(error, is_long_jump=bool(frame.code.handler.numbers))
+        if not 1 <= number <= LARGEST_OWN_NUMBER and not error.name:
+            sentence = f"RAISE takes 1 to {LARGEST_OWN_NUMBER}, a booked number or a known error, not {number:g}."
+            raise RapidRuntimeError("ERR_ILLRAISE", sentence)
+        raise error
+
+    def raise_again(self, frame: Frame) -> None:
+        assert frame.error is not None
+        assert frame.code.handler is not None
+        raise Propagated(frame.error, is_long_jump=bool(frame.code.handler.numbers))
+
+    def retry(self, frame: Frame) -> None:
+        frame.retry()
+
+    def try_next(self, frame: Frame) -> None:
+        frame.try_next()
+
+    def _propagate(self, passed: Propagated) -> None:
+        self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
+
+    def _recover(self, error: RapidRuntimeError, *, is_long_jump: bool = False, skip: int = 0) -> None:
+        """Find the handler of an error, from the top of the stack down; stop the task when there is none.
+
+        Below a trap only handlers that list the number count, and an error inside of a handler has none at all.
+        """
+        number = self.task.note_error(error)
+        depth = self._handler_depth(number, is_long_jump, skip) if number else 0
+        if depth == 0:
+            self.task.failed(error, self.frames[-1])
+            return
+        self.abandon(depth)
+        self.frames[-1].enter_handler(error)
+
+    def _handler_depth(self, number: float, is_long_jump: bool, skip: int) -> int:
+        """How deep the stack is up to the frame that handles an error, 0 when none does."""
+        from_above = False
+        for depth in range(len(self.frames), 0, -1):
+            frame = self.frames[depth - 1]
+            if depth <= len(self.frames) - skip:
+                if frame.takes(number, is_long_jump=is_long_jump, from_above=from_above):
+                    return depth
+                if frame.error is not None and not is_long_jump:
+                    return 0
+            if frame.is_trap:
+                is_long_jump = from_above = True
+        return 0

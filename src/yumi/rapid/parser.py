@@ -1,0 +1,140 @@
+"""The parser: RAPID text to syntax tree, with errors a person can act on."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+from lark import Lark, UnexpectedToken
+from lark.exceptions import UnexpectedInput, VisitError
+
+from yumi.rapid.errors import RapidSyntaxError
+from yumi.rapid.syntax import Expression, Module, Parameter, Reference
+from yumi.rapid.tree import NotAllowed, TreeBuilder
+
+# What may stand in a place, from the general to the particular: the first group that fits whole names its members.
+GROUPS = {
+    "a statement": frozenset(
+        (
+            *("IDENT", "PERCENT", "IF", "FOR", "WHILE", "TEST", "GOTO"),
+            *("RETURN", "RAISE", "EXIT", "RETRY", "TRYNEXT", "CONNECT"),
+        )
+    ),
+    "an expression": frozenset(("IDENT", "NUMBER", "STRING", "TRUE", "FALSE", "LPAR", "LSQB", "PLUS", "MINUS", "NOT")),
+    "an operator": frozenset(("PLUS", "MINUS", "TIMES", "DIVIDE", "DIV", "MOD", "RELATION", "AND", "OR", "XOR")),
+    "a routine": frozenset(("PROC", "FUNC", "TRAP")),
+    "a type": frozenset(("RECORD", "ALIAS")),
+    "a declaration": frozenset(("CONST", "VAR", "PERS", "TASK_VAR", "TASK_PERS")),
+}
+WORDS = {
+    "IDENT": "a name",
+    "NUMBER": "a number",
+    "STRING": "a string",
+    "RELATION": "a comparison",
+    "PLUS": "'+'",
+    "MINUS": "'-'",
+    "TIMES": "'*'",
+    "DIVIDE": "'/'",
+    "ASSIGN": "':='",
+    "TASK_VAR": "TASK VAR",
+    "TASK_PERS": "TASK PERS",
+    "SEMICOLON": "';'",
+    "COLON": "':'",
+    "COMMA": "','",
+    "DOT": "'.'",
+    "LPAR": "'('",
+    "RPAR": "')'",
+    "LBRACE": "'{'",
+    "RBRACE": "'}'",
+    "LSQB": "'['",
+    "RSQB": "']'",
+    "BACKSLASH": "'\\'",
+    "PERCENT": "'%'",
+    "QMARK": "'?'",
+    "VBAR": "'|'",
+    "$END": "the end of the text",
+}
+
+
+@functools.lru_cache(maxsize=128)
+def parse_module(text: str, filename: str) -> Module:
+    """Parse one module.
+
+    Raises:
+        RapidSyntaxError: with file, line, column, what was found and what would be allowed.
+    """
+    module: Module = _parse(text, "module", filename)
+    return module.named(filename)
+
+
+def parse_parameters(text: str) -> tuple[Parameter, ...]:
+    r"""Parse a parameter list as it stands between the parentheses of a routine: `num x, \switch a | \switch b`."""
+    if not text.strip():
+        return ()
+    parameters: tuple[Parameter, ...] = _parse(text, "parameters", "<parameters>")
+    return parameters
+
+
+def parse_expression(text: str, filename: str = "<value>") -> Expression:
+    expression: Expression = _parse(text, "expression", filename)
+    return expression
+
+
+def parse_reference(text: str) -> Reference:
+    """Parse the path to a datum: `name`, `name{1}`, `name.component`."""
+    reference: Reference = _parse(text, "reference", "<symbol>")
+    return reference
+
+
+@functools.cache
+def _language() -> Lark:
+    return Lark.open(
+        "grammar.lark",
+        rel_to=__file__,
+        parser="lalr",
+        lexer="basic",
+        start=["module", "parameters", "expression", "reference"],
+        propagate_positions=True,
+        maybe_placeholders=True,
+    )
+
+
+def _parse(text: str, start: str, filename: str) -> Any:
+    try:
+        return TreeBuilder().transform(_language().parse(text, start=start))
+    except UnexpectedInput as error:
+        raise _syntax_error(error, text, filename) from error
+    except VisitError as error:
+        if not isinstance(error.orig_exc, NotAllowed):
+            raise
+        line, column = error.orig_exc.line, error.orig_exc.column
+        raise RapidSyntaxError(str(error.orig_exc), filename=filename, line=line, column=column) from error
+
+
+def _syntax_error(error: UnexpectedInput, text: str, filename: str) -> RapidSyntaxError:
+    line, column = error.line, error.column
+    if isinstance(error, UnexpectedToken) and error.token.type == "$END":
+        lines = text.splitlines() or [""]
+        line, column = len(lines), len(lines[-1]) + 1
+    return RapidSyntaxError(_sentence(error, text), filename=filename, line=line, column=column)
+
+
+def _sentence(error: UnexpectedInput, text: str) -> str:
+    if not isinstance(error, UnexpectedToken):
+        sign = text[error.pos_in_stream or 0]
+        return "the string does not end on its line." if sign == '"' else f"RAPID has no sign '{sign}'."
+    found = "the end of the text" if error.token.type == "$END" else f"'{error.token}'"
+    words = _grouped({name.lstrip("_") for name in error.accepts or error.expected})
+    allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+    return f"found {found} where {allowed} is allowed."
+
+
+def _grouped(names: set[str]) -> list[str]:
+    """What may stand here in words a person uses, groups first."""
+    words = []
+    rest = set(names)
+    for word, members in GROUPS.items():
+        if names >= members:
+            words.append(word)
+            rest -= members
+    return words + sorted(WORDS.get(name, name) for name in rest)

@@ -1,0 +1,62 @@
+"""RAPID's strings."""
+
+import pytest
+from rapid_bench import error_of, evaluated, started
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("NumToStr(0.38521,3)", '"0.385"'),
+        ("NumToStr(7,0)", '"7"'),
+        ("NumToStr(1234.5,2\\Exp)", '"1.23E+03"'),
+        ("DnumToStr(0.5,1)", '"0.5"'),
+        ("ValToStr([1,2,3])", '"[1,2,3]"'),
+        ("ValToStr(TRUE)", '"TRUE"'),
+        ('ValToStr("a")', '"a"'),
+        ('StrPart("Robotics",1,5)', '"Robot"'),
+        ('StrMap("Robotics","aeiou","AEIOU")', '"RObOtIcs"'),
+        ("GetTaskName()", '"T_ROB_R"'),
+    ],
+)
+def test_function_to_a_string(expression: str, value: str) -> None:
+    assert evaluated(expression, "string") == value
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ('StrLen("Robotics")', "8"),
+        ('StrFind("Robotics",1,"aeiou")', "2"),
+        ('StrFind("Robotics",1,"aeiou"\\NotInSet)', "1"),
+        ('StrFind("IRB 6400",1,STR_DIGIT)', "5"),
+        ('StrFind("abc",1,"x")', "4"),
+        ('StrMatch("Robotics",1,"bo")', "3"),
+        ('StrMatch("Robotics",4,"bo")', "9"),
+    ],
+)
+def test_search_in_a_string(expression: str, value: str) -> None:
+    assert evaluated(expression) == value
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [('StrMemb("Robot",2,"aeiou")', "TRUE"), ('StrOrder("FIRST","SECOND",STR_UPPER)', "TRUE"), ("RobOS()", "FALSE")],
+)
+def test_question_about_a_string(expression: str, value: str) -> None:
+    assert evaluated(expression, "bool") == value
+
+
+@pytest.mark.parametrize(
+    "expression",
+    ['StrPart("abc",2,3)', 'StrPart("abc",0,1)', 'StrPart("abc",1.5,1)', 'StrMap("a","ab","c")'],
+)
+def test_place_outside_of_the_string_is_an_error(expression: str) -> None:
+    assert error_of(f"s := {expression};", "VAR string s;") == "ERR_ARGVALERR"
+
+
+def test_string_becomes_a_value_of_the_variables_type() -> None:
+    bench = started(
+        'ok := StrToVal("[1, 2,3E1]", p); fine1 := StrToVal("x", p);', "VAR bool ok; VAR bool fine1; VAR pos p;"
+    )
+    assert (bench.read("ok"), bench.read("p"), bench.read("fine1")) == ("TRUE", "[1,2,30]", "FALSE")

@@ -1,0 +1,81 @@
+"""RAPID's display, clocks and modules; interrupts have a file of their own."""
+
+import pytest
+from rapid_bench import Bench, error_of, started
+
+EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ('"text"', "text"),
+        ('"n: "\\Num:=1.141367', "n: 1.14137"),
+        ('""\\Bool:=FALSE', "FALSE"),
+        ('""\\Pos:=[1,2.5,3]', "[1,2.5,3]"),
+        ('""\\Orient:=[1,0,0,0]', "[1,0,0,0]"),
+        ('""\\Dnum:=NumToDnum(3)', "3"),
+    ],
+)
+def test_text_is_written_with_a_value(arguments: str, line: str) -> None:
+    assert started(f"TPErase; TPWrite {arguments};").lines == [line]
+
+
+def test_event_is_written_with_its_reason() -> None:
+    assert started('ErrWrite \\W, "Gripper", "not calibrated"\\RL2:="jog it";').lines == [
+        "Gripper: not calibrated: jog it"
+    ]
+
+
+def test_clock_counts_while_it_runs() -> None:
+    body = "ClkReset c; ClkStart c; WaitTime 0.5; ClkStop c; WaitTime 0.5; n := ClkRead(c);"
+    bench = started(body, "VAR clock c; VAR num n;")
+    bench.run(1.2)
+    assert bench.read("n") == "0.5"
+
+
+def test_clock_goes_on_from_where_it_was_stopped() -> None:
+    body = "ClkStart c; WaitTime 0.5; ClkStop c; ClkStart c; WaitTime 0.25; n := ClkRead(c);"
+    bench = started(body, "VAR clock c; VAR num n;")
+    bench.run(1.0)
+    assert bench.read("n") == "0.75"
+
+
+def test_operating_mode_comes_from_the_host() -> None:
+    bench = Bench("n := OpMode();", "VAR num n;")
+    bench.task.operating_mode = lambda: 2
+    assert bench.start().read("n") == "2"
+
+
+def test_module_is_loaded_called_and_unloaded_by_the_program() -> None:
+    bench = Bench('Load "HOME:/extra.mod"; %"extra"%; UnLoad "HOME:/extra.mod"; WaitTime 1;')
+    bench.host.files["HOME:/extra.mod"] = EXTRA
+    bench.start()
+    assert (bench.lines, [m.name for m in bench.task.modules]) == (["extra"], ["M"])
+
+
+def test_module_path_may_be_given_in_two_parts() -> None:
+    bench = Bench('Load \\Dynamic, "HOME:" \\File:="extra.mod"; %"extra"%;')
+    bench.host.files["HOME:/extra.mod"] = EXTRA
+    assert bench.start().lines == ["extra"]
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [(None, "ERR_FILNOTFND"), ("MODULE", "ERR_SYNTAX"), ("MODULE M ENDMODULE", "ERR_LOADED")],
+)
+def test_module_that_cannot_be_loaded_is_an_error(text: str | None, name: str) -> None:
+    bench = Bench('Load "HOME:/extra.mod";')
+    if text is not None:
+        bench.host.files["HOME:/extra.mod"] = text
+    assert bench.start().stop.error == name
+
+
+def test_module_that_was_not_loaded_cannot_be_unloaded() -> None:
+    assert error_of('UnLoad "HOME:/extra.mod";') == "ERR_UNLOAD"
+
+
+def test_module_cannot_unload_itself() -> None:
+    bench = started('UnLoad "M.mod";')
+    assert bench.stop.error == "ERR_UNLOAD"
+    assert "The module 'M' is executing" in bench.stop.sentence

@@ -1,0 +1,66 @@
+"""The linker: declarations that depend on each other, and those that do not fit."""
+
+import pytest
+from rapid_bench import Bench, started
+
+from yumi.rapid import RapidReferenceError
+
+
+def refusal(declarations: str) -> str:
+    with pytest.raises(RapidReferenceError) as caught:
+        Bench("", declarations).task.move_pp_to_main()
+    return str(caught.value)
+
+
+def test_constants_may_be_used_before_they_are_declared() -> None:
+    bench = started("", "VAR num a{N} := [B,B]; CONST num B := 2 * C; CONST num C := N + 1; CONST num N := 2;")
+    assert bench.read("a") == "[6,6]"
+
+
+def test_constants_and_records_come_from_other_modules() -> None:
+    bench = Bench("", "VAR Point p := [X,1];")
+    bench.task.load("MODULE Other RECORD Point num x; num y; ENDRECORD CONST num X := 5; ENDMODULE", "other.mod")
+    assert bench.start().read("p") == "[5,1]"
+
+
+def test_record_may_contain_a_record_declared_later() -> None:
+    bench = started("o.inner.x := 4;", "RECORD Outer Inner inner; ENDRECORD RECORD Inner num x; ENDRECORD VAR Outer o;")
+    assert bench.read("o") == "[[4]]"
+
+
+def test_alias_is_the_same_type_under_another_name() -> None:
+    bench = started("l := n; n := l + 1;", "ALIAS num level; VAR level l; VAR num n := 2;")
+    assert (bench.read("n"), bench.task.type_of("M", "l")) == ("3", "level")
+
+
+def test_component_called_like_a_python_keyword_works() -> None:
+    assert started("r.class := 2;", "RECORD R num class; num def; ENDRECORD VAR R r;").read("r") == "[2,0]"
+
+
+def test_datum_may_have_the_name_of_its_type() -> None:
+    assert started("pose.trans.x := 1;", "VAR pose pose;").read("pose") == "[[1,0,0],[0,0,0,0]]"
+
+
+@pytest.mark.parametrize(
+    ("declarations", "sentence"),
+    [
+        ("VAR nothing x;", "there is no data type 'nothing'"),
+        ("CONST num x;", "the constant 'x' needs a value"),
+        ("CONST num a := b; CONST num b := a;", "depends on itself"),
+        ("RECORD R R again; ENDRECORD VAR R r;", "the type 'R' contains itself"),
+        ("VAR num a{0};", "the array 'a' needs one to three sizes of at least 1"),
+        ("VAR num a{1,1,1,1};", "the array 'a' needs one to three sizes of at least 1"),
+        ("VAR num a{2} := [1];", "an aggregate of 1 is found where a num{2} is needed"),
+        ("VAR num a; VAR num b := a;", "'a' is not a constant, which a declaration needs"),
+        ("VAR num a := Sin(1);", "a declaration cannot call a function"),
+        ("CONST num a := 1 / 0;", "the value of 'a' cannot be computed: 1 is divided by zero."),
+        ("PROC p() missing; ENDPROC", "M, line 2: 'missing' is not declared, and no signal has that name."),
+    ],
+)
+def test_declaration_that_does_not_fit_is_refused(declarations: str, sentence: str) -> None:
+    assert sentence in refusal(declarations)
+
+
+def test_name_declared_twice_in_a_module_is_refused_at_once() -> None:
+    with pytest.raises(RapidReferenceError, match="M, line 2: 'Same' is declared twice"):
+        Bench("", "VAR num same; PROC Same() ENDPROC")
