@@ -79,7 +79,7 @@ class SessionLost:
 
     Attributes:
         silence: how long the robot has been silent [s].
-        deactivated: controllers that commanded the arm until then.
+        deactivated: controllers that commanded the arm until then; none after an ordered stop.
     """
 
     side: Side
@@ -87,10 +87,12 @@ class SessionLost:
     deactivated: tuple[str, ...]
 
     def __str__(self) -> str:
-        stopped = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        arm, silence = self.side.word.capitalize(), f"silent for {self.silence * 1e3:.0f} ms"
+        if not self.deactivated:
+            return f"{arm} arm: EGM has ended, the robot is {silence}."
         return (
-            f"{self.side.word.capitalize()} arm: EGM feedback lost, the robot has been silent for "
-            f"{self.silence * 1e3:.0f} ms{stopped}. Call start_egm when the controller is back."
+            f"{arm} arm: EGM feedback lost, the robot has been {silence}; {', '.join(self.deactivated)} deactivated. "
+            "Call start_egm when the controller is back."
         )
 
 
@@ -109,17 +111,19 @@ class RobotStoppedFollowing:
     """The robot still sends datagrams but no longer follows commands.
 
     Attributes:
-        deactivated: controllers that commanded the arm until then.
+        deactivated: controllers that commanded the arm until then; none after an ordered stop.
     """
 
     side: Side
     deactivated: tuple[str, ...]
 
     def __str__(self) -> str:
-        stopped = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        arm = self.side.word.capitalize()
+        if not self.deactivated:
+            return f"{arm} arm: the robot follows commands no longer."
         return (
-            f"{self.side.word.capitalize()} arm: the robot no longer follows commands (motors off, RAPID stopped or "
-            f"EGM ended){stopped}."
+            f"{arm} arm: the robot follows commands no longer (motors off, RAPID stopped or EGM ended); "
+            f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
         )
 
 
@@ -143,6 +147,13 @@ class CycleFailed:
 
     def __str__(self) -> str:
         return f"{self.side.word.capitalize()} arm: a cycle failed, the robot keeps its last reference: {self.sentence}"
+
+
+def is_fault(event: Event) -> bool:
+    """Whether ``event`` is one that nobody asked for."""
+    if isinstance(event, SessionLost | RobotStoppedFollowing):
+        return bool(event.deactivated)
+    return isinstance(event, ControllerFailed | CycleFailed)
 
 
 Event = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from yumi.robot.joints import Joints
-from yumi.robot.values import Pose as Pose
+from yumi.robot.values import Pose
+
+__all__ = ["MciState", "MotorState", "PartialJoints", "Pose", "RapidState", "RobotMessage", "SensorMessage"]
 
 
 class MotorState(IntEnum):
@@ -81,8 +83,8 @@ PartialJoints = tuple[float | None, float | None, float | None, float | None, fl
 class SensorMessage:
     """One datagram to the robot.
 
-    A field that is None is not on the wire: the robot then keeps its last reference for it. A message with
-    neither position nor velocity keeps the session alive and moves nothing.
+    A field that is None is not on the wire: without a position the robot keeps its last one, without a velocity it
+    takes zero. A message with neither keeps the session alive and moves nothing.
 
     Attributes:
         seqno: counts our datagrams; None when a third party left it out.

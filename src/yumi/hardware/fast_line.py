@@ -32,7 +32,7 @@ from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
-from yumi.links.shared_memory import Bell, SharedMailbox, new_bell
+from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell
 from yumi.robot.joints import JOINT_COUNT, Side
 
 GLANCE = 0.010
@@ -42,20 +42,21 @@ LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
 _ANSWER_TIMEOUT = 5.0
+_STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 
 
 class ArmBoxes:
     """What the fast line and its parent share for one arm.
 
     Attributes:
-        states: every measured state, see the joint state broadcaster.
+        states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
         goals: where it shall go.
         bell: rung after every cycle.
     """
 
     def __init__(self) -> None:
-        self.states = SharedMailbox(1 + 2 * JOINT_COUNT)
+        self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
         self.bell: Bell = new_bell()

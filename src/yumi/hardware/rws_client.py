@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
-from yumi.hardware.rws_session import RwsSession
+from yumi.hardware.rws_session import Link, RwsSession
 from yumi.links.http import HttpLink, HttpReply
 from yumi.robot.joints import Joints
 from yumi.rws import replies, requests
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 class RwsClient:
-    """A controller at ``address``: host name or IP address, with ``:port`` if not 80.
+    """A controller at ``address``: host name or IP address, with ``:port`` if not 80; or a link to one.
 
     Every call ends within ``timeout`` [s] and is safe from any thread. Every call may raise:
 
@@ -48,16 +48,16 @@ class RwsClient:
 
     def __init__(
         self,
-        address: str,
+        address: str | Link,
         *,
         user: str = DEFAULT_USER,
         password: str = DEFAULT_PASSWORD,
         timeout: float = DEFAULT_TIMEOUT,
         clock: Clock | None = None,
     ) -> None:
-        self.address = address
         time = clock or SystemClock()
-        link = HttpLink(address, time)
+        link = HttpLink(address, time) if isinstance(address, str) else address
+        self.address = link.address
         self._session = RwsSession(link, user=user, password=password, timeout=timeout, clock=time)
 
     def __enter__(self) -> RwsClient:

@@ -87,6 +87,11 @@ class Command:
             self._process.wait()
         self._reader.join()
 
+    def kill(self) -> None:
+        """End it at once, as a power cut would."""
+        self._process.kill()
+        self.stop()
+
     def _read(self) -> None:
         assert self._process.stdout is not None
         with self.log.open("w", encoding="utf-8") as log, self._process.stdout as output:

@@ -44,6 +44,33 @@ class SharedMailbox:
                 return (int(finished), values) if finished else None
 
 
+class SharedHistory:
+    """The last ``depth`` letters of ``size`` numbers each: a reader that was busy for a moment misses none."""
+
+    def __init__(self, size: int, depth: int) -> None:
+        self._slots = tuple(SharedMailbox(1 + size) for _ in range(depth))
+        self._newest = RawArray("d", 1)
+
+    def put(self, values: tuple[float, ...]) -> None:
+        """Add a letter; the oldest one makes room. One process only may put."""
+        number = int(self._newest[0]) + 1
+        self._slots[number % len(self._slots)].put((float(number), *values))
+        self._newest[0] = float(number)
+
+    def peek(self) -> tuple[int, tuple[float, ...]] | None:
+        """The newest letter with its number, from 1; None while nothing was ever put."""
+        letters = self.since(int(self._newest[0]) - 1)
+        return letters[-1] if letters else None
+
+    def since(self, number: int) -> list[tuple[int, tuple[float, ...]]]:
+        """The letters after ``number`` that are still there, oldest first."""
+        newest = int(self._newest[0])
+        numbers = range(max(number, newest - len(self._slots)) + 1, newest + 1)
+        letters = ((wanted, self._slots[wanted % len(self._slots)].peek()) for wanted in numbers)
+        # A letter that was replaced while we looked bears another number: it comes with the next look.
+        return [(wanted, letter[1][1:]) for wanted, letter in letters if letter and letter[1][0] == wanted]
+
+
 class Bell(Protocol):
     """Wakes whoever waits in another process."""
 

@@ -137,7 +137,9 @@ def test_manager_deactivates_a_controller_that_fails_and_holds(manager: Controll
     ]
 
 
-@pytest.mark.parametrize(("value", "sentence"), [(2.1, "is 2.1; allowed is 0 to 2 1/s."), (float("nan"), "is nan; allowed")])
+@pytest.mark.parametrize(
+    ("value", "sentence"), [(2.1, "is 2.1; allowed is 0 to 2 1/s."), (float("nan"), "is nan; allowed")]
+)
 def test_manager_refuses_a_parameter_out_of_range(
     manager: ControllerManager, pusher: Pusher, value: float, sentence: str
 ) -> None:
@@ -172,6 +174,9 @@ def test_lifecycle_table_ends_in_finalized_and_never_leaves_it(source: State, tr
 
 @pytest.mark.parametrize("name", ["activate", "deactivate"])
 def test_manager_says_what_a_controller_can_do_instead(manager: ControllerManager, name: str) -> None:
-    lists = {"activate": ["pusher"] if name == "activate" else [], "deactivate": ["pusher"] if name == "deactivate" else []}
+    lists = {
+        "activate": ["pusher"] if name == "activate" else [],
+        "deactivate": ["pusher"] if name == "deactivate" else [],
+    }
     with pytest.raises(CommandRefused, match=f"is unconfigured and cannot {name}; it can configure, shutdown"):
         manager.switch(lists["activate"], lists["deactivate"], RUNNING)

@@ -38,7 +38,9 @@ def robot_datagram() -> pb.EgmRobot:
 
 @given(measured=JOINTS, planned=JOINTS, seqno=st.integers(0, 2**32 - 1))
 def test_robot_message_survives_the_wire_in_single_precision(measured: Joints, planned: Joints, seqno: int) -> None:
-    message = SensorCodec().decode(RobotCodec().encode(replace(MESSAGE, measured=measured, planned=planned, seqno=seqno)))
+    message = SensorCodec().decode(
+        RobotCodec().encode(replace(MESSAGE, measured=measured, planned=planned, seqno=seqno))
+    )
     assert message.seqno == seqno
     assert message.measured == pytest.approx(measured, abs=1e-6)
     assert message.planned == pytest.approx(planned, abs=1e-6)

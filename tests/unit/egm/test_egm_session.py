@@ -10,7 +10,9 @@ from yumi.egm.session import REORDERED, SensorSession
 from yumi.robot.joints import Joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
-MESSAGE = RobotMessage(0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False)
+MESSAGE = RobotMessage(
+    0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False
+)
 
 
 def datagram(seqno: int) -> bytes:

@@ -14,7 +14,14 @@ SCHEMA = GOLDEN.parents[2] / "src"
 
 def make(text: Path) -> None:
     kind = "EgmRobot" if text.stem.startswith("robot") else "EgmSensor"
-    command = [sys.executable, "-m", "grpc_tools.protoc", f"-I{SCHEMA}", f"--encode=yumi.egm.{kind}", "yumi/egm/egm.proto"]
+    command = [
+        sys.executable,
+        "-m",
+        "grpc_tools.protoc",
+        f"-I{SCHEMA}",
+        f"--encode=yumi.egm.{kind}",
+        "yumi/egm/egm.proto",
+    ]
     encoded = subprocess.run(command, input=text.read_bytes(), stdout=subprocess.PIPE, check=True).stdout
     text.with_suffix(".bin").write_bytes(encoded)
 

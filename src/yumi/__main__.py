@@ -1,0 +1,6 @@
+"""``python -m yumi``."""
+
+from yumi.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,237 @@
+"""The wiring plan: which objects, threads and processes make up the driver and the virtual controller.
+
+::
+
+    yumi up          process 1   RWS client, robot manager, grippers, ROS nodes
+                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events
+                     process 2   the fast line: both arms' cycles, one thread
+    yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from threading import Event as Flag
+from threading import Lock
+from typing import TYPE_CHECKING
+
+from yumi.clock import Clock, SystemClock
+from yumi.control.arm_line import ArmLine
+from yumi.control.controller import Controller
+from yumi.control.guard import Guard
+from yumi.control.manager import ControllerManager
+from yumi.controllers.joint_position import JointPositionController
+from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.egm.codec import SensorCodec
+from yumi.egm.session import SensorSession
+from yumi.errors import SettingsError, YumiError
+from yumi.hardware.bringup import Bringup
+from yumi.hardware.egm_arm import CYCLE, EgmArm
+from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
+from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.rws_client import RwsClient
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
+from yumi.robot.joints import Side, joint_names
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.settings import ControllerSettings, Settings
+from yumi.virtual.gripper import Workpiece
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.world import World, WorldSettings
+
+if TYPE_CHECKING:
+    from yumi.ros.robot_manager import RobotManager
+
+Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
+
+CONTROLLER_KINDS: Mapping[str, Callable[[ArmBoxes], Controller]] = {
+    JointStateBroadcaster.kind: lambda boxes: JointStateBroadcaster(boxes.states),
+    JointPositionController.kind: lambda boxes: JointPositionController(boxes.goals),
+}
+"""How a controller of ``controllers.yaml`` is made."""
+
+
+@dataclass(frozen=True, slots=True)
+class EgmPlan:
+    """Where the fast line listens; plain values, since it is sent to another process.
+
+    Attributes:
+        listen: local address.
+        remote: the robot's address; datagrams from elsewhere are left aside.
+        ports: UDP port per arm.
+        silence: the robot is lost after this time [s].
+        controllers: what runs on each arm.
+    """
+
+    listen: str
+    remote: str
+    ports: Mapping[Side, int]
+    silence: float
+    controllers: Controllers
+
+
+def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
+    """Where to listen for the robot of ``settings``.
+
+    Raises:
+        NoConnection: there is no way to the robot's address.
+        SettingsError: a controller has an unknown type.
+    """
+    for side, entries in controllers.items():
+        for entry in entries:
+            if entry.kind not in CONTROLLER_KINDS:
+                known = ", ".join(CONTROLLER_KINDS)
+                raise SettingsError(
+                    f"Controller {entry.name!r} of {side.value} has type {entry.kind!r}; known are: {known}."
+                )
+    remote = resolve(settings.robot.address)
+    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
+    ports = {side: settings.egm.port(side) for side in Side}
+    return EgmPlan(listen, remote, ports, settings.egm.silence, controllers)
+
+
+def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
+    """Both arms of the fast line, with the controllers that only watch already active."""
+    return {side: _build_arm(side, plan, boxes[side]) for side in Side}
+
+
+def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
+    socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
+    session = SensorSession(SensorCodec(reads_poses=False), silence=plan.silence)
+    manager = ControllerManager(joint_names(side))
+    for entry in plan.controllers[side]:
+        controller = CONTROLLER_KINDS[entry.kind](boxes)
+        manager.load(entry.name, controller)
+        manager.configure(entry.name, entry.values)
+        if not controller.is_command:
+            manager.switch((entry.name,), (), None)
+    return WiredArm(ArmLine(side, EgmArm(socket, session), manager, Guard(YUMI_LIMITS), boxes.snapshots), socket)
+
+
+def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_ready: Callable[[], None]) -> None:
+    """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
+
+    Args:
+        settings: where the robot is, and how it shall move.
+        controllers: what runs on each arm.
+        is_over: set when it shall end.
+        on_ready: called when ROS is served and the robot was brought to ready, or said why not.
+
+    Raises:
+        YumiError: the robot cannot be reached or used; nothing was started.
+    """
+    from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
+    from yumi.ros.robot_manager import RobotManager  # noqa: PLC0415
+
+    clock = SystemClock()
+    robot = settings.robot
+    with RwsClient(
+        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
+    ) as client:
+        bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
+        bringup.check_controller()
+        plan = plan_egm(settings, controllers)
+        fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event))  # noqa: PLW0108 - ros comes next
+        manager = RobotManager(bringup, fast_line, clock)
+        open_ros()
+        grippers = _grippers(client, clock, settings)
+        ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+        try:
+            fast_line.start()
+            ros.start()
+            ros.say(f"Connected to {client.address}. {fast_line.started_as}")
+            ros.make_ready()
+            on_ready()
+            is_over.wait()
+        finally:
+            _end_motion(manager, ros.say)
+            ros.stop()
+            fast_line.stop()
+            close_ros()
+
+
+def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
+    routines = GripperRoutines(client)
+    return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
+
+
+def _end_motion(manager: RobotManager, say: Callable[[str], None]) -> None:
+    try:
+        manager.end_motion()
+    except YumiError as error:
+        say(f"The robot could not be told to end EGM: {error}")
+
+
+def world_settings(
+    *, robot_name: str, egm_host: str, egm_ports: Mapping[Side, int], objects: Mapping[Side, float | None]
+) -> WorldSettings:
+    """A virtual robot whose clock shows the time of day.
+
+    Args:
+        robot_name: name of the controller's system.
+        egm_host: where the arms send their datagrams.
+        egm_ports: UDP port per arm.
+        objects: width of what lies between each arm's fingers [m]; None for nothing.
+    """
+    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
+    return WorldSettings(
+        robot_name=robot_name, egm_host=egm_host, egm_ports=egm_ports, workpieces=workpieces, start_time=time.time()
+    )
+
+
+class VirtualController:
+    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
+
+    Args:
+        settings: what the virtual robot is like.
+        rws_port: port of the HTTP server, 0 for any.
+        user: user name that may log in.
+        password: its password.
+        host: address to listen on.
+    """
+
+    def __init__(self, settings: WorldSettings, *, rws_port: int, user: str, password: str, host: str) -> None:
+        self._clock = SystemClock()
+        self._lock = Lock()
+        self.world = World(settings)
+        self._adapter = RwsAdapter(self.world.controller, user=user, password=password)
+        self._server = HttpServer(self._handle, host=host, port=rws_port)
+        self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
+
+    def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
+        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
+
+        Raises:
+            NoConnection: the port is taken.
+        """
+        with self._server as server:
+            on_ready(server.port)
+            due = self._clock.now()
+            while not is_over.is_set():
+                self._cycle()
+                due = self._wait_until(due + CYCLE)
+        for link in self._links.values():
+            link.close()
+
+    def _cycle(self) -> None:
+        inboxes = {side: link.receive() for side, link in self._links.items()}
+        with self._lock:
+            datagrams = self.world.cycle(inboxes)
+        for side, datagram in datagrams.items():
+            self._links[side].send(datagram)
+
+    def _wait_until(self, due: float) -> float:
+        """Wait; a machine that has fallen behind by more than a few cycles lets them go, as time does."""
+        now = self._clock.now()
+        if due > now:
+            self._clock.wait(due - now)
+            return due
+        return due if now - due < 5 * CYCLE else now
+
+    def _handle(self, request: HttpRequest) -> HttpReply:
+        with self._lock:
+            return self._adapter.handle(request, self._clock.now())

@@ -1,0 +1,79 @@
+"""The demonstration: virtual controller, driver and move-and-grab application, each a process, from start to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from yumi.links.command import Command
+from yumi.links.udp import free_port
+from yumi.robot.joints import Side
+from yumi.ros.driver import close_ros, open_ros
+from yumi.ros.move_and_grab import ArmReport, MoveAndGrab, Progress
+
+OBJECT_WIDTH = 0.020
+"""What lies between the left fingers of the virtual robot [m]."""
+
+_READY_TIMEOUT = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class DemoPlan:
+    """What the demonstration runs on.
+
+    Attributes:
+        robot: address of a real controller; None brings a virtual one.
+        options: further options for the driver, e.g. a settings file.
+        logs: folder for the processes' output.
+    """
+
+    robot: str | None
+    options: tuple[str, ...]
+    logs: Path
+
+
+def run_demo(plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool]) -> Mapping[Side, ArmReport]:
+    """Run the task from start to end; on any way out motion is stopped and every process has ended.
+
+    Raises:
+        YumiError: a step failed; the message says which.
+        Cancelled: it was told to end.
+    """
+    plan.logs.mkdir(parents=True, exist_ok=True)
+    with _processes(plan, progress):
+        open_ros()
+        application = MoveAndGrab(progress, is_cancelled)
+        try:
+            application.run()
+        except BaseException:
+            application.stop_motion()
+            raise
+        finally:
+            application.close()
+            close_ros()
+    return application.reports
+
+
+@contextmanager
+def _processes(plan: DemoPlan, progress: Progress) -> Iterator[None]:
+    with ExitStack() as stack:
+        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack)
+        progress.step("start the driver")
+        driver = stack.enter_context(Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log"))
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT))
+        yield
+
+
+def _start_controller(plan: DemoPlan, progress: Progress, stack: ExitStack) -> tuple[str, ...]:
+    """Start the virtual controller on ports nobody uses; returns the driver's options to find it."""
+    progress.step("start the virtual controller")
+    left, right = free_port(), free_port()
+    ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
+    arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+    command = Command("virtual controller", arguments, plan.logs / "controller.log")
+    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT)
+    progress.note(address)
+    host, _, rws_port = address.removeprefix("http://").partition(":")
+    return ("--robot", host, "--rws-port", rws_port, *ports)

@@ -1,0 +1,65 @@
+"""What a person sees of the demonstration: numbered steps, the joint error shrinking, a final table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import degrees
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+from rich.table import Table
+
+from yumi.robot.joints import Side
+from yumi.ros.move_and_grab import ArmReport
+
+
+class DemoScreen:
+    """Shows progress on the terminal, or as plain lines where there is none."""
+
+    def __init__(self) -> None:
+        self._console = Console(highlight=False)
+        self._bars = Progress(
+            TextColumn("     {task.description}"),
+            BarColumn(bar_width=32),
+            TextColumn("joint error {task.fields[error]:6.2f}°"),
+            console=self._console,
+            transient=False,
+        )
+        self._tasks: dict[Side, TaskID] = {}
+        self._count = 0
+
+    def __enter__(self) -> DemoScreen:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def step(self, sentence: str) -> None:
+        self._count += 1
+        self._bars.console.print(f"[bold cyan]{self._count:2d}[/]  {sentence}")
+
+    def note(self, sentence: str) -> None:
+        self._bars.console.print(f"    [green]✓[/] {sentence}")
+
+    def error(self, side: Side, error_deg: float, share: float) -> None:
+        if side not in self._tasks:
+            self._tasks[side] = self._bars.add_task(f"{side.word} arm", total=1.0, error=error_deg)
+        self._bars.update(self._tasks[side], completed=min(max(share, 0.0), 1.0), error=error_deg)
+
+    def table(self, reports: Mapping[Side, ArmReport]) -> None:
+        """Print what became of each arm."""
+        table = Table("arm", "time to goal", "final joint error", "missed cycles", "gripper")
+        for side, report in reports.items():
+            grip = f"{report.grip.word} at {report.grip.position * 1e3:.1f} mm" if report.grip else "-"
+            table.add_row(
+                side.word,
+                f"{report.duration:.2f} s",
+                f"{degrees(report.final_error):.3f}°",
+                str(report.missed),
+                grip,
+            )
+        self._console.print(table)

@@ -1,0 +1,57 @@
+"""How a ROS message gets in: ``joint_commands`` becomes a checked goal in the arm's mailbox, or a refusal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from yumi.control.goals import put_goal
+from yumi.control.snapshot import peek_snapshot
+from yumi.errors import CommandRefused
+from yumi.hardware.fast_line import ArmBoxes
+from yumi.robot.joints import Joints, Side
+from yumi.ros.conversions import goal_of
+
+# Best effort takes from reliable and from best-effort publishers alike; several partial goals may come at once.
+_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class JointCommandTopic:
+    """Takes goals for one arm; a goal that breaks a rule changes nothing and is answered in the log.
+
+    Args:
+        node: the arm's controller manager node.
+        side: which arm.
+        boxes: what the fast line shares.
+    """
+
+    def __init__(self, node: Any, side: Side, boxes: ArmBoxes) -> None:
+        self._log = node.get_logger()
+        self._side = side
+        self._boxes = boxes
+        self._session = 0
+        self._goal: Joints | None = None
+        node.create_subscription(JointState, "joint_commands", self.take, _QOS)
+
+    def take(self, message: Any) -> None:
+        """Pass a goal on, or say why not."""
+        try:
+            self._accept(message)
+        except CommandRefused as error:
+            self._log.warning(str(error), throttle_duration_sec=1.0)
+
+    def _accept(self, message: Any) -> None:
+        snapshot = peek_snapshot(self._boxes.snapshots)
+        if not snapshot.is_running:
+            raise CommandRefused(
+                f"Goal refused: EGM is not running on the {self._side.word} arm; call start_egm first."
+            )
+        if not snapshot.is_commanded or snapshot.reference is None:
+            raise CommandRefused(
+                f"Goal refused: no position controller is active on the {self._side.word} arm; activate one first."
+            )
+        base = self._goal if self._goal is not None and self._session == snapshot.session else snapshot.reference
+        self._goal, self._session = goal_of(message, self._side, base), snapshot.session
+        put_goal(self._boxes.goals, self._session, self._goal)

@@ -1,0 +1,103 @@
+"""Joint states on topics: per arm every cycle, and all joints of the robot merged at a lower rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from threading import Event, Thread
+from typing import Any
+
+from sensor_msgs.msg import JointState
+
+from yumi.clock import Clock
+from yumi.hardware.fast_line import ArmBoxes
+from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
+from yumi.ros.conversions import joint_state
+
+_DEPTH = 10
+_GLANCE = 0.1  # [s] how soon a publisher notices that it shall end
+
+
+class JointStatePublisher:
+    """Publishes ``joint_states`` of one arm whenever the fast line rings.
+
+    A thread of its own: the executor's threads may be busy with a service when the next state comes.
+
+    Args:
+        node: the arm's controller manager node.
+        side: which arm.
+        boxes: what the fast line shares.
+        clock: the clock of the states' times.
+    """
+
+    def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
+        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._ros_clock = node.get_clock()
+        self._names = joint_names(side)
+        self._boxes = boxes
+        self._clock = clock
+        self._is_over = Event()
+        self._thread = Thread(target=self._run, name=f"joint-states-{side.value}", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; before the node is destroyed."""
+        self._is_over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        last = 0
+        while not self._is_over.is_set():
+            if not self._boxes.bell.acquire(timeout=_GLANCE):
+                continue
+            for number, values in self._boxes.states.since(last):
+                self._publish(values)
+                last = number
+
+    def _publish(self, values: tuple[float, ...]) -> None:
+        time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]
+        age_ns = int((self._clock.now() - time) * 1e9)
+        time_ns = self._ros_clock.now().nanoseconds - age_ns
+        self._publisher.publish(joint_state(self._names, position, velocity, time_ns))
+
+
+class MergedJointStates:
+    """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
+
+    Args:
+        node: any node without namespace.
+        boxes: what the fast line shares, per arm.
+        fingers: finger positions [m] by side; empty until the grippers were read.
+        rate: [Hz].
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        boxes: Mapping[Side, ArmBoxes],
+        fingers: Callable[[], Mapping[Side, float]],
+        rate: float,
+    ) -> None:
+        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._ros_clock = node.get_clock()
+        self._boxes = boxes
+        self._fingers = fingers
+        node.create_timer(1.0 / rate, self._publish)
+
+    def _publish(self) -> None:
+        names: list[str] = []
+        position: list[float] = []
+        velocity: list[float] = []
+        for side, boxes in self._boxes.items():
+            letter = boxes.states.peek()
+            if letter is not None:
+                names += joint_names(side)
+                position += letter[1][1 : 1 + JOINT_COUNT]
+                velocity += letter[1][1 + JOINT_COUNT :]
+        for side, finger in self._fingers().items():
+            names += finger_names(side)
+            position += (finger, finger)
+            velocity += (0.0, 0.0)
+        if names:
+            self._publisher.publish(joint_state(names, position, velocity, self._ros_clock.now().nanoseconds))

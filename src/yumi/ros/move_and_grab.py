@@ -1,0 +1,165 @@
+"""The dual-arm move-and-grab application of the thesis (listing 3.4), on the driver's ROS interface alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import degrees, radians
+from typing import Any, Protocol
+
+import rclpy
+
+from yumi.errors import RobotNotReady
+from yumi.robot.joints import Joints, Side, joints
+from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
+
+GOALS: dict[Side, Joints] = {
+    Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
+    Side.LEFT: joints([radians(value) for value in (-39.0, -104.1, 80.0, 8.0, 31.0, 93.0, 57.0)]),
+}
+"""Where the arms go, chain order [rad]."""
+
+CLOSE_ENOUGH = radians(0.1)
+"""An arm has arrived when every joint is this near to its goal [rad]."""
+
+OPEN, CLOSED = 0.025, 0.0
+"""Finger positions [m]."""
+
+MOVE_TIMEOUT = 30.0
+
+
+class Progress(Protocol):
+    """Whoever shows a person how far the task is."""
+
+    def step(self, sentence: str) -> None:
+        """A new step begins."""
+
+    def error(self, side: Side, error_deg: float, share: float) -> None:
+        """An arm has come nearer: the largest joint error, and the share of the way done, 0 to 1."""
+
+    def note(self, sentence: str) -> None:
+        """A step had a result."""
+
+
+@dataclass(slots=True)
+class ArmReport:
+    """What became of one arm's part of the task.
+
+    Attributes:
+        duration: from the goal until every joint was near enough [s].
+        final_error: largest joint error at the end of the motion [rad].
+        missed: cycles of the robot without an answer during the task.
+        grip: how closing the gripper ended.
+        path: times [s] and positions [rad] of every joint state received.
+    """
+
+    duration: float = 0.0
+    final_error: float = 0.0
+    missed: int = 0
+    grip: Grip | None = None
+    path: list[tuple[float, Joints]] = field(default_factory=list)
+
+
+class MoveAndGrab:
+    """The application; one node of its own.
+
+    Args:
+        progress: shows the steps.
+        is_cancelled: looked at while waiting.
+    """
+
+    def __init__(self, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
+        self.reports = {side: ArmReport() for side in Side}
+        self._progress = progress
+        self._node: Any = rclpy.create_node("move_and_grab")
+        spinner = Spinner(self._node, is_cancelled)
+        self._spinner = spinner
+        self._manager = RobotManagerClient(spinner)
+        self._grippers = {side: GripperClient(spinner, side) for side in Side}
+        self._arms = {side: ArmClient(spinner, side, self._recorder(side)) for side in Side}
+        self._started_egm = False
+
+    def close(self) -> None:
+        """Destroy the node."""
+        self._spinner.close()
+        self._node.destroy_node()
+
+    def run(self) -> None:
+        """The whole task.
+
+        Raises:
+            YumiError: a step failed.
+            Cancelled: it was told to end.
+        """
+        self._wait_until_ready()
+        self._start_egm()
+        missed = {side: self._arms[side].missed for side in Side}
+        self._grip("open both grippers", OPEN)
+        for side in (Side.RIGHT, Side.LEFT):
+            self._move(side)
+        for side, grip in self._grip("close both grippers", CLOSED).items():
+            self.reports[side].grip = grip
+        for side in Side:
+            self.reports[side].missed = self._arms[side].missed - missed[side]
+        self._progress.step("stop EGM")
+        self._manager.stop_egm()
+        self._started_egm = False
+
+    def stop_motion(self) -> None:
+        """End EGM if this application started it; for use after a cancel."""
+        if self._started_egm:
+            self._spinner.close()
+            self._spinner = Spinner(self._node)
+            RobotManagerClient(self._spinner).stop_egm()
+
+    def _wait_until_ready(self) -> None:
+        self._progress.step("wait until the robot is ready")
+        reason: list[str | None] = [None]
+
+        def is_ready() -> bool:
+            reason[0] = self._manager.robot_is_ready()
+            return reason[0] is None
+
+        try:
+            self._spinner.until(is_ready, 30.0, "Readiness of the robot")
+        except RobotNotReady as error:
+            raise RobotNotReady(f"{error} It is {reason[0]}.") from error
+
+    def _start_egm(self) -> None:
+        self._progress.step("start EGM on both arms")
+        self._started_egm = True
+        self._progress.note(self._manager.start_egm())
+        for side in Side:
+            self._arms[side].wait_for_state(5.0)
+            self._arms[side].wait_for_status(5.0)
+
+    def _move(self, side: Side) -> None:
+        goal, arm, report = GOALS[side], self._arms[side], self.reports[side]
+        self._progress.step(f"move the {side.word} arm")
+        whole = max(arm.error(goal), CLOSE_ENOUGH)
+        begin = self._seconds()
+        arm.move(goal)
+
+        def has_arrived() -> bool:
+            error = arm.error(goal)
+            self._progress.error(side, degrees(error), 1.0 - error / whole)
+            return error < CLOSE_ENOUGH
+
+        self._spinner.until(has_arrived, MOVE_TIMEOUT, f"Arrival of the {side.word} arm within 0.1°")
+        report.duration, report.final_error = self._seconds() - begin, arm.error(goal)
+
+    def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
+        self._progress.step(sentence)
+        waits = {side: gripper.begin(position) for side, gripper in self._grippers.items()}
+        grips = {side: wait() for side, wait in waits.items()}
+        self._progress.note(
+            ", ".join(f"{side.word}: {grip.word} at {grip.position * 1e3:.1f} mm" for side, grip in grips.items())
+        )
+        return grips
+
+    def _recorder(self, side: Side) -> Callable[[float, Joints], None]:
+        path = self.reports[side].path
+        return lambda time, position: path.append((time, position))
+
+    def _seconds(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds) * 1e-9

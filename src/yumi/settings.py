@@ -1,0 +1,217 @@
+"""What a user may set: two YAML files, read once into frozen values; a key nobody knows is refused.
+
+Each group is declared as a dataclass; a field's metadata gives its unit and bounds, which the refusals quote.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields, is_dataclass
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any, TypeVar, get_type_hints
+
+import yaml
+
+from yumi.bounds import bounded
+from yumi.errors import SettingsError
+from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.robot.joints import Side
+
+T = TypeVar("T")
+
+MAX_PORT = 65535
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSettings:
+    """Where the robot is and how to log in.
+
+    Attributes:
+        address: the controller's address; 192.168.125.1 is the service port of every IRC5.
+        rws_port: HTTP port of Robot Web Services.
+        user: user name; ABB's default is public knowledge.
+        password: its password.
+        timeout: longest wait for one answer [s].
+    """
+
+    address: str = "192.168.125.1"
+    rws_port: int = bounded(80, 1, MAX_PORT)
+    user: str = "Default User"
+    password: str = "robotics"
+    timeout: float = bounded(2.0, 0.1, 4.0, "s")
+
+
+@dataclass(frozen=True, slots=True)
+class EgmSettings:
+    """Our end of EGM.
+
+    Attributes:
+        listen: local address for the robot's datagrams; ``auto`` takes the one that faces the robot.
+        left_port: UDP port of the left arm, as in the controller's UDPUC device ROB_L.
+        right_port: UDP port of the right arm, as in ROB_R.
+        silence: the robot is lost after this time without a datagram [s].
+    """
+
+    listen: str = "auto"
+    left_port: int = bounded(6511, 1, MAX_PORT)
+    right_port: int = bounded(6512, 1, MAX_PORT)
+    silence: float = bounded(0.05, 0.01, 0.09, "s")
+
+    def port(self, side: Side) -> int:
+        """The UDP port of one arm."""
+        return self.left_port if side is Side.LEFT else self.right_port
+
+
+@dataclass(frozen=True, slots=True)
+class GripperSettings:
+    """Both hands.
+
+    Attributes:
+        force: holding force where a goal names none [N].
+        timeout: a gripper that has not come to rest after this time has failed [s].
+    """
+
+    force: float = bounded(10.0, 0.1, 20.0, "N")
+    timeout: float = bounded(10.0, 0.5, 60.0, "s")
+
+
+@dataclass(frozen=True, slots=True)
+class RosSettings:
+    """The ROS 2 side.
+
+    Attributes:
+        merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
+    """
+
+    merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerSettings:
+    """One controller of ``controllers.yaml``.
+
+    Attributes:
+        name: its name.
+        kind: its type string.
+        values: its numeric parameters.
+    """
+
+    name: str
+    kind: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Everything a user may set."""
+
+    robot: RobotSettings = field(default_factory=RobotSettings)
+    egm: EgmSettings = field(default_factory=EgmSettings)
+    egm_motion: EgmMotionSettings = field(default_factory=EgmMotionSettings)
+    gripper: GripperSettings = field(default_factory=GripperSettings)
+    ros: RosSettings = field(default_factory=RosSettings)
+
+
+def config_folder() -> Path:
+    """The folder with the delivered ``yumi.yaml`` and ``controllers.yaml``."""
+    package = Path(__file__).parent
+    installed = package / "config"
+    return installed if installed.is_dir() else package.parents[1] / "config"
+
+
+def read_settings(path: Path | None = None) -> Settings:
+    """Settings from ``path``, by default the delivered ``yumi.yaml``.
+
+    Raises:
+        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
+    """
+    path = path or config_folder() / "yumi.yaml"
+    return _build(Settings, _read_yaml(path), path.name)
+
+
+def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSettings, ...]:
+    """The controllers of one arm from ``path``, by default the delivered ``controllers.yaml``.
+
+    The file has ros2_control's format: ``<namespace>/controller_manager/ros__parameters`` lists names and types,
+    ``<namespace>/<name>/ros__parameters`` their parameters.
+
+    Raises:
+        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
+    """
+    path = path or config_folder() / "controllers.yaml"
+    document = _read_yaml(path)
+    parameters = _section(document, f"/{side.value}/controller_manager", path.name)
+    kinds = {name: entry["type"] for name, entry in parameters.items() if isinstance(entry, dict) and "type" in entry}
+    if not kinds:
+        raise SettingsError(f"{path.name}: /{side.value}/controller_manager lists no controller with a 'type'.")
+    return tuple(
+        ControllerSettings(
+            name, str(kind), _numbers(_section(document, f"/{side.value}/{name}", path.name), name, path.name)
+        )
+        for name, kind in kinds.items()
+    )
+
+
+def _section(document: Mapping[str, Any], key: str, file: str) -> Mapping[str, Any]:
+    entry = document.get(key, {"ros__parameters": {}})
+    if not isinstance(entry, dict) or not isinstance(entry.get("ros__parameters", {}), dict):
+        raise SettingsError(f"{file}: {key} needs a mapping 'ros__parameters'.")
+    return dict(entry.get("ros__parameters", {}))
+
+
+def _numbers(values: Mapping[str, Any], name: str, file: str) -> dict[str, float]:
+    for key, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise SettingsError(f"{file}: {name}.{key} is {value!r}; it must be a number.")
+    return {key: float(value) for key, value in values.items()}
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
+    except yaml.YAMLError as error:
+        raise SettingsError(f"{path} is no YAML: {' '.join(str(error).split())}.") from error
+    if not isinstance(document, dict):
+        raise SettingsError(f"{path} must hold a mapping of settings.")
+    return document
+
+
+def _build(kind: type[T], values: Mapping[str, Any], place: str) -> T:
+    hints = get_type_hints(kind)
+    known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
+    for key in values:
+        if key not in known:
+            raise SettingsError(f"{place} has no setting {key!r}; it has: {', '.join(known)}.")
+    return kind(**{key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()})
+
+
+def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
+    if is_dataclass(kind):
+        if not isinstance(value, dict):
+            raise SettingsError(f"{place} needs a mapping, it has {value!r}.")
+        return _build(kind, value, place)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not kind:
+        raise SettingsError(f"{place} is {value!r}; it must be of type {kind.__name__}.")
+    _check_range(item, value, place)
+    return value
+
+
+def _check_range(item: Field[Any], value: object, place: str) -> None:
+    if not isinstance(value, int | float) or "lowest" not in item.metadata:
+        return
+    lowest, highest, unit = (item.metadata[key] for key in ("lowest", "highest", "unit"))
+    if not lowest <= value <= highest:
+        raise SettingsError(f"{place} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}".rstrip() + ".")
+
+
+def is_loopback(address: str) -> bool:
+    """Whether ``address`` is this machine itself."""
+    try:
+        return ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"

@@ -1,0 +1,91 @@
+"""What the ROS tests work with: a virtual controller that can be killed, and a plain rclpy client."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+# A ROS domain of its own, so that nothing else on the machine hears or disturbs the tests.
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+import rclpy
+from rcl_interfaces.msg import Log
+from rclpy.executors import SingleThreadedExecutor
+
+from yumi.links.command import Command
+from yumi.links.udp import free_port
+
+TIMEOUT = 30.0
+
+
+class Robot:
+    """The virtual controller; can be killed and started again at the same address."""
+
+    def __init__(self, folder: Path) -> None:
+        self.rws_port = _free_tcp_port()
+        self.ports = {"--left-egm-port": free_port(), "--right-egm-port": free_port()}
+        self._folder = folder
+        self._command: Command | None = None
+
+    @property
+    def egm_options(self) -> list[str]:
+        return [text for name, port in self.ports.items() for text in (name, str(port))]
+
+    def start(self) -> None:
+        arguments = ["controller", "--rws-port", str(self.rws_port), "--left-object", "0.02", *self.egm_options]
+        self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
+        self._command.wait_until_ready(TIMEOUT)
+
+    def kill(self) -> None:
+        """As a power cut."""
+        assert self._command is not None
+        self._command.kill()
+        self._command = None
+
+    def stop(self) -> None:
+        if self._command is not None:
+            self._command.stop()
+
+
+class Client:
+    """A node that listens and calls; everything waits for what it waits for."""
+
+    def __init__(self) -> None:
+        self.node: Any = rclpy.create_node("test_client")
+        self.sentences: list[str] = []
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
+
+    def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT) -> None:
+        clock = self.node.get_clock()
+        end = clock.now().nanoseconds + int(timeout * 1e9)
+        while not is_so():
+            assert clock.now().nanoseconds < end, f"did not happen within {timeout} s; heard: {self.sentences}"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def call(self, kind: Any, name: str, request: Any = None) -> Any:
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready)
+        future = client.call_async(request or kind.Request())
+        self.until(future.done)
+        self.node.destroy_client(client)
+        return future.result()
+
+    def hears(self, part: str) -> Callable[[], bool]:
+        return lambda: any(part in sentence for sentence in self.sentences)
+
+    def close(self) -> None:
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+def _free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,170 @@
+"""The commands as a person runs them: the demonstration, its interruption, and every way to reach no robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+
+import pytest
+from ros_bench import Robot
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+YUMI = [sys.executable, "-m", "yumi"]
+MARK = "YUMI_TEST_MARK"
+
+
+@pytest.fixture
+def mark(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
+    """An environment variable that every process of one test inherits."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    return str(tmp_path)
+
+
+def processes_with(mark: str) -> list[str]:
+    """Command lines of the living processes that inherited ``mark``, but for this one."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            is_ours = f"{MARK}={mark}".encode() in (folder / "environ").read_bytes().split(b"\0")
+            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except (FileNotFoundError, ProcessLookupError, PermissionError):
+            continue  # it has ended, or is somebody else's
+        if is_ours and command and int(folder.name) != os.getpid():
+            found.append(command)
+    return found
+
+
+def test_demo_completes_the_task_and_leaves_no_process(mark: str, tmp_path: Path) -> None:
+    picture, report = tmp_path / "paths.png", tmp_path / "report.json"
+    options = ["--picture", str(picture), "--json", str(report), "--logs", str(tmp_path / "logs")]
+    done = subprocess.run(
+        [*YUMI, "demo", *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.rstrip().endswith("Task completed")
+    figures = json.loads(report.read_text())
+    assert {side: arm["grip"] for side, arm in figures.items()} == {"right": "closed", "left": "holding"}
+    assert all(arm["final_error_deg"] < 0.1 for arm in figures.values())
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert processes_with(mark) == []
+
+
+@pytest.mark.parametrize("moment", ["start the driver", "start EGM on both arms", "move the right arm"])
+def test_demo_interrupted_at_any_moment_stops_motion_and_leaves_no_process(
+    mark: str, tmp_path: Path, moment: str
+) -> None:
+    demo = subprocess.Popen(
+        [*YUMI, "demo", "--logs", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    assert demo.stdout is not None
+    with demo.stdout as output:
+        for line in output:
+            if moment in line:
+                break
+        demo.send_signal(signal.SIGINT)
+        rest = output.read()
+    assert demo.wait() == 130, rest
+    assert "cancelled: motion stopped, EGM ended" in rest
+    assert processes_with(mark) == []
+    if moment == "move the right arm":
+        assert "Bring-up: stop EGM" in (tmp_path / "driver.log").read_text()
+
+
+@contextmanager
+def silent_host() -> Iterator[int]:
+    """A port that takes connections and never says a word."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        yield server.getsockname()[1]
+
+
+@contextmanager
+def web_server() -> Iterator[int]:
+    """A port that speaks HTTP but is no robot."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        thread = threading.Thread(target=_answer_everybody, args=(server,), name="web-server-output", daemon=True)
+        thread.start()
+        yield server.getsockname()[1]
+
+
+def _answer_everybody(server: socket.socket) -> None:
+    while True:
+        try:
+            connection, _ = server.accept()
+        except OSError:
+            return  # closed: the test is over
+        with connection:
+            connection.recv(4096)
+            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: 5\r\n\r\nhello")
+
+
+def up(*options: str) -> tuple[int, str, float]:
+    """Exit code, standard error and duration [s] of the driver."""
+    begin = monotonic()
+    done = subprocess.run(
+        [*YUMI, "up", *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
+    return done.returncode, done.stderr.strip(), monotonic() - begin
+
+
+def expect_one_sentence(outcome: tuple[int, str, float], part: str) -> None:
+    code, error, duration = outcome
+    assert code == 1
+    assert part in error
+    assert error.startswith("Error: ")
+    assert len(error.splitlines()) == 1
+    assert duration < 5.0
+
+
+def test_driver_says_that_the_password_is_wrong(robot: Robot) -> None:
+    expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--password", "no"), "password")
+
+
+def test_driver_says_that_nobody_is_there(robot: Robot) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound but not listening: connections are refused
+        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(taken.getsockname()[1])), "127.0.0.1:")
+
+
+def test_driver_says_that_a_name_is_unknown() -> None:
+    expect_one_sentence(up("--robot", "no-such-robot.invalid"), "no-such-robot.invalid")
+
+
+def test_driver_says_that_the_host_does_not_answer() -> None:
+    with silent_host() as port:
+        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "did not answer")
+
+
+def test_driver_says_that_the_host_is_no_robot() -> None:
+    with web_server() as port:
+        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "but it is not an IRC5 controller")
+
+
+def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("robot: {adress: x}")
+    code, error, _ = up("--config", str(file))
+    assert (code, error.split(";")[0]) == (2, "Error: mine.yaml: robot has no setting 'adress'")
+
+
+@pytest.mark.parametrize("command", [[], ["demo"], ["up"], ["controller"]])
+def test_every_command_has_help_with_an_example(command: list[str]) -> None:
+    done = subprocess.run([*YUMI, *command, "--help"], capture_output=True, text=True, check=True)
+    assert "Example" in done.stdout

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import re
+from math import inf, nan, pi
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from yumi.control.goals import peek_goal
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.ros.command_topics import JointCommandTopic
+
+pytestmark = pytest.mark.ros
+NAMES = joint_names(Side.RIGHT)
+
+
+class Boxes:
+    def __init__(self) -> None:
+        self.snapshots = MemoryMailbox()
+        self.goals = MemoryMailbox()
+
+
+class Node:
+    """Remembers what is logged."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def get_logger(self) -> Node:
+        return self
+
+    def warning(self, sentence: str, **_: Any) -> None:
+        self.warnings.append(sentence)
+
+    def create_subscription(self, *_: Any) -> None:
+        return None
+
+
+@pytest.fixture
+def boxes(middle: Joints) -> Boxes:
+    boxes = Boxes()
+    snapshot = Snapshot(session=3, is_streaming=True, is_running=True, is_commanded=True, reference=middle)
+    put_snapshot(boxes.snapshots, snapshot)
+    return boxes
+
+
+@pytest.fixture
+def node() -> Node:
+    return Node()
+
+
+@pytest.fixture
+def topic(node: Node, boxes: Boxes) -> JointCommandTopic:
+    return JointCommandTopic(node, Side.RIGHT, boxes)  # type: ignore[arg-type]
+
+
+def goal(names: list[str], position: list[float]) -> Any:
+    return JointState(name=names, position=position)
+
+
+def test_topic_passes_a_whole_goal_on(topic: JointCommandTopic, boxes: Boxes) -> None:
+    position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+    topic.take(goal(list(NAMES), position))
+    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+
+
+def test_topic_takes_joints_in_any_order(topic: JointCommandTopic, boxes: Boxes) -> None:
+    position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
+    topic.take(goal(list(reversed(NAMES)), position[::-1]))
+    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+
+
+def test_topic_keeps_the_goal_of_joints_that_are_not_named(
+    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+) -> None:
+    topic.take(goal([NAMES[0]], [0.1]))
+    topic.take(goal([NAMES[6]], [0.7]))
+    assert peek_goal(boxes.goals, 3) == (2, (0.1, *middle[1:6], 0.7))
+
+
+def test_topic_starts_from_the_reference_again_in_a_new_session(
+    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+) -> None:
+    topic.take(goal([NAMES[0]], [0.1]))
+    put_snapshot(boxes.snapshots, Snapshot(session=4, is_running=True, is_commanded=True, reference=middle))
+    topic.take(goal([NAMES[6]], [0.7]))
+    assert peek_goal(boxes.goals, 4) == (2, (*middle[:6], 0.7))
+
+
+@pytest.mark.parametrize(
+    ("names", "position", "sentence"),
+    [
+        ([NAMES[2]], [nan], "yumi_joint_7_r is nan; a position is a finite number of radians."),
+        ([NAMES[2]], [inf], "yumi_joint_7_r is inf; a position is a finite number of radians."),
+        ([NAMES[1]], [pi], "yumi_joint_2_r is 180.0°; its range is -143.5° to 43.5°."),
+        (["yumi_joint_1_l"], [0.0], "'yumi_joint_1_l' is no joint of the right arm; it has yumi_joint_1_r, "),
+        ([NAMES[0], NAMES[0]], [0.0, 0.1], "a joint is named twice in yumi_joint_1_r, yumi_joint_1_r."),
+        ([NAMES[0]], [], "it names 1 joints and has 0 positions; give one each."),
+        ([], [], "it names 0 joints and has 0 positions; give one each."),
+    ],
+)
+def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
+    topic: JointCommandTopic, node: Node, boxes: Boxes, names: list[str], position: list[float], sentence: str
+) -> None:
+    topic.take(goal(names, position))
+    assert boxes.goals.peek() is None
+    (warning,) = node.warnings
+    assert re.fullmatch(r"Goal refused: .*", warning)
+    assert sentence in warning
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "sentence"),
+    [
+        (Snapshot(), "EGM is not running on the right arm; call start_egm first."),
+        (Snapshot(is_streaming=True), "EGM is not running on the right arm; call start_egm first."),
+        (Snapshot(is_running=True), "no position controller is active on the right arm; activate one first."),
+    ],
+)
+def test_topic_refuses_goals_before_the_arm_can_take_them(
+    topic: JointCommandTopic, node: Node, boxes: Boxes, snapshot: Snapshot, sentence: str
+) -> None:
+    put_snapshot(boxes.snapshots, snapshot)
+    topic.take(goal(list(NAMES), [0.0] * 7))
+    assert boxes.goals.peek() is None
+    assert node.warnings == [f"Goal refused: {sentence}"]

@@ -1,0 +1,189 @@
+"""What any rclpy program sees of the driver while it drives a virtual robot over real sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan, radians
+from typing import Any
+
+import pytest
+from control_msgs.action import GripperCommand
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_bench import Client, Robot
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from yumi.links.command import Command
+from yumi.robot.joints import Side, finger_names, joint_names
+from yumi.robot.poses import home
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+
+class Arm:
+    """One arm seen through its topics."""
+
+    def __init__(self, client: Client, side: Side) -> None:
+        self.states: list[Any] = []
+        self._client = client
+        node, name = client.node, side.value
+        self._publisher = node.create_publisher(JointState, f"{name}/joint_commands", 10)
+        node.create_subscription(JointState, f"{name}/joint_states", self.states.append, 1000)
+
+    def command(self, names: list[str], position: list[float]) -> None:
+        self._client.until(lambda: self._publisher.get_subscription_count() > 0)
+        self._publisher.publish(JointState(name=names, position=position))
+
+    def position(self) -> list[float]:
+        count = len(self.states)
+        self._client.until(lambda: len(self.states) > count)
+        return list(self.states[-1].position)
+
+
+@pytest.fixture
+def guided(client: Client) -> Iterator[Client]:
+    """With EGM running on both arms."""
+    answer = client.call(Trigger, "yumi_robot_manager/start_egm")
+    assert answer.success, answer.message
+    yield client
+    client.call(Trigger, "yumi_robot_manager/stop_egm")
+
+
+def test_driver_offers_the_services_and_actions_of_the_interface(client: Client) -> None:
+    services = {"start_egm", "stop_egm", "robot_is_ready", "get_state"}
+
+    def offered() -> set[str]:
+        return {
+            name.rsplit("/", 1)[1]
+            for name, kinds in client.node.get_service_names_and_types()
+            if kinds == ["std_srvs/srv/Trigger"] and name.startswith("/yumi_robot_manager/")
+        }
+
+    client.until(lambda: services <= offered())
+    for side in Side:
+        assert ActionClient(client.node, GripperCommand, f"{side.value}/gripper/gripper_cmd").wait_for_server(10.0)
+
+
+def test_driver_brought_the_robot_to_ready(client: Client) -> None:
+    answer = client.call(Trigger, "yumi_robot_manager/robot_is_ready")
+    assert (answer.success, answer.message) == (True, "ready")
+    state = client.call(Trigger, "yumi_robot_manager/get_state")
+    assert state.message == (
+        "mode AUTO; controller motoron; RAPID running; right arm IDLE, EGM off; left arm IDLE, EGM off"
+    )
+
+
+def test_description_is_there_for_late_comers(client: Client) -> None:
+    got: list[Any] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    client.node.create_subscription(String, "robot_description", got.append, latched)
+    client.until(lambda: bool(got))
+    assert all(name in got[0].data for side in Side for name in joint_names(side))
+
+
+def test_goal_before_egm_is_refused_with_a_sentence(client: Client) -> None:
+    arm = Arm(client, Side.RIGHT)
+    sentence = "Goal refused: EGM is not running on the right arm; call start_egm first."
+    client.until(lambda: _publish_until_heard(client, arm, "yumi_joint_1_r", 0.1, sentence))
+
+
+@pytest.mark.parametrize("side", list(Side))
+def test_joint_states_come_at_250_hz_with_seven_names(guided: Client, side: Side) -> None:
+    arm = Arm(guided, side)
+    guided.until(lambda: len(arm.states) > 500)
+    stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for state in arm.states]
+    assert all(tuple(state.name) == joint_names(side) for state in arm.states)
+    assert 245.0 < (len(stamps) - 1) / (stamps[-1] - stamps[0]) < 255.0
+    assert stamps == sorted(stamps)
+
+
+def test_merged_joint_states_have_both_arms_and_the_fingers(guided: Client) -> None:
+    got: list[Any] = []
+    guided.node.create_subscription(JointState, "joint_states", got.append, 10)
+    expected = {name for side in Side for name in (*joint_names(side), *finger_names(side))}
+    guided.until(lambda: bool(got) and set(got[-1].name) == expected)
+    assert len(got[-1].position) == len(got[-1].velocity) == len(expected)
+
+
+def test_arm_goes_where_joint_commands_say(guided: Client) -> None:
+    arm = Arm(guided, Side.RIGHT)
+    start = arm.position()
+    goal = start[6] + radians(5.0)
+    arm.command([joint_names(Side.RIGHT)[6]], [goal])
+    guided.until(lambda: abs(arm.position()[6] - goal) < radians(0.1))
+    assert arm.position()[:6] == pytest.approx(start[:6], abs=radians(0.05))
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "sentence"),
+    [
+        ("yumi_joint_1_r", nan, "yumi_joint_1_r is nan"),
+        ("yumi_joint_1_r", float("inf"), "yumi_joint_1_r is inf"),
+        ("yumi_joint_2_r", 1.0, "yumi_joint_2_r is 57.3°; its range is -143.5° to 43.5°."),
+        ("elbow", 0.0, "'elbow' is no joint of the right arm"),
+    ],
+)
+def test_commands_a_robot_must_never_see_change_nothing(
+    guided: Client, name: str, position: float, sentence: str
+) -> None:
+    arm = Arm(guided, Side.RIGHT)
+    before = arm.position()
+    guided.sentences.clear()
+    guided.until(lambda: _publish_until_heard(guided, arm, name, position, sentence))
+    count = len(arm.states)
+    guided.until(lambda: len(arm.states) > count + 50)
+    assert arm.position() == pytest.approx(before, abs=radians(0.05))
+
+
+def _publish_until_heard(client: Client, arm: Arm, name: str, position: float, sentence: str) -> bool:
+    """Refusals are throttled to one a second, and the log must have found us: ask again until it is told."""
+    arm.command([name], [position])
+    return client.hears(sentence)()
+
+
+@pytest.mark.parametrize(("position", "effort"), [(0.03, 0.0), (-0.001, 0.0), (nan, 0.0), (0.01, 21.0), (0.01, nan)])
+def test_gripper_refuses_what_it_cannot_do(client: Client, position: float, effort: float) -> None:
+    action = ActionClient(client.node, GripperCommand, "l/gripper/gripper_cmd")
+    client.until(action.server_is_ready)
+    goal = GripperCommand.Goal()
+    goal.command.position, goal.command.max_effort = position, effort
+    sent = action.send_goal_async(goal)
+    client.until(sent.done)
+    assert not sent.result().accepted
+    client.until(client.hears("Gripper goal refused: "))
+    action.destroy()
+
+
+def test_diagnostics_tell_the_state_of_both_arms(guided: Client) -> None:
+    got: list[Any] = []
+    guided.node.create_subscription(DiagnosticArray, "/diagnostics", got.append, 10)
+    guided.until(lambda: bool(got) and all(status.message == "running" for status in got[-1].status))
+    assert {status.hardware_id for status in got[-1].status} == {"ROB_R", "ROB_L"}
+
+
+def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_a_jump(
+    guided: Client, robot: Robot, driver: Command
+) -> None:
+    arm = Arm(guided, Side.RIGHT)
+    name = joint_names(Side.RIGHT)[6]
+    arm.command([name], [arm.position()[6] + radians(60.0)])
+    start = arm.position()[6]
+    guided.until(lambda: abs(arm.position()[6] - start) > radians(5.0))  # in the middle of the motion
+    robot.kill()
+    guided.until(guided.hears("Right arm: EGM feedback lost, the robot has been silent for "))
+    (sentence,) = [text for text in guided.sentences if text.startswith("Right arm: EGM feedback lost")]
+    assert int(sentence.split("silent for ")[1].split(" ms")[0]) <= 100
+    refused = guided.call(Trigger, "yumi_robot_manager/start_egm")
+    assert not refused.success
+    assert "127.0.0.1" in refused.message
+    robot.start()
+    arm.states.clear()
+    answer = guided.call(Trigger, "yumi_robot_manager/start_egm")
+    assert answer.success, answer.message
+    guided.until(lambda: len(arm.states) > 250)
+    for state in arm.states:
+        assert list(state.position) == pytest.approx(home(Side.RIGHT), abs=radians(0.01))
+    assert driver.exit_code is None

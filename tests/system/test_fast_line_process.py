@@ -1,0 +1,137 @@
+"""The fast line as a process of its own, with the test as the robot on the other end of real sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from queue import Queue
+
+import pytest
+
+from yumi.app import EgmPlan, build_arms
+from yumi.control.goals import put_goal
+from yumi.control.lifecycle import State
+from yumi.control.requests import Event, ListControllers, SessionLost, SetParameters, SwitchControllers
+from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.egm.codec import RobotCodec
+from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
+from yumi.errors import CommandRefused, NoConnection
+from yumi.hardware.fast_line import FastLineProcess
+from yumi.links.poller import Poller
+from yumi.links.udp import UdpClient, UdpServer, free_port
+from yumi.robot.joints import Joints, Side
+from yumi.settings import read_controllers
+
+RIGHT = Side.RIGHT
+POSITION = "joint_position_controller"
+HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
+ELSEWHERE: Joints = (0.2, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
+MESSAGE = RobotMessage(
+    0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False
+)
+
+
+class Robot:
+    """Sends one datagram and waits for the answer, as often as it is asked to."""
+
+    def __init__(self, port: int) -> None:
+        self._link = UdpClient("127.0.0.1", port)
+        self._codec = RobotCodec()
+        self._poller = Poller()
+        self._answers: list[bytes] = []
+        self._poller.watch(self._link, lambda: self._answers.extend(self._link.receive()))
+
+    def exchange(self, message: RobotMessage) -> SensorMessage:
+        self._link.send(self._codec.encode(message))
+        self._poller.wait(5.0)
+        return self._codec.decode(self._answers.pop())
+
+    def close(self) -> None:
+        self._poller.close()
+        self._link.close()
+
+
+@pytest.fixture
+def ports() -> Mapping[Side, int]:
+    return {side: free_port() for side in Side}
+
+
+@pytest.fixture
+def events() -> Queue[Event]:
+    return Queue()
+
+
+@pytest.fixture
+def fast_line(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[FastLineProcess]:
+    controllers = {side: read_controllers(side) for side in Side}
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
+    process = FastLineProcess(partial(build_arms, plan), events.put)
+    process.start()
+    yield process
+    process.stop()
+
+
+@pytest.fixture
+def robot(ports: Mapping[Side, int]) -> Iterator[Robot]:
+    robot = Robot(ports[RIGHT])
+    yield robot
+    robot.close()
+
+
+def snapshot(fast_line: FastLineProcess) -> Snapshot:
+    """After the bell: the snapshot is written before it rings."""
+    assert fast_line.boxes[RIGHT].bell.acquire(timeout=5.0)
+    return peek_snapshot(fast_line.boxes[RIGHT].snapshots)
+
+
+def test_fast_line_answers_with_the_measured_position_then_follows_goals(
+    fast_line: FastLineProcess, robot: Robot
+) -> None:
+    assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
+    assert snapshot(fast_line).is_running
+    fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+    put_goal(fast_line.boxes[RIGHT].goals, 1, ELSEWHERE)
+    reply = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.004))
+    assert reply.position is not None
+    assert 0.0 < (reply.position[0] or 0.0) < 0.2
+
+
+def test_fast_line_lists_its_controllers(fast_line: FastLineProcess) -> None:
+    infos = fast_line.ask(ListControllers(RIGHT)).controllers
+    assert {info.name: info.state for info in infos} == {
+        "joint_state_broadcaster": State.ACTIVE,
+        POSITION: State.INACTIVE,
+    }
+
+
+def test_fast_line_refuses_to_start_controllers_before_egm_runs(fast_line: FastLineProcess) -> None:
+    with pytest.raises(CommandRefused, match="EGM is not running on this arm"):
+        fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+
+
+def test_fast_line_refuses_a_gain_out_of_range(fast_line: FastLineProcess) -> None:
+    with pytest.raises(CommandRefused, match="'p' of controller 'joint_position_controller' is 9"):
+        fast_line.ask(SetParameters(RIGHT, POSITION, {"p": 9.0}))
+
+
+def test_fast_line_tells_that_the_robot_is_lost_within_100_ms(
+    fast_line: FastLineProcess, robot: Robot, events: Queue[Event]
+) -> None:
+    robot.exchange(MESSAGE)
+    while not isinstance(event := events.get(timeout=5.0), SessionLost):
+        continue
+    assert event.side is RIGHT
+    assert event.silence < 0.1
+    assert not peek_snapshot(fast_line.boxes[RIGHT].snapshots).is_streaming
+
+
+def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:
+    controllers = {side: read_controllers(side) for side in Side}
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
+    process = FastLineProcess(partial(build_arms, plan), events.put)
+    with (
+        UdpServer("127.0.0.1", ports[RIGHT]),
+        pytest.raises(NoConnection, match=f"UDP port {ports[RIGHT]} is taken"),
+    ):
+        process.start()

@@ -1,0 +1,178 @@
+"""Motions and grips of the demonstration, from goal to virtual arm and back, in virtual time."""
+
+from __future__ import annotations
+
+from math import degrees, radians
+
+import pytest
+from virtual_time_bench import DriverArm, System
+
+from yumi.control.requests import SessionLost
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.hardware.egm_arm import CYCLE
+from yumi.hardware.gripper import MAX_FORCE, TRAVEL, Gripper, Outcome
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
+
+GOALS: dict[Side, Joints] = {
+    Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
+    Side.LEFT: joints([radians(value) for value in (-39.0, -104.1, 80.0, 8.0, 31.0, 93.0, 57.0)]),
+}
+
+
+@pytest.fixture
+def system() -> System:
+    return System()
+
+
+@pytest.fixture
+def guided(system: System) -> System:
+    system.start_egm()
+    return system
+
+
+def distance(arm: DriverArm, goal: Joints) -> float:
+    return max(abs(now - wanted) for now, wanted in zip(arm.snapshot.position, goal, strict=True))
+
+
+def largest_step_share(arm: DriverArm) -> float:
+    """Largest step of the admitted command, as a share of joint speed times cycle."""
+    steps = [
+        abs(new - old) / (speed * CYCLE)
+        for before, after in zip(arm.admitted, arm.admitted[1:], strict=False)
+        for old, new, speed in zip(before, after, YUMI_LIMITS.velocity, strict=True)
+    ]
+    return max(steps)
+
+
+@pytest.mark.parametrize("side", list(Side))
+def test_arm_reaches_its_goal_within_a_tenth_of_a_degree_and_stays(guided: System, side: Side) -> None:
+    arm = guided.arms[side]
+    arm.go(GOALS[side])
+    guided.until(lambda: distance(arm, GOALS[side]) < radians(0.1), 5.0)
+    guided.wait(2.0)
+    assert distance(arm, GOALS[side]) < radians(0.01)
+
+
+def test_both_arms_move_at_the_same_time(guided: System) -> None:
+    for side, arm in guided.arms.items():
+        arm.go(GOALS[side])
+    guided.until(lambda: all(distance(arm, GOALS[side]) < radians(0.1) for side, arm in guided.arms.items()), 5.0)
+
+
+def test_admitted_command_never_steps_by_more_than_the_joints_may(guided: System) -> None:
+    arm = guided.arms[Side.RIGHT]
+    for goal in (GOALS[Side.RIGHT], home(Side.RIGHT)):
+        arm.go(goal)
+        guided.wait(1.0)
+    assert largest_step_share(arm) <= 1.001
+
+
+def test_first_command_of_a_session_equals_the_measured_position(guided: System) -> None:
+    for arm in guided.arms.values():
+        assert arm.admitted[0] == pytest.approx(arm.measured[0], abs=1e-9)
+
+
+def test_arm_holds_where_it_is_when_its_controller_is_deactivated_in_motion(guided: System) -> None:
+    arm = guided.arms[Side.RIGHT]
+    arm.go(GOALS[Side.RIGHT])
+    guided.wait(0.5)
+    arm.line.manager.deactivate_commanding()
+    last = arm.admitted[-1]
+    guided.wait(3.0)
+    assert arm.admitted[-1] == last
+    assert distance(arm, last) < radians(0.05)
+
+
+def test_power_cut_in_motion_is_told_within_100_ms_and_the_next_session_begins_without_a_jump(guided: System) -> None:
+    arm = guided.arms[Side.RIGHT]
+    arm.go(GOALS[Side.RIGHT])
+    guided.wait(0.5)
+    guided.is_powered = False
+    guided.wait(0.1)
+    (lost,) = [event for event in arm.events if isinstance(event, SessionLost)]
+    assert lost.silence < 0.1
+    guided.wait(2.0)
+    guided.is_powered = True
+    arm.admitted.clear()
+    arm.measured.clear()
+    guided.wait(0.1)
+    assert arm.snapshot.session == 2
+    for admitted in arm.admitted:
+        assert admitted == pytest.approx(arm.measured[0], abs=1e-9)
+
+
+def outcome(system: System, gripper: Gripper, position: float, force: float = 10.0) -> Outcome:
+    gripper.begin(position, force)
+    found: list[Outcome | None] = [None]
+
+    def has_ended() -> bool:
+        found[0] = gripper.outcome(position)
+        return found[0] is not None
+
+    system.until(has_ended, 5.0)
+    assert found[0] is not None
+    return found[0]
+
+
+@pytest.fixture
+def calibrated(guided: System) -> System:
+    for gripper in guided.grippers.values():
+        assert gripper.calibrate_if_needed()
+        assert not gripper.calibrate_if_needed()
+    return guided
+
+
+def test_gripper_holds_an_object_and_knows_its_width(calibrated: System) -> None:
+    gripper = calibrated.grippers[Side.LEFT]
+    assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
+    assert outcome(calibrated, gripper, 0.0) is Outcome.HOLDING
+    assert gripper.last_position == pytest.approx(0.010, abs=2e-4)
+
+
+def test_gripper_closes_on_nothing(calibrated: System) -> None:
+    gripper = calibrated.grippers[Side.RIGHT]
+    assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
+    assert outcome(calibrated, gripper, 0.0) is Outcome.CLOSED
+
+
+def test_gripper_goes_to_a_place_between(calibrated: System) -> None:
+    gripper = calibrated.grippers[Side.RIGHT]
+    assert outcome(calibrated, gripper, 0.012) is Outcome.IN_PLACE
+    assert gripper.last_position == pytest.approx(0.012, abs=5e-4)
+
+
+def test_gripper_can_be_used_again_and_again(calibrated: System) -> None:
+    gripper = calibrated.grippers[Side.LEFT]
+    for _ in range(3):
+        assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
+        assert outcome(calibrated, gripper, 0.0) is Outcome.HOLDING
+
+
+@pytest.mark.parametrize(
+    ("position", "force", "sentence"),
+    [
+        (TRAVEL + 0.001, 10.0, "is out of range; each finger travels 0 to 0.025 m"),
+        (float("nan"), 10.0, "is out of range; each finger travels 0 to 0.025 m"),
+        (0.0, MAX_FORCE + 1.0, "force 21.0 N is out of range; allowed is above 0 to 20 N"),
+    ],
+)
+def test_gripper_refuses_what_it_cannot_do(calibrated: System, position: float, force: float, sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        calibrated.grippers[Side.LEFT].begin(position, force)
+
+
+def test_gripper_that_is_not_calibrated_says_so(guided: System) -> None:
+    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
+        guided.grippers[Side.LEFT].begin(TRAVEL, 10.0)
+
+
+def test_gripper_commands_do_not_disturb_a_motion(calibrated: System) -> None:
+    arm, gripper = calibrated.arms[Side.LEFT], calibrated.grippers[Side.LEFT]
+    arm.go(GOALS[Side.LEFT])
+    calibrated.wait(0.2)
+    outcome(calibrated, gripper, TRAVEL)
+    calibrated.until(lambda: distance(arm, GOALS[Side.LEFT]) < radians(0.1), 5.0)
+    assert arm.snapshot.missed == 0
+    assert degrees(distance(arm, GOALS[Side.LEFT])) < 0.1

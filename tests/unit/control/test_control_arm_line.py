@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+import pytest
+
+from yumi.control.arm_line import ArmLine
+from yumi.control.controller import Controller
+from yumi.control.guard import Guard
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.manager import ControllerManager
+from yumi.control.port import WireCounters
+from yumi.control.requests import ControllerFailed, RobotFollows, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.values import ZERO, ArmCommand, ArmState
+
+
+class ScriptedArm:
+    """Reports what the test puts in, remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.next: ArmState | None = None
+        self.told: list[ArmCommand] = []
+        self.silence: float | None = None
+
+    def read(self, now: float) -> ArmState | None:
+        state, self.next = self.next, None
+        return state
+
+    def write(self, command: ArmCommand) -> None:
+        self.told.append(command)
+
+    def lost_after(self, now: float) -> float | None:
+        silence, self.silence = self.silence, None
+        return silence
+
+    def wire_counters(self) -> WireCounters:
+        return WireCounters(session=1, missed=3)
+
+
+class Pusher(Controller):
+    kind = "test/Pusher"
+    fault = False
+
+    def activate(self, state: ArmState) -> None:
+        self.goal = state.position
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        if self.fault:
+            raise RuntimeError("broken")
+        return ArmCommand(tuple(value + 0.001 for value in state.position))  # type: ignore[arg-type]
+
+    @property
+    def reference(self) -> Joints | None:
+        return self.goal
+
+
+@pytest.fixture
+def arm() -> ScriptedArm:
+    return ScriptedArm()
+
+
+@pytest.fixture
+def snapshots() -> MemoryMailbox:
+    return MemoryMailbox()
+
+
+@pytest.fixture
+def line(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLine:
+    manager = ControllerManager(joint_names(Side.LEFT))
+    manager.load("pusher", Pusher())
+    manager.configure("pusher")
+    return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
+
+
+def feed(line: ArmLine, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True) -> None:
+    arm.next = ArmState(1.0, 0.004, session, position, ZERO, position, is_running)
+    line.run(1.0)
+
+
+def test_line_does_nothing_without_a_datagram(line: ArmLine, arm: ScriptedArm) -> None:
+    assert line.run(0.0) is None
+    assert arm.told == []
+    assert line.state is None
+
+
+def test_line_answers_the_first_datagram_with_the_measured_position(
+    line: ArmLine, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(line, arm, middle)
+    assert arm.told == [ArmCommand(middle)]
+    assert line.take_events() == [SessionStarted(Side.LEFT, 1), RobotFollows(Side.LEFT)]
+
+
+def test_line_publishes_a_snapshot_after_each_reply(
+    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+) -> None:
+    feed(line, arm, middle)
+    snapshot = peek_snapshot(snapshots)
+    assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
+    assert snapshot.reference is None
+    line.manager.switch(["pusher"], [], line.state)
+    feed(line, arm, middle)
+    assert peek_snapshot(snapshots).reference == middle
+
+
+def test_line_deactivates_controllers_when_the_robot_falls_silent(
+    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+) -> None:
+    feed(line, arm, middle)
+    line.manager.switch(["pusher"], [], line.state)
+    line.take_events()
+    arm.silence = 0.062
+    line.watch_silence(1.062)
+    (event,) = line.take_events()
+    assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
+    assert str(event) == (
+        "Left arm: EGM feedback lost, the robot has been silent for 62 ms; pusher deactivated. "
+        "Call start_egm when the controller is back."
+    )
+    assert peek_snapshot(snapshots) == Snapshot(
+        time=1.062, session=1, position=middle, admitted=middle, cycles=1, missed=3
+    )
+
+
+def test_line_deactivates_controllers_when_the_robot_stops_following(
+    line: ArmLine, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(line, arm, middle)
+    line.manager.switch(["pusher"], [], line.state)
+    line.take_events()
+    feed(line, arm, middle, is_running=False)
+    assert line.take_events() == [RobotStoppedFollowing(Side.LEFT, ("pusher",))]
+
+
+def test_line_begins_a_new_session_without_controllers_and_without_a_jump(
+    line: ArmLine, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(line, arm, ZERO)
+    line.manager.switch(["pusher"], [], line.state)
+    feed(line, arm, middle, session=2)
+    feed(line, arm, ZERO, session=2)
+    assert arm.told[1:] == [ArmCommand(middle), ArmCommand(middle)]
+
+
+def test_line_holds_and_tells_when_a_controller_fails(line: ArmLine, arm: ScriptedArm, middle: Joints) -> None:
+    feed(line, arm, middle)
+    line.manager.switch(["pusher"], [], line.state)
+    line.take_events()
+    Pusher.fault = True
+    try:
+        feed(line, arm, ZERO)
+    finally:
+        Pusher.fault = False
+    (event,) = line.take_events()
+    assert isinstance(event, ControllerFailed)
+    assert "Left arm: Controller 'pusher' failed with RuntimeError: broken" in str(event)
+    assert arm.told[-1] == ArmCommand(middle)

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from yumi.controllers.joint_position import JointPositionController
+from yumi.errors import SettingsError
+from yumi.robot.joints import Side
+from yumi.settings import Settings, config_folder, read_controllers, read_settings
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "mine.yaml"
+
+
+def test_delivered_settings_are_the_defaults() -> None:
+    assert read_settings() == Settings()
+
+
+def test_delivered_egm_settings_are_the_fullspeed_ones_of_the_thesis() -> None:
+    motion = read_settings().egm_motion
+    assert (motion.use_filtering, motion.comm_timeout, motion.lp_filter, motion.sample_rate) == (False, 60.0, 0.0, 4)
+    assert (motion.max_speed_deviation, motion.ramp_in_time, motion.pos_corr_gain) == (180.0, 0.1, 1.0)
+
+
+@pytest.mark.parametrize("side", list(Side))
+def test_delivered_controllers_are_a_broadcaster_and_a_position_controller(side: Side) -> None:
+    broadcaster, position = read_controllers(side)
+    assert broadcaster.kind == "joint_state_broadcaster/JointStateBroadcaster"
+    assert (position.kind, position.values) == (JointPositionController.kind, {"p": 1.2})
+
+
+def test_settings_may_name_only_what_differs(file: Path) -> None:
+    file.write_text("robot: {address: 10.0.0.7}\n")
+    settings = read_settings(file)
+    assert (settings.robot.address, settings.robot.rws_port) == ("10.0.0.7", 80)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("robot: {adress: x}", "mine.yaml: robot has no setting 'adress'; it has: address, rws_port"),
+        ("speed: 3", "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, ros"),
+        ("robot: {rws_port: 70000}", "mine.yaml: robot: rws_port is 70000; allowed is 1 to 65535."),
+        ("robot: {rws_port: '80'}", "mine.yaml: robot: rws_port is '80'; it must be of type int."),
+        ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
+        ("gripper: {force: 21}", "gripper: force is 21; allowed is 0.1 to 20 N."),
+        ("egm_motion: {use_filtering: 1}", "use_filtering is 1; it must be of type bool."),
+        ("robot: here", "mine.yaml: robot needs a mapping, it has 'here'."),
+        ("- 1", "must hold a mapping of settings."),
+        ("robot: [", "is no YAML:"),
+    ],
+)
+def test_settings_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
+    file.write_text(text)
+    with pytest.raises(SettingsError, match=re.escape(sentence)):
+        read_settings(file)
+
+
+def test_missing_settings_file_is_named(file: Path) -> None:
+    with pytest.raises(SettingsError, match=re.escape(f"Cannot read {file}: No such file or directory.")):
+        read_settings(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("{}", "/r/controller_manager lists no controller with a 'type'"),
+        ("/r/controller_manager: {ros__parameters: 3}", "/r/controller_manager needs a mapping 'ros__parameters'"),
+        (
+            "/r/controller_manager: {ros__parameters: {c: {type: a/B}}}\n/r/c: {ros__parameters: {p: high}}",
+            "c.p is 'high'; it must be a number.",
+        ),
+    ],
+)
+def test_controllers_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
+    file.write_text(text)
+    with pytest.raises(SettingsError, match=re.escape(sentence)):
+        read_controllers(Side.RIGHT, file)
+
+
+def test_every_setting_in_the_delivered_file_is_explained_by_its_class() -> None:
+    text = (config_folder() / "yumi.yaml").read_text()
+    groups = re.findall(r"^(\w+):$", text, re.MULTILINE)
+    assert groups == ["robot", "egm", "egm_motion", "gripper", "ros"]
