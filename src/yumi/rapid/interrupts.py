@@ -111,6 +111,8 @@ class Interrupts:
             order = connection.order
             if isinstance(order, TimerOrder) and order.due <= now:
                 order.due += order.period
+                if order.due <= now:  # what came due while the task stood still is lost
+                    order.due = now + order.period
                 self._came(number, connection)
 
     def take(self) -> tuple[int, UserRoutine]:

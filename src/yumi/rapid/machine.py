@@ -164,12 +164,6 @@ class Machine:
         assert frame.code.handler is not None
         raise Propagated(frame.error, is_long_jump=bool(frame.code.handler.numbers))
 
-    def retry(self, frame: Frame) -> None:
-        frame.retry()
-
-    def try_next(self, frame: Frame) -> None:
-        frame.try_next()
-
     def _propagate(self, passed: Propagated) -> None:
         self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
 

@@ -9,14 +9,17 @@ from dataclasses import dataclass
 from yumi.errors import RobotNotReady
 from yumi.rapid import syntax as s
 from yumi.rapid.agenda import Agenda
-from yumi.rapid.data import UNSET, Variable
+from yumi.rapid.calls import Places
+from yumi.rapid.data import UNSET, Place, Variable
 from yumi.rapid.error_numbers import FIRST_BOOKED_NUMBER
 from yumi.rapid.errors import (
     RapidReferenceError,
     RapidRuntimeError,
+    RapidSyntaxError,
     RapidValueError,
     UnknownSymbol,
 )
+from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.frame import Frame
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.interrupts import Interrupts
@@ -24,8 +27,9 @@ from yumi.rapid.library import Call, Library
 from yumi.rapid.linker import Linker, loaded
 from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Machine
-from yumi.rapid.parser import parse_module
+from yumi.rapid.parser import parse_module, parse_reference
 from yumi.rapid.scope import LoadedModule, Program, UserRoutine
+from yumi.rapid.statements import CONSTANT_FRAME
 from yumi.rapid.types import resolved
 
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
@@ -270,9 +274,9 @@ class Task:
     # Symbols ------------------------------------------------------------------------------------------------------
 
     def read(self, module: str, symbol: str) -> str:
-        """The value of a datum as a RAPID literal; raises UnknownSymbol."""
-        variable = self._datum(module, symbol)
-        return format_value(variable.type, variable.value)
+        """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
+        place = self._place(module, symbol)
+        return format_value(place.type, place.value)
 
     def write(self, module: str, symbol: str, literal: str) -> None:
         """Give a VAR or PERS the value of a literal.
@@ -281,18 +285,18 @@ class Task:
             UnknownSymbol: there is no such datum.
             RapidValueError: the literal does not fit, or the datum is a constant.
         """
-        variable = self._datum(module, symbol)
-        if variable.storage is s.Storage.CONST:
+        if self.kind_of(module, symbol) == s.Storage.CONST.value:
             raise RapidValueError(f"'{symbol}' is a constant and cannot be written.")
-        variable.value = parse_value(variable.type, literal)
+        place = self._place(module, symbol)
+        place.value = parse_value(place.type, literal)
 
     def type_of(self, module: str, symbol: str) -> str:
         """The type as declared, such as "num", "EGMSettings" or "errnum"."""
-        return self._datum(module, symbol).type.name
+        return self._place(module, symbol).type.name
 
     def dimensions_of(self, module: str, symbol: str) -> tuple[int, ...]:
         """The sizes of an array, empty for a single value."""
-        return getattr(resolved(self._datum(module, symbol).type), "sizes", ())
+        return getattr(resolved(self._place(module, symbol).type), "sizes", ())
 
     def kind_of(self, module: str, symbol: str) -> str:
         """How the datum is stored: "var", "per" or "con"."""
@@ -309,9 +313,21 @@ class Task:
             raise UnknownSymbol(f"The task {self.name} has no module '{name}'; it has {names}.")
         return found
 
+    def _place(self, module: str, symbol: str) -> Place:
+        datum = self._datum(module, symbol)
+        if "{" not in symbol:
+            return datum
+        scope = Scope(self.program, self._module(module))
+        try:
+            place = Places(Expressions(scope)).place(parse_reference(symbol))[0](CONSTANT_FRAME)
+        except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:
+            raise UnknownSymbol(f"The module '{module}' has no datum '{symbol}': {error}") from error
+        return place
+
     def _datum(self, module: str, symbol: str) -> Variable:
+        """The variable itself, of an element the array it belongs to."""
         owner = self._module(module)
-        found = owner.symbols.get(symbol.lower())
+        found = owner.symbols.get(symbol.partition("{")[0].lower())
         if not isinstance(found, Variable):
             raise UnknownSymbol(f"The module '{owner.name}' has no datum '{symbol}'.")
         if found.value is UNSET:

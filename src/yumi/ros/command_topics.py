@@ -14,8 +14,9 @@ from yumi.hardware.fast_line import ArmBoxes
 from yumi.robot.joints import Joints, Side
 from yumi.ros.conversions import goal_of
 
-# Best effort takes from reliable and from best-effort publishers alike; several partial goals may come at once.
-_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
+# a goal is sent once. Several partial goals may come at once, hence the depth.
+_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
 class JointCommandTopic:

@@ -11,7 +11,7 @@ from rapid_bench import error_of, evaluated, started
         ("NumToStr(7,0)", '"7"'),
         ("NumToStr(1234.5,2\\Exp)", '"1.23E+03"'),
         ("DnumToStr(0.5,1)", '"0.5"'),
-        ("ValToStr([1,2,3])", '"[1,2,3]"'),
+        ("ValToStr(p)", '"[1,2,3]"'),
         ("ValToStr(TRUE)", '"TRUE"'),
         ('ValToStr("a")', '"a"'),
         ('StrPart("Robotics",1,5)', '"Robot"'),
@@ -20,7 +20,7 @@ from rapid_bench import error_of, evaluated, started
     ],
 )
 def test_function_to_a_string(expression: str, value: str) -> None:
-    assert evaluated(expression, "string") == value
+    assert evaluated(expression, "string", "CONST pos p := [1,2,3];") == value
 
 
 @pytest.mark.parametrize(

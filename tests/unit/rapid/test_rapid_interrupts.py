@@ -129,6 +129,15 @@ def test_timer_comes_again_and_again_at_its_time() -> None:
     assert bench.read("n") == "3"
 
 
+def test_timer_does_not_catch_up_on_the_time_the_task_was_stopped() -> None:
+    bench = watching("CONNECT i WITH onEdge; ITimer 0.1, i; ", rest="WaitTime 100;")
+    bench.task.stop()
+    bench.task.advance(10.0)
+    bench.task.start()
+    bench.task.advance(0.01)
+    assert bench.read("n") == "1"
+
+
 def test_single_timer_comes_once() -> None:
     bench = watching("CONNECT i WITH onEdge; ITimer \\Single, 0.05, i; ", rest="WaitTime 10;")
     bench.run(0.3)

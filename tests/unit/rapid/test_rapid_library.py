@@ -32,7 +32,7 @@ def test_instruction_receives_its_arguments_by_name(library: InstructionSet) -> 
 
 def test_record_argument_has_components_as_attributes(library: InstructionSet) -> None:
     seen = []
-    library.instruction("Go", "jointtarget To")(lambda call: seen.append(call["To"].extax.eax_a))
+    library.instruction("Go", "jointtarget Target")(lambda call: seen.append(call["Target"].extax.eax_a))
     started("Go [[1,2,3,4,5,6],[7,9E9,9E9,9E9,9E9,9E9]];", library=library)
     assert seen == [7.0]
 

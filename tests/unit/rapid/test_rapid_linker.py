@@ -34,7 +34,7 @@ def test_alias_is_the_same_type_under_another_name() -> None:
 
 
 def test_component_called_like_a_python_keyword_works() -> None:
-    assert started("r.class := 2;", "RECORD R num class; num def; ENDRECORD VAR R r;").read("r") == "[2,0]"
+    assert started("x.class := 2;", "RECORD R num class; num def; ENDRECORD VAR R x;").read("x") == "[2,0]"
 
 
 def test_datum_may_have_the_name_of_its_type() -> None:
@@ -47,7 +47,7 @@ def test_datum_may_have_the_name_of_its_type() -> None:
         ("VAR nothing x;", "there is no data type 'nothing'"),
         ("CONST num x;", "the constant 'x' needs a value"),
         ("CONST num a := b; CONST num b := a;", "depends on itself"),
-        ("RECORD R R again; ENDRECORD VAR R r;", "the type 'R' contains itself"),
+        ("RECORD R R again; ENDRECORD VAR R x;", "the type 'R' contains itself"),
         ("VAR num a{0};", "the array 'a' needs one to three sizes of at least 1"),
         ("VAR num a{1,1,1,1};", "the array 'a' needs one to three sizes of at least 1"),
         ("VAR num a{2} := [1];", "an aggregate of 1 is found where a num{2} is needed"),

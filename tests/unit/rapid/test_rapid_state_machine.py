@@ -1,4 +1,4 @@
-"""The pattern of ABB's state machine: a loop that a trap throws out of whatever runs (reference/statemachine.md §1.4)."""
+"""The pattern of ABB's state machine: a trap throws the loop out of whatever runs (reference/statemachine.md §1.4)."""
 
 import pytest
 from rapid_bench import Bench, started

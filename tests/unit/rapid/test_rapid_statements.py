@@ -33,8 +33,8 @@ def test_while_runs_until_its_condition_fails() -> None:
 
 
 def test_test_takes_the_case_that_lists_the_value() -> None:
-    body = 'FOR i FROM 1 TO 4 DO TEST i CASE 1,3: TPWrite "odd"; CASE 2: TPWrite "two"; DEFAULT: TPWrite "else"; ENDTEST ENDFOR'
-    assert started(body).lines == ["odd", "two", "odd", "else"]
+    cases = 'CASE 1,3: TPWrite "odd"; CASE 2: TPWrite "two"; DEFAULT: TPWrite "else";'
+    assert started(f"FOR i FROM 1 TO 4 DO TEST i {cases} ENDTEST ENDFOR").lines == ["odd", "two", "odd", "else"]
 
 
 def test_test_compares_strings() -> None:

@@ -14,11 +14,11 @@ from yumi.rapid import (
 )
 
 DATA = """
-LOCAL RECORD Settings
+LOCAL RECORD OwnSettings
     bool allow;
     num gain;
 ENDRECORD
-LOCAL VAR Settings settings := [TRUE,0.5];
+LOCAL VAR OwnSettings settings := [TRUE,0.5];
 CONST num LIMIT := 2 * HALF;
 CONST num HALF := 4;
 PERS string note := "kept";
@@ -108,7 +108,7 @@ def test_symbols_are_read_with_type_and_kind_local_ones_too(bench: Bench) -> Non
     rows = [
         (bench.read(n), bench.task.type_of("m", n), bench.task.kind_of("M", n)) for n in ("SETTINGS", "limit", "note")
     ]
-    assert rows == [("[TRUE,0.5]", "Settings", "var"), ("8", "num", "con"), ('"kept"', "string", "per")]
+    assert rows == [("[TRUE,0.5]", "OwnSettings", "var"), ("8", "num", "con"), ('"kept"', "string", "per")]
 
 
 def test_array_and_alias_are_described(bench: Bench) -> None:
@@ -126,7 +126,7 @@ def test_symbol_is_written_as_a_literal(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("symbol", "literal", "sentence"),
     [
-        ("settings", "[TRUE]", "is not a value of type Settings"),
+        ("settings", "[TRUE]", "is not a value of type OwnSettings"),
         ("settings", "[TRUE,FALSE]", "A num is expected."),
         ("LIMIT", "1", "'LIMIT' is a constant and cannot be written."),
         ("watch", "1", "The type clock has no values"),
@@ -137,6 +137,26 @@ def test_literal_that_does_not_fit_changes_nothing(bench: Bench, symbol: str, li
         bench.task.write("M", symbol, literal)
     assert sentence in str(caught.value)
     assert bench.read("settings") == "[TRUE,0.5]"
+
+
+def test_array_element_is_read_and_written(bench: Bench) -> None:
+    bench.task.write("M", "grid{2,1}", "5")
+    assert (bench.read("grid{2,1}"), bench.read("grid")) == ("5", "[[0,0],[5,0]]")
+
+
+@pytest.mark.parametrize(
+    ("symbol", "sentence"),
+    [
+        ("grid{3,1}", "The index 3 is outside of the array, which has 1 to 2."),
+        ("grid{1}", "a num{2,2} has no 1-dimensional elements"),
+        ("grid{", "found the end of the text where an expression is allowed."),
+        ("note{1}", "a string has no 1-dimensional elements"),
+    ],
+)
+def test_array_element_that_does_not_exist_is_unknown(bench: Bench, symbol: str, sentence: str) -> None:
+    with pytest.raises(UnknownSymbol) as caught:
+        bench.read(symbol)
+    assert sentence in str(caught.value)
 
 
 def test_unknown_symbols_are_told_apart(bench: Bench) -> None:
