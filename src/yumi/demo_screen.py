@@ -27,6 +27,7 @@ class DemoScreen:
             transient=False,
         )
         self._tasks: dict[Side, TaskID] = {}
+        self._told: dict[Side, float] = {}
         self._count = 0
 
     def __enter__(self) -> DemoScreen:
@@ -49,10 +50,18 @@ class DemoScreen:
         if side not in self._tasks:
             self._tasks[side] = self._bars.add_task(f"{side.word} arm", total=1.0, error=error_deg)
         self._bars.update(self._tasks[side], completed=min(max(share, 0.0), 1.0), error=error_deg)
+        if not self._console.is_terminal:
+            self._tell(side, error_deg)
+
+    def _tell(self, side: Side, error_deg: float) -> None:
+        """Where no bar can move: a line whenever the error has become half as large."""
+        if error_deg <= self._told.get(side, 2.0 * error_deg) / 2.0:
+            self._told[side] = error_deg
+            self._console.print(f"     {side.word} arm: joint error {error_deg:6.2f}°")
 
     def table(self, reports: Mapping[Side, ArmReport]) -> None:
         """Print what became of each arm."""
-        table = Table("arm", "time to goal", "final joint error", "missed cycles", "gripper")
+        table = Table("arm", "time to goal", "joint error", "missed cycles", "gripper")
         for side, report in reports.items():
             grip = f"{report.grip.word} at {report.grip.position * 1e3:.1f} mm" if report.grip else "-"
             table.add_row(

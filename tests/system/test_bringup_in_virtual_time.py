@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from virtual_time_bench import System
 
+from system.virtual_time_bench import System
 from yumi.errors import RobotNotReady
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.state_machine import EGM, EgmMotionSettings, MachineState

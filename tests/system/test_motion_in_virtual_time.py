@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import degrees, radians
 
 import pytest
-from virtual_time_bench import DriverArm, System
 
+from system.virtual_time_bench import DriverArm, System
 from yumi.control.requests import SessionLost
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.hardware.egm_arm import CYCLE

@@ -47,7 +47,7 @@ class ArmReport:
 
     Attributes:
         duration: from the goal until every joint was near enough [s].
-        final_error: largest joint error at the end of the motion [rad].
+        final_error: largest joint error at the end of the task [rad].
         missed: cycles of the robot without an answer during the task.
         grip: how closing the gripper ended.
         path: times [s] and positions [rad] of every joint state received.
@@ -101,6 +101,7 @@ class MoveAndGrab:
             self.reports[side].grip = grip
         for side in Side:
             self.reports[side].missed = self._arms[side].missed - missed[side]
+            self.reports[side].final_error = self._arms[side].error(GOALS[side])
         self._progress.step("stop EGM")
         self._manager.stop_egm()
         self._started_egm = False
@@ -146,7 +147,7 @@ class MoveAndGrab:
             return error < CLOSE_ENOUGH
 
         self._spinner.until(has_arrived, MOVE_TIMEOUT, f"Arrival of the {side.word} arm within 0.1°")
-        report.duration, report.final_error = self._seconds() - begin, arm.error(goal)
+        report.duration = self._seconds() - begin
 
     def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
         self._progress.step(sentence)
