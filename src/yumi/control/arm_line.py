@@ -64,6 +64,15 @@ class ArmLine:
             self._after_reply(cycle)
         return cycle
 
+    def switch(self, activate: Sequence[str], deactivate: Sequence[str], now: float) -> None:
+        """Switch controllers between two cycles; whoever asked for it finds it done in the snapshot.
+
+        Raises:
+            CommandRefused: a rule stands against it; nothing was changed.
+        """
+        self.manager.switch(activate, deactivate, self.state)
+        self._publish(now)
+
     def watch_silence(self, now: float) -> None:
         """Notice that the robot has fallen silent; to be called every few milliseconds."""
         silence = self._arm.lost_after(now)

@@ -96,7 +96,6 @@ class FastLineProcess:
         self._answers: list[Reply] = []
         self._answered = Flag()
         self._reader = Thread(target=self._read, name="fast-line-events", daemon=True)
-        self._is_over = False
 
     def start(self) -> None:
         """Start the process and wait until it listens.
@@ -131,10 +130,11 @@ class FastLineProcess:
     def stop(self) -> None:
         """End the process; the arms hold as long as they move."""
         if self._child.exit_code is None:
-            self._is_over = True
             self._tell_to_stop()
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
+        if self._reader.ident is not None:
+            self._reader.join()
 
     def _tell_to_stop(self) -> None:
         try:
@@ -258,7 +258,7 @@ class FastLine:
             return Done()
         line = self._arms[request.side]
         if isinstance(request, SwitchControllers):
-            line.manager.switch(request.activate, request.deactivate, line.state)
+            line.switch(request.activate, request.deactivate, self._clock.now())
         elif isinstance(request, SetParameters):
             line.manager.set_parameters(request.controller, request.values)
         elif isinstance(request, ListControllers):

@@ -99,9 +99,16 @@ def test_line_publishes_a_snapshot_after_each_reply(
     snapshot = peek_snapshot(snapshots)
     assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
     assert snapshot.reference is None
-    line.manager.switch(["pusher"], [], line.state)
+
+
+def test_line_shows_a_switch_in_the_snapshot_at_once(
+    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+) -> None:
     feed(line, arm, middle)
-    assert peek_snapshot(snapshots).reference == middle
+    line.switch(["pusher"], [], 1.001)
+    assert peek_snapshot(snapshots).is_commanded
+    line.switch([], ["pusher"], 1.002)
+    assert not peek_snapshot(snapshots).is_commanded
 
 
 def test_line_deactivates_controllers_when_the_robot_falls_silent(
