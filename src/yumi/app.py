@@ -135,7 +135,7 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
         bringup.check_controller()
         plan = plan_egm(settings, controllers)
-        fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event))  # noqa: PLW0108 - ros comes next
+        fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event), settings.egm.wake)  # noqa: PLW0108 - ros comes next
         manager = RobotManager(bringup, fast_line, clock)
         open_ros()
         grippers = _grippers(client, clock, settings)

@@ -29,14 +29,12 @@ from yumi.control.requests import (
 )
 from yumi.control.snapshot import SNAPSHOT_SIZE
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
+from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
 from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell
 from yumi.robot.joints import JOINT_COUNT, Side
-
-GLANCE = 0.010
-"""How often the silence of the robot is looked at when nothing arrives [s]."""
 
 LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
@@ -84,13 +82,14 @@ class FastLineProcess:
 
     Args:
         build: how to build the arms in the child.
+        wake: how it waits for datagrams.
         on_event: called on a thread of its own for everything the fast line tells.
     """
 
-    def __init__(self, build: Build, on_event: Callable[[Event], None]) -> None:
+    def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
         self.started_as = ""
-        self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes)
+        self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes, wake)
         self._on_event = on_event
         self._lock = Lock()
         self._answers: list[Reply] = []
@@ -165,7 +164,7 @@ class FastLineProcess:
                 self._on_event(value)
 
 
-def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes]) -> None:
+def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the fast-line process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when motion ends
     try:
@@ -173,17 +172,20 @@ def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes]) -
     except YumiError as error:
         pipe.send(Refusal(str(error)))
         return
-    pipe.send(prepare_process())
-    FastLine(pipe, arms, boxes, SystemClock()).run()
+    clock = SystemClock()
+    wait = way_to_wait(wake, clock)
+    pipe.send(f"Fast line: {prepare_process()}, {describe(wait)}.")
+    FastLine(pipe, arms, boxes, clock, wait).run()
 
 
 class FastLine:
     """The loop inside the process."""
 
     def __init__(
-        self, pipe: PipeEnd, arms: Mapping[Side, WiredArm], boxes: Mapping[Side, ArmBoxes], clock: Clock
+        self, pipe: PipeEnd, arms: Mapping[Side, WiredArm], boxes: Mapping[Side, ArmBoxes], clock: Clock, wait: Wait
     ) -> None:
         self._pipe = pipe
+        self._wait = wait
         self._arms = {side: arm.line for side, arm in arms.items()}
         self._clock = clock
         self._stop_at: float | None = None
@@ -195,20 +197,24 @@ class FastLine:
 
     def run(self) -> None:
         """Serve datagrams and requests until told to stop, and until the arms stand."""
+        lines = tuple(self._arms.values())
         while not self._may_end():
-            self._poller.wait(GLANCE)
-            for line in self._arms.values():
+            self._wait.wait(self._poller, any(line.state is not None for line in lines))
+            for line in lines:
                 line.watch_silence(self._clock.now())
                 self._tell(line)
+        self._wait.close()
         self._poller.close()
 
     def _cycle_of(self, side: Side, line: ArmLine, bell: Bell) -> Callable[[], None]:
-        clock = self._clock
+        clock, wait = self._clock, self._wait
 
         def run_cycle() -> None:
+            now = clock.now()
             try:
-                if line.run(clock.now()) is not None:
+                if line.run(now) is not None:
                     bell.release()
+                    wait.note_arrival(side, now)
             except Exception as error:
                 self._note_failure(side, error)
 
