@@ -35,6 +35,7 @@ from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
+from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
@@ -208,6 +209,7 @@ class VirtualController:
         Raises:
             NoConnection: the port is taken.
         """
+        prefer_process()
         with self._server as server:
             on_ready(server.port)
             due = self._clock.now()

@@ -59,7 +59,7 @@ class EgmSettings:
     listen: str = "auto"
     left_port: int = bounded(6511, 1, MAX_PORT)
     right_port: int = bounded(6512, 1, MAX_PORT)
-    silence: float = bounded(0.05, 0.01, 0.09, "s")
+    silence: float = bounded(0.08, 0.02, 0.09, "s")
     wake: WakeMode = WakeMode.AUTO
 
     def port(self, side: Side) -> int:

@@ -54,6 +54,11 @@ def prepare_process() -> str:
     return f"{_raise_priority()}, {_lock_memory()}"
 
 
+def prefer_process() -> None:
+    """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace."""
+    _raise_nice()
+
+
 def _raise_priority() -> str:
     if hasattr(os, "sched_setscheduler"):
         try:
