@@ -34,7 +34,7 @@ class ArmModel:
     filtering_delay: float = 0.016
     brake_deceleration: float = 60.0
     step: float = 0.004032
-    supervises_load: bool = False
+    supervises_load: bool = True
     # ABB publishes no torques. These are of the order of strain-wave gears of the joints' sizes: a tenth more than any
     # motion within the limits can need, all joints at once in the worst pose with 0.5 kg in the hand; and less than
     # what a step of several joints asks for at full-speed settings.
