@@ -6,10 +6,10 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
-from egm_loop import FULL_SPEED, EgmLoop
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from egm_loop import FULL_SPEED, EgmLoop
 from yumi.control.cycle import Cycle
 from yumi.control.guard import LONGEST_STEP
 from yumi.control.lifecycle import State
