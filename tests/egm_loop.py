@@ -18,7 +18,7 @@ from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.controllers.joint_position import JointPositionController
-from yumi.egm.codec import SensorCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.state_machine import EgmMotionSettings
@@ -106,7 +106,7 @@ class EgmLoop:
         self.manager.load(CONTROLLER, JointPositionController(self._goals))
         self.manager.configure(CONTROLLER)
         near, self._far = memory_links()
-        arm = EgmArm(near, SensorSession(SensorCodec(reads_poses=False)))
+        arm = EgmArm(near, SensorSession(JointCodec()))
         self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots)
 
     @property

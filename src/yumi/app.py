@@ -25,7 +25,7 @@ from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
-from yumi.egm.codec import SensorCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
 from yumi.hardware.bringup import Bringup
@@ -102,7 +102,7 @@ def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, Wire
 
 def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    session = SensorSession(SensorCodec(reads_poses=False), silence=plan.silence)
+    session = SensorSession(JointCodec(), silence=plan.silence)
     manager = ControllerManager(joint_names(side))
     for entry in plan.controllers[side]:
         controller = CONTROLLER_KINDS[entry.kind](boxes)
