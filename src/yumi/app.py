@@ -10,8 +10,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from threading import Event as Flag
@@ -35,6 +37,7 @@ from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
+from yumi.links.only import Only
 from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
 from yumi.robot.joints import Side, joint_names
@@ -138,21 +141,23 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         plan = plan_egm(settings, controllers)
         fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event), settings.egm.wake)  # noqa: PLW0108 - ros comes next
         manager = RobotManager(bringup, fast_line, clock)
-        open_ros()
         grippers = _grippers(client, clock, settings)
-        ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
-        try:
+        with ExitStack() as stack:
+            only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
+            only.claim()
+            stack.callback(only.release)
+            open_ros()
+            stack.callback(close_ros)
+            ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            stack.callback(ros.stop)
             fast_line.start()
+            stack.callback(fast_line.stop)
+            stack.callback(_end_motion, manager, ros.say)
             ros.start()
             ros.say(f"Connected to {client.address}. {fast_line.started_as}")
             ros.make_ready()
             on_ready()
             is_over.wait()
-        finally:
-            _end_motion(manager, ros.say)
-            ros.stop()
-            fast_line.stop()
-            close_ros()
 
 
 def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:

@@ -117,7 +117,7 @@ def test_ten_degrees_per_second_make_every_step_bearable():
 
 
 def test_arm_that_is_not_supervised_bears_everything():
-    loop = EgmLoop(guard=OpenGuard(), model=ArmModel())
+    loop = EgmLoop(guard=OpenGuard(), model=ArmModel(supervises_load=False))
     loop.begin()
     loop.run(0.15)
     loop.go(beside({0: 40.0, 2: -40.0, 3: 40.0, 5: 40.0}))

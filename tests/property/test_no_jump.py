@@ -18,9 +18,7 @@ from yumi.robot.limits import YUMI_LIMITS
 
 Action = Callable[[EgmLoop], None]
 
-POSITIONS = st.tuples(
-    *[st.floats(low, high) for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)]
-)
+POSITIONS = st.tuples(*[st.floats(low, high) for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)])
 CYCLES = st.integers(1, 120)
 
 

@@ -98,8 +98,7 @@ class ArmLine:
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if before is None or before.session != state.session:
-            self._events.append(SessionStarted(self._side, state.session))
-            self.manager.deactivate_commanding()
+            self._events.append(SessionStarted(self._side, state.session, self.manager.deactivate_commanding()))
             before = None
         was_running = before is not None and before.is_running
         if state.is_running and not was_running:
@@ -119,7 +118,7 @@ class ArmLine:
                 session=wire.session,
                 is_streaming=last is not None,
                 is_running=last is not None and last.state.is_running,
-                is_commanded=reference is not None,
+                activation=self.manager.activations if self.manager.is_commanding else 0,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
                 admitted=last.admitted.position if last else self._position,

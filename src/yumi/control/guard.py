@@ -1,20 +1,27 @@
 """The last station before the wire: no command leaves that a robot must never see.
 
 It refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as fast, and
-change its motion only as quickly, as the joints may, measured from the command admitted before: hold means the last
-admitted command, not the measured position, which creeps under load.
+change its motion only as quickly, as the joints may, measured from the command admitted before. Hold means: come to
+rest, then repeat the last admitted command, not the measured position, which creeps under load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import copysign, isfinite
 
 from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
+EGM_GAIN = 5.0
+"""Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
+
+FEEDBACK_DELAY = 0.050
+"""By how much the measured speed may be behind the robot's own, at most [s]."""
+
+_NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 LONGEST_STEP = 0.020
 """A gap in the feedback gives no more room to move than this [s]."""
 
@@ -47,6 +54,7 @@ class Guard:
         self._session = 0
         self._shaper = MotionShaper(limits)
         self._velocity = ZERO
+        self._is_at_rest = True
 
     def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
         """The command that may leave, next to ``wanted``; None holds.
@@ -54,23 +62,44 @@ class Guard:
         The first command of a session, and every command while the robot does not follow, equals the measured
         position: a robot that begins to follow finds no step.
         """
+        dt = min(state.dt, LONGEST_STEP)
         if state.session != self._session or not state.is_running:
             self._session = state.session
-            return self._hold(state.position)
-        if wanted is None:
-            return self._hold(self._shaper.position)
-        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
-            self.counters.refused += 1
-            return self._hold(self._shaper.position)
-        dt = min(state.dt, LONGEST_STEP)
+            return self._begin(state.position)
         if dt <= 0.0:
             return ArmCommand(self._shaper.position, self._velocity)
+        if wanted is None:
+            return self._hold(state, dt)
+        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
+            self.counters.refused += 1
+            return self._hold(state, dt)
+        self._is_at_rest = False
         return ArmCommand(self._shape(self._inside(wanted.position), dt), self._slow(wanted.velocity, dt))
 
-    def _hold(self, position: Joints) -> ArmCommand:
+    def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)
         self._velocity = ZERO
+        self._is_at_rest = True
         return ArmCommand(position)
+
+    def _hold(self, state: ArmState, dt: float) -> ArmCommand:
+        """Come to rest, then repeat the last admitted command.
+
+        A command runs ahead of the robot by its speed over the loop gain; taking this lead back at the rate the
+        acceleration allows brings the robot to rest on its way, not where the lead points.
+        """
+        if not self._is_at_rest:
+            self._shaper.rest_at(self._with_less_lead(state, dt))
+        return ArmCommand(self._shaper.position, self._slow(ZERO, dt))
+
+    def _with_less_lead(self, state: ArmState, dt: float) -> Joints:
+        last, planned = self._shaper.position, state.planned
+        leads = [ahead - now for ahead, now in zip(last, planned, strict=True)]
+        self._is_at_rest = max(map(abs, leads)) < _NO_LEAD
+        limits = zip(leads, state.velocity, self._limits.acceleration, strict=True)
+        less = [_less_lead(lead, speed, gain, dt) for lead, speed, gain in limits]
+        steps = zip(last, planned, less, self._limits.velocity, strict=True)
+        return joints([old + max(-top * dt, min(top * dt, now + lead - old)) for old, now, lead, top in steps])
 
     def _shape(self, position: Joints, dt: float) -> Joints:
         if self._shaper.passes(position, dt):
@@ -96,3 +125,9 @@ class Guard:
             [max(-top, min(top, max(old - gain * dt, min(old + gain * dt, new)))) for old, new, top, gain in steps]
         )
         return self._velocity
+
+
+def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:
+    """A lead [rad] after one step of braking; what exceeds the robot's speed [rad/s] does not move it any faster."""
+    useful = (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
+    return copysign(max(0.0, min(abs(lead), useful) - acceleration / EGM_GAIN * dt), lead)

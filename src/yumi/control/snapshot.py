@@ -23,7 +23,7 @@ class Snapshot:
         session: EGM session, 0 before the first.
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
-        is_commanded: whether a controller that commands the arm is active.
+        activation: number of the controller activation that commands the arm, 0 when none does.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
         admitted: the command sent last [rad].
@@ -48,7 +48,7 @@ class Snapshot:
     session: int = 0
     is_streaming: bool = False
     is_running: bool = False
-    is_commanded: bool = False
+    activation: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
     admitted: Joints = ZERO
@@ -68,6 +68,11 @@ class Snapshot:
     drift_ppm: float = 0.0
     cycle_time: float = 0.0
 
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a controller that commands the arm is active."""
+        return self.activation > 0
+
 
 _NO_REFERENCE: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
@@ -80,7 +85,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.session,
             snapshot.is_streaming,
             snapshot.is_running,
-            snapshot.is_commanded,
+            snapshot.activation,
             snapshot.cycles,
             snapshot.missed,
             snapshot.lost,
@@ -110,7 +115,7 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 
 
 def _from_values(values: Values) -> Snapshot:
-    time, session, streaming, running, commanded, *numbers = values[:_SCALARS]
+    time, session, streaming, running, activation, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = (int(number) for number in numbers[:-4])
     cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed = counts
@@ -122,7 +127,7 @@ def _from_values(values: Values) -> Snapshot:
         session=int(session),
         is_streaming=bool(streaming),
         is_running=bool(running),
-        is_commanded=bool(commanded),
+        activation=int(activation),
         position=position,
         velocity=velocity,
         admitted=admitted,

@@ -1,7 +1,7 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
-A codec reuses its message for writing; it is not thread-safe. The fast line has a leaner one, see
-:mod:`yumi.egm.joint_codec`.
+Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The fast line has
+a leaner codec, see :mod:`yumi.egm.joint_codec`.
 """
 
 from __future__ import annotations
@@ -70,18 +70,14 @@ class SensorCodec:
     """Our end: reads what any robot sends, writes what it is told.
 
     Args:
-        reads_poses: whether to read the tool poses too.
         axes: 7 for a seven-axis arm, 6 for a robot whose external axes are no part of it; None takes the first
             external axis, where there is one, for the arm's seventh.
     """
 
-    def __init__(self, *, reads_poses: bool = True, axes: int | None = None) -> None:
+    def __init__(self, *, axes: int | None = None) -> None:
         if axes not in {None, ROBOT_AXES, _SEVEN}:
             raise ValueError(f"a robot has {ROBOT_AXES} or {_SEVEN} axes, not {axes}")
-        self._reads_poses = reads_poses
         self._axes = axes
-        self._sensor = pb.EgmSensor()
-        self._correction = pb.EgmSensorPathCorr()
 
     def decode(self, datagram: bytes) -> RobotMessage:
         """The robot's message.
@@ -104,8 +100,8 @@ class SensorCodec:
             sent_ms=header.tm,
             measured=measured,
             planned=goal,
-            measured_pose=_checked_pose(feedback) if self._reads_poses else None,
-            planned_pose=_checked_pose(planned) if self._reads_poses else None,
+            measured_pose=_checked_pose(feedback),
+            planned_pose=_checked_pose(planned),
             measured_time=_checked_time(feedback),
             planned_time=read_clock(planned),
             motors=MOTOR_STATES[robot.motorState.state],
@@ -132,8 +128,7 @@ class SensorCodec:
         Raises:
             ValueError: a value is not finite or left out: NaN crashes the controller (reference/egm.md §4.5).
         """
-        sensor = self._sensor
-        sensor.Clear()
+        sensor = pb.EgmSensor()
         _write_header(sensor.header, message.seqno, pb.EgmHeader.MSGTYPE_CORRECTION)
         _write_planned(sensor, message)
         _write_speed(sensor, message)
@@ -155,7 +150,7 @@ class SensorCodec:
         Raises:
             ValueError: a value is not finite.
         """
-        message = self._correction
+        message = pb.EgmSensorPathCorr()
         _write_header(message.header, correction.seqno, pb.EgmHeader.MSGTYPE_PATH_CORRECTION)
         x, y, z = (value * MM_PER_M for value in _finite(correction.offset))
         message.pathCorr.pos.x, message.pathCorr.pos.y, message.pathCorr.pos.z = x, y, z
@@ -172,7 +167,6 @@ class RobotCodec:
 
     def __init__(self, *, axes: int = _SEVEN) -> None:
         self._axes = axes
-        self._robot = pb.EgmRobot()
 
     def decode(self, datagram: bytes) -> SensorMessage:
         """The sensor's message; header fields may be missing, empty parts count as absent.
@@ -213,8 +207,7 @@ class RobotCodec:
 
     def encode(self, message: RobotMessage) -> bytes:
         """The controller's datagram; each field that is None belongs to a newer RobotWare and is left out."""
-        robot = self._robot
-        robot.Clear()
+        robot = pb.EgmRobot()
         _write_header(robot.header, message.seqno, DATA)
         robot.header.tm = message.sent_ms % UINT32
         write_motion(robot.feedBack, message.measured, message.measured_external, message.measured_pose)
@@ -229,7 +222,7 @@ class RobotCodec:
 
 
 def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
-    """Read ``datagram``; a new message each time is made faster than an old one is emptied.
+    """Read ``datagram`` into a message of its own, which is faster than emptying another, too.
 
     Raises:
         ProtocolError: it is too long, or no message at all.

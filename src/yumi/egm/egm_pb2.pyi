@@ -302,21 +302,3 @@ class JointRobot(_message.Message):
     mciState: EgmMCIState
     rapidExecState: EgmRapidCtrlExecState
     def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., feedBack: _Optional[_Union[JointMotion, _Mapping]] = ..., planned: _Optional[_Union[JointMotion, _Mapping]] = ..., motorState: _Optional[_Union[EgmMotorState, _Mapping]] = ..., mciState: _Optional[_Union[EgmMCIState, _Mapping]] = ..., rapidExecState: _Optional[_Union[EgmRapidCtrlExecState, _Mapping]] = ...) -> None: ...
-
-class JointReference(_message.Message):
-    __slots__ = ("joints", "externalJoints")
-    JOINTS_FIELD_NUMBER: _ClassVar[int]
-    EXTERNALJOINTS_FIELD_NUMBER: _ClassVar[int]
-    joints: bytes
-    externalJoints: bytes
-    def __init__(self, joints: _Optional[bytes] = ..., externalJoints: _Optional[bytes] = ...) -> None: ...
-
-class JointSensor(_message.Message):
-    __slots__ = ("header", "planned", "speedRef")
-    HEADER_FIELD_NUMBER: _ClassVar[int]
-    PLANNED_FIELD_NUMBER: _ClassVar[int]
-    SPEEDREF_FIELD_NUMBER: _ClassVar[int]
-    header: EgmHeader
-    planned: JointReference
-    speedRef: JointReference
-    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., planned: _Optional[_Union[JointReference, _Mapping]] = ..., speedRef: _Optional[_Union[JointReference, _Mapping]] = ...) -> None: ...

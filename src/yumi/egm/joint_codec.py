@@ -1,8 +1,8 @@
 """The fast line's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
 
-It reads the schema's ``JointRobot`` and writes ``JointSensor``, views of ABB's messages in which six joints are one
-run of bytes: each double behind its tag. A sender may also pack them, so other bytes go through protobuf. It is not
-thread-safe.
+It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
+behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always has
+the same length, so it is written as such a run, too. Not thread-safe.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from yumi.robot.joints import Joints
 _TAG = b"\x09"  # field 1, a double
 _SIX_TAGS = _TAG * 6
 _read_six, _read_one = Struct("<xdxdxdxdxdxd").unpack, Struct("<xd").unpack
-_write_six, _write_one = Struct("<BdBdBdBdBdBd").pack, Struct("<Bd").pack
+_write_reference = Struct("<2B 2B BdBdBdBdBdBd 2B Bd").pack
+_PLANNED, _SPEED_REF = 0x12, 0x1A  # tags of EgmSensor's fields 2 and 3
+_HEADER, _JOINTS, _EXTERNAL = 0x0A, 0x0A, 0x1A  # and of fields 1, 1 and 3 of what holds them
 
 _IMPLAUSIBLE = 7 * 400.0**2
 """Sum of squares no arm reaches whose joints turn by less than 400 degrees; not a number fails every comparison."""
@@ -31,8 +33,7 @@ class JointCodec:
     """Our end of a seven-axis arm in joint mode."""
 
     def __init__(self) -> None:
-        self._sensor = pb.JointSensor()
-        self._sensor.header.mtype = pb.EgmHeader.MSGTYPE_CORRECTION
+        self._header = pb.EgmHeader(mtype=pb.EgmHeader.MSGTYPE_CORRECTION)
 
     def decode(self, datagram: bytes) -> JointReport:
         """The joints and the state in the robot's message.
@@ -63,14 +64,10 @@ class JointCodec:
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
         """
-        sensor = self._sensor
-        sensor.header.seqno = seqno % UINT32
-        _write_joints(sensor.planned, position)
-        if velocity is None:
-            sensor.ClearField("speedRef")
-        else:
-            _write_joints(sensor.speedRef, velocity)
-        return sensor.SerializeToString()
+        self._header.seqno = seqno % UINT32
+        header = self._header.SerializeToString()
+        start = b"%c%c%b%b" % (_HEADER, len(header), header, _reference(_PLANNED, position))
+        return start if velocity is None else start + _reference(_SPEED_REF, velocity)
 
 
 def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
@@ -114,11 +111,16 @@ def _read_time(feedback: pb.JointMotion) -> float:
     return sec + usec * 1e-6
 
 
-def _write_joints(part: pb.JointReference, chain: Joints) -> None:
+def _reference(tag: int, chain: Joints) -> bytes:
+    """EgmPlanned or EgmSpeedRef with EgmJoints for axes 1 to 6 and for axis 7."""
     a1, a2, a7, a3, a4, a5, a6 = chain
     if not isfinite(a1 + a2 + a3 + a4 + a5 + a6 + a7):
         raise ValueError(f"a reference needs seven finite values, got {chain}")
-    part.joints = _write_six(
+    return _write_reference(
+        tag,
+        67,
+        _JOINTS,
+        54,
         9,
         a1 * DEG_PER_RAD,
         9,
@@ -131,5 +133,8 @@ def _write_joints(part: pb.JointReference, chain: Joints) -> None:
         a5 * DEG_PER_RAD,
         9,
         a6 * DEG_PER_RAD,
+        _EXTERNAL,
+        9,
+        9,
+        a7 * DEG_PER_RAD,
     )
-    part.externalJoints = _write_one(9, a7 * DEG_PER_RAD)

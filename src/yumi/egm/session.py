@@ -169,8 +169,8 @@ class SensorSession(Generic[Message]):
 
     def _is_newest(self, message: Message, now: float) -> bool:
         ahead = message.seqno - self._last_seqno
-        if not self._is_open or now - self._last_arrival > self._silence:
-            self._begin(message, now)
+        if not self._is_open or (now - self._last_arrival > self._silence and ahead != 1):
+            self._begin(message, now)  # the very next number after a long time: not the robot was silent, we were
         elif 0 < ahead <= LARGEST_GAP:
             self.counters.lost += ahead - 1
             self._seen = (self._seen << ahead | 1) & _WINDOW

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 from yumi.control.port import WireCounters
 from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
-from yumi.egm.session import Counted, SensorSession
+from yumi.egm.session import Counted, Message, SensorSession
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
@@ -36,7 +36,7 @@ class EgmArm:
         session: its conversation.
     """
 
-    def __init__(self, link: DatagramLink, session: SensorSession[Any]) -> None:
+    def __init__(self, link: DatagramLink, session: SensorSession[JointReport]) -> None:
         self._link = link
         self._session = session
         self._before: JointReport | None = None
@@ -89,7 +89,7 @@ def period(before: Counted | None, message: Counted) -> float:
     return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
 
 
-def wire_counters(session: SensorSession[Any]) -> WireCounters:
+def wire_counters(session: SensorSession[Message]) -> WireCounters:
     counters, arrivals = session.counters, session.arrivals
     return WireCounters(
         session.number,

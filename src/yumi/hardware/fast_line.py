@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from threading import Event as Flag
 from threading import Lock, Thread
 
@@ -19,6 +20,7 @@ from yumi.control.requests import (
     CycleFailed,
     Done,
     Event,
+    FastLineEnded,
     ListControllers,
     Refusal,
     Reply,
@@ -27,7 +29,7 @@ from yumi.control.requests import (
     Stop,
     SwitchControllers,
 )
-from yumi.control.snapshot import SNAPSHOT_SIZE
+from yumi.control.snapshot import SNAPSHOT_SIZE, Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
@@ -40,6 +42,7 @@ LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
 _ANSWER_TIMEOUT = 5.0
+_TELLING_PERIOD = 10.0  # [s]
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 
 
@@ -89,6 +92,7 @@ class FastLineProcess:
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
         self.started_as = ""
+        self._is_wanted = True
         self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes, wake)
         self._on_event = on_event
         self._lock = Lock()
@@ -113,6 +117,15 @@ class FastLineProcess:
         self.started_as = first
         self._reader.start()
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._child.exit_code is None
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm; nothing when the process is gone."""
+        return peek_snapshot(self.boxes[side].snapshots) if self.is_alive else Snapshot()
+
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
 
@@ -128,7 +141,8 @@ class FastLineProcess:
 
     def stop(self) -> None:
         """End the process; the arms hold as long as they move."""
-        if self._child.exit_code is None:
+        self._is_wanted = False
+        if self.is_alive:
             self._tell_to_stop()
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
@@ -156,6 +170,9 @@ class FastLineProcess:
             try:
                 value = self._child.pipe.receive()
             except PipeClosed:
+                if self._is_wanted:
+                    self._child.join(_ANSWER_TIMEOUT)
+                    self._on_event(FastLineEnded(self._child.exit_code))
                 return
             if isinstance(value, Done | Refusal):
                 self._answers.append(value)
@@ -166,7 +183,8 @@ class FastLineProcess:
 
 def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the fast-line process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when motion ends
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
     try:
         arms = build(boxes)
     except YumiError as error:
@@ -189,7 +207,7 @@ class FastLine:
         self._arms = {side: arm.line for side, arm in arms.items()}
         self._clock = clock
         self._stop_at: float | None = None
-        self._failures: set[str] = set()
+        self._failures: dict[str, float] = {}
         self._poller = Poller()
         for side, arm in arms.items():
             self._poller.watch(arm.socket, self._cycle_of(side, arm.line, boxes[side].bell))
@@ -221,10 +239,10 @@ class FastLine:
         return run_cycle
 
     def _note_failure(self, side: Side, error: Exception) -> None:
-        """Tell once per kind of fault; at 250 Hz a second telling would only bury the first."""
-        sentence = f"{type(error).__name__}: {error}"
-        if sentence not in self._failures:
-            self._failures.add(sentence)
+        """Tell a fault now and again; at 250 Hz each telling would only bury the first."""
+        sentence, now = f"{type(error).__name__}: {error}", self._clock.now()
+        if now - self._failures.get(sentence, -inf) > _TELLING_PERIOD:
+            self._failures[sentence] = now
             self._send(CycleFailed(side, sentence))
 
     def _may_end(self) -> bool:
@@ -258,6 +276,8 @@ class FastLine:
             return self._carry_out(request)
         except CommandRefused as error:
             return Refusal(str(error))
+        except Exception as error:
+            return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
 
     def _carry_out(self, request: Request) -> Done:
         if isinstance(request, Stop):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.guard import LONGEST_STEP, Guard
+from yumi.control.guard import EGM_GAIN, LONGEST_STEP, Guard
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -146,10 +146,16 @@ def test_guard_catches_up_with_a_moving_goal(guard: Guard, middle: Joints) -> No
     assert follow(guard, ramp)[-1] == pytest.approx(ramp[-1], abs=1e-6)
 
 
-def test_guard_stops_at_once_when_it_shall_hold(guard: Guard, middle: Joints) -> None:
+def test_guard_takes_its_lead_back_when_it_shall_hold_then_stays(guard: Guard, middle: Joints) -> None:
     guard.admit(state(middle), None)
-    last = follow(guard, [moved(middle, 0, 1.0)] * 50)[-1]
-    assert guard.admit(state(ZERO), None).position == last
+    ahead = follow(guard, [moved(middle, 0, 1.0)] * 80)[-1]
+    moving = ArmState(0.0, DT, 1, middle, moved(ZERO, 0, 10.0), middle, is_running=True)
+    path = [guard.admit(moving, None).position for _ in range(200)]
+    assert ahead[0] - middle[0] > 0.3
+    assert path[-1] == pytest.approx(middle, abs=2e-4)
+    assert path[-1] == path[-50]
+    brake = YUMI_LIMITS.acceleration[0] / EGM_GAIN * DT
+    assert all(0.0 <= old[0] - new[0] <= brake + 1e-12 for old, new in pairwise([ahead, *path]))
 
 
 def test_guard_does_nothing_in_no_time(guard: Guard, middle: Joints) -> None:

@@ -3,6 +3,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, isfinite, nan, pi, sqrt
+from pathlib import Path
+from resource import getpagesize
 from struct import pack
 
 import pytest
@@ -337,3 +339,26 @@ def test_robot_codec_takes_empty_parts_as_absent() -> None:
 
 def test_robot_datagram_fits_what_servers_read() -> None:
     assert len(RobotCodec().encode(MESSAGE)) < LARGEST_DATAGRAM
+
+
+def memory() -> int:
+    """What this process has now [KiB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * getpagesize() // 1024
+
+
+def test_codecs_keep_no_memory_of_what_they_read_and_wrote() -> None:
+    joint, sensor, robot = JointCodec(), SensorCodec(), RobotCodec()
+    reply, datagram = SensorMessage(1, HOME, HOME), robot.encode(EVERYTHING)
+
+    def exchange(count: int) -> None:
+        for seqno in range(count):
+            joint.decode(datagram)
+            joint.encode_joints(seqno, HOME, HOME if seqno % 2 else None)
+            robot.decode(sensor.encode(reply))
+            sensor.decode(robot.encode(EVERYTHING))
+
+    exchange(500)
+    before = memory()
+    exchange(10_000)
+    assert memory() - before < 1000  # a reused message would keep about 900 bytes of each datagram

@@ -88,7 +88,7 @@ def test_step_of_several_joints_overloads_the_arm(arm: VirtualArm) -> None:
 
 
 def test_arm_that_is_not_supervised_is_never_overloaded() -> None:
-    arm = VirtualArm(Side.LEFT)
+    arm = VirtualArm(Side.LEFT, model=ArmModel(supervises_load=False))
     arm.switch_motors_on()
     arm.start_egm(FAST)
     arm.set_reference(beside(0.7, 0, 2, 3), None)
