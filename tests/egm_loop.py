@@ -23,13 +23,14 @@ from yumi.egm.session import SensorSession
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.links.memory import memory_links
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ArmCommand, ArmState
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import CYCLE, EgmOptions
+from yumi.virtual.egm_options import EgmOptions
 from yumi.virtual.egm_settings import EgmActivation, EgmRun, ExternalMotionData
 
 CONTROLLER = "joint_position_controller"

@@ -10,8 +10,9 @@ from typing import Any
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import RobotMessage, SensorMessage
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side
-from yumi.virtual.world import CYCLE, World, WorldSettings
+from yumi.virtual.world import World, WorldSettings
 
 ARMS = (Side.RIGHT, Side.LEFT)
 

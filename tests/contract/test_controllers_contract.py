@@ -15,8 +15,8 @@ from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
 from yumi.controllers.joint_position import JointPositionController
-from yumi.hardware.egm_arm import CYCLE
 from yumi.hardware.perfect_arm import PerfectArm
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home

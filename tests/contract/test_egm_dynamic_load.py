@@ -19,9 +19,9 @@ from yumi.egm.messages import MciState, MotorState
 from yumi.robot.joints import Joints, Side
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home
+from yumi.rws.states import ControllerState
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.egm_adapter import EgmOutcome
-from yumi.virtual.irc5 import ControllerState
 from yumi.virtual.world import WorldSettings
 
 HOME = home(Side.LEFT)

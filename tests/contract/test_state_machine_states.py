@@ -5,7 +5,7 @@ from state_machine_bench import ARMS, Bench
 
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
-from yumi.virtual.irc5 import ControllerState
+from yumi.rws.states import ControllerState
 from yumi.virtual.refusal import Refusal, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")

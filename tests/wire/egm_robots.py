@@ -11,10 +11,10 @@ from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, Pose, RapidState, RobotMessage, SensorMessage
 from yumi.links.poller import Poller
 from yumi.links.udp import UdpClient
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import CYCLE
 from yumi.virtual.egm_settings import EgmActivation, EgmRun
 
 SIX = (0.1, -0.2, 0.3, 0.0, 0.5, 0.0)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from math import inf
 
-PERIOD = 0.004032
-"""The robot's cycle [s] (reference/egm.md §2.5)."""
+from yumi.robot.cycle import CYCLE
 
 _STEADINESS = 1.0 / 64.0  # weight of one interval in the learned period
 _BELIEVED = (0.5, 1.5)  # intervals outside of this share of the period are gaps or bursts, not the period
@@ -27,7 +26,7 @@ class ArrivalForecast:
     """
 
     def __init__(self, largest_share: float = 0.1) -> None:
-        self.period = PERIOD
+        self.period = CYCLE
         self.margin = _SMALLEST * 4
         self._largest_share = largest_share
         self._last = -inf

@@ -8,11 +8,9 @@ from typing import Protocol
 from yumi.control.port import WireCounters
 from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import Counted, Message, SensorSession
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO, ArmCommand, ArmState
-
-CYCLE = 0.004032
-"""The robot's cycle, where its own clock does not tell [s] (reference/egm.md §2.5)."""
 
 LONGEST_PERIOD = 0.100
 """The robot's clock is not believed beyond this [s]."""

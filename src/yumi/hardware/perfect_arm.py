@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from yumi.control.port import WireCounters
-from yumi.hardware.egm_arm import CYCLE
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, joints
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-CYCLE = 0.004032
-"""Period of the motion control of a real controller [s] (reference/egm.md §2.5)."""
+from yumi.robot.cycle import CYCLE
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from yumi.virtual.irc5 import Irc5, OperatingMode
+from yumi.rws.states import OperatingMode
+from yumi.virtual.irc5 import Irc5
 
 
 class Faults:
@@ -33,4 +34,4 @@ class Faults:
 
     def select_manual_mode(self) -> None:
         """Someone turns the key to manual reduced speed."""
-        self._controller.select_mode(OperatingMode.MANR)
+        self._controller.select_mode(OperatingMode.MANUAL_REDUCED)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import Enum
 
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState, OperatingMode
 from yumi.virtual.configuration import Configuration, Instance
 from yumi.virtual.egm_adapter import EgmFailure, EgmOutcome
 from yumi.virtual.events import EventLog, EventType
@@ -20,27 +20,6 @@ from yumi.virtual.signals import Signals
 from yumi.virtual.station import Station
 from yumi.virtual.sync_points import SyncPoints
 from yumi.virtual.task_host import TaskHost
-
-
-class OperatingMode(Enum):
-    """Position of the mode selector; the value is RWS' word."""
-
-    AUTO = "AUTO"
-    MANR = "MANR"
-    MANF = "MANF"
-
-
-class ControllerState(Enum):
-    """State of motors and safety chain; the value is RWS' word."""
-
-    INIT = "init"
-    MOTORS_OFF = "motoroff"
-    MOTORS_ON = "motoron"
-    GUARD_STOP = "guardstop"
-    EMERGENCY_STOP = "emergencystop"
-    EMERGENCY_STOP_RESET = "emergencystopreset"
-    SYSTEM_FAILURE = "sysfail"
-
 
 _STOPPED_BY_SAFETY = (
     ControllerState.GUARD_STOP,
@@ -59,8 +38,8 @@ _EGM_FAILURES: Mapping[EgmOutcome, tuple[ControllerState | None, tuple[tuple[int
 }
 _MODE_EVENTS = {
     OperatingMode.AUTO: (10017, "Automatic mode confirmed"),
-    OperatingMode.MANR: (10015, "Manual mode selected"),
-    OperatingMode.MANF: (10016, "Manual full speed mode selected"),
+    OperatingMode.MANUAL_REDUCED: (10015, "Manual mode selected"),
+    OperatingMode.MANUAL_FULL: (10016, "Manual full speed mode selected"),
 }
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import Enum
 from typing import Protocol
 
 from yumi.rapid.host import Execution
 from yumi.rapid.task import ModuleInfo
+from yumi.rws.states import ControllerState, OperatingMode
 from yumi.virtual.configuration import Instance
 from yumi.virtual.events import EventLog
 from yumi.virtual.identity import Identity
@@ -50,12 +50,10 @@ class Controller(Protocol):
     def identity(self) -> Identity: ...
 
     @property
-    def mode(self) -> Enum:
-        """Position of the mode switch; the value is RWS's word."""
+    def mode(self) -> OperatingMode: ...
 
     @property
-    def controller_state(self) -> Enum:
-        """Motors and stops; the value is RWS's word."""
+    def controller_state(self) -> ControllerState: ...
 
     @property
     def is_running(self) -> bool:

@@ -13,13 +13,11 @@ from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.configuration import Configuration
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import CYCLE, EgmOptions
+from yumi.virtual.egm_options import EgmOptions
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
 from yumi.virtual.irc5 import Irc5
 from yumi.virtual.station import Station
-
-__all__ = ["CYCLE", "World", "WorldSettings"]
 
 _HOME = "HOME:/yumi/"
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.arrival import PERIOD, ArrivalForecast
+from yumi.control.arrival import ArrivalForecast
+from yumi.robot.cycle import CYCLE
 
 SHARE = 0.1
 
@@ -23,8 +24,8 @@ def test_forecast_expects_nothing_before_the_first_arrival(forecast: ArrivalFore
 
 def test_forecast_wakes_a_margin_before_the_next_datagram_and_looks_as_long_after(forecast: ArrivalForecast) -> None:
     forecast.note_arrival(1.0, was_waiting=False)
-    assert forecast.wake_at() == pytest.approx(1.0 + PERIOD - forecast.margin)
-    assert forecast.give_up_at() == pytest.approx(1.0 + PERIOD + forecast.margin)
+    assert forecast.wake_at() == pytest.approx(1.0 + CYCLE - forecast.margin)
+    assert forecast.give_up_at() == pytest.approx(1.0 + CYCLE + forecast.margin)
 
 
 def test_forecast_learns_the_period(forecast: ArrivalForecast) -> None:
@@ -37,14 +38,14 @@ def test_forecast_learns_the_period(forecast: ArrivalForecast) -> None:
 def test_forecast_does_not_take_gaps_and_bursts_for_the_period(forecast: ArrivalForecast, gap: float) -> None:
     forecast.note_arrival(1.0, was_waiting=False)
     forecast.note_arrival(1.0 + gap, was_waiting=False)
-    assert forecast.period == PERIOD
+    assert forecast.period == CYCLE
 
 
 def test_margin_grows_at_once_and_shrinks_slowly(forecast: ArrivalForecast) -> None:
     before = forecast.margin
     forecast.note_arrival(1.0, was_waiting=True)
     grown = forecast.margin
-    forecast.note_arrival(1.0 + PERIOD, was_waiting=False)
+    forecast.note_arrival(1.0 + CYCLE, was_waiting=False)
     assert grown == pytest.approx(1.5 * before)
     assert 0.99 * grown < forecast.margin < grown
 
@@ -53,7 +54,7 @@ def test_margin_grows_at_once_and_shrinks_slowly(forecast: ArrivalForecast) -> N
 def test_margin_never_takes_more_than_its_share(arrivals: list[bool]) -> None:
     forecast = ArrivalForecast(SHARE)
     for count, was_waiting in enumerate(arrivals):
-        forecast.note_arrival(count * PERIOD, was_waiting=was_waiting)
+        forecast.note_arrival(count * CYCLE, was_waiting=was_waiting)
         assert 0.0 < forecast.margin <= SHARE * forecast.period
 
 
@@ -62,9 +63,9 @@ def test_margin_settles_where_few_datagrams_are_missed(forecast: ArrivalForecast
     random, now, waiting = Random(1), 0.0, 0
     forecast.note_arrival(now, was_waiting=False)
     for count in range(1, 5001):
-        arrival = count * PERIOD + random.gauss(0.0, 30e-6)
+        arrival = count * CYCLE + random.gauss(0.0, 30e-6)
         was_waiting = forecast.wake_at() + random.uniform(0.0, 80e-6) > arrival
         waiting += was_waiting
         forecast.note_arrival(arrival, was_waiting=was_waiting)
     assert waiting / 5000 < 0.05
-    assert forecast.margin < 0.08 * PERIOD
+    assert forecast.margin < 0.08 * CYCLE

@@ -8,8 +8,9 @@ from yumi.egm.codec import RobotCodec
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
-from yumi.hardware.egm_arm import CYCLE, EgmArm
+from yumi.hardware.egm_arm import EgmArm
 from yumi.links.memory import MemoryLink, memory_links
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO, ArmCommand
 

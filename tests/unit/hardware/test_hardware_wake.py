@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.arrival import PERIOD
 from yumi.hardware import wake
 from yumi.hardware.wake import GLANCE, AheadWait, BlockingWait, HotWait, WakeMode, describe, way_to_wait
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 
 LOOK = 2e-6
@@ -52,9 +52,9 @@ def run(ahead: AheadWait, clock: ManualClock, arrivals: list[float], until: floa
 
 
 def test_waiting_ahead_sleeps_most_of_the_period(ahead: AheadWait, clock: ManualClock) -> None:
-    arrivals = [count * PERIOD for count in range(1, 501)]
-    poller = run(ahead, clock, arrivals, 500 * PERIOD)
-    assert poller.dozed > 0.9 * 499 * PERIOD
+    arrivals = [count * CYCLE for count in range(1, 501)]
+    poller = run(ahead, clock, arrivals, 500 * CYCLE)
+    assert poller.dozed > 0.9 * 499 * CYCLE
 
 
 def test_waiting_ahead_only_glances_when_nobody_streams(ahead: AheadWait, clock: ManualClock) -> None:
@@ -64,8 +64,8 @@ def test_waiting_ahead_only_glances_when_nobody_streams(ahead: AheadWait, clock:
 
 
 def test_waiting_ahead_stops_looking_when_a_datagram_stays_away(ahead: AheadWait, clock: ManualClock) -> None:
-    poller = run(ahead, clock, [PERIOD, 2 * PERIOD], 20 * PERIOD)
-    assert poller.looks * LOOK < 2 * PERIOD
+    poller = run(ahead, clock, [CYCLE, 2 * CYCLE], 20 * CYCLE)
+    assert poller.looks * LOOK < 2 * CYCLE
 
 
 @pytest.mark.parametrize(

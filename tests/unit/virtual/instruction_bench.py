@@ -7,11 +7,11 @@ from pathlib import Path
 import yumi.controller_files
 from yumi.rapid.host import Execution
 from yumi.rapid.task import Task
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.configuration import Configuration
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import CYCLE
 from yumi.virtual.events import EventLog
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.instructions import robot_library

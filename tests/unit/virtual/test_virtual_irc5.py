@@ -7,8 +7,9 @@ import pytest
 from yumi.rapid.host import Execution
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
+from yumi.rws.states import ControllerState, OperatingMode
 from yumi.virtual.faults import Faults
-from yumi.virtual.irc5 import ControllerState, Irc5, OperatingMode
+from yumi.virtual.irc5 import Irc5
 from yumi.virtual.refusal import Refusal, Refused
 from yumi.virtual.world import World, WorldSettings
 
@@ -124,7 +125,7 @@ def test_running_controller_refuses(running: Irc5, request_: Request, reason: Re
     ],
 )
 def test_manual_mode_leaves_control_to_the_person_at_the_cabinet(controller: Irc5, request_: Request) -> None:
-    controller.select_mode(OperatingMode.MANR)
+    controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(Refused, match="the controller is in MANR") as refused:
         request_(controller)
     assert refused.value.reason is Refusal.WRONG_MODE
@@ -195,7 +196,7 @@ def test_turning_the_key_does_not_release_an_emergency_stop(running: Irc5, fault
 
 def test_turning_the_key_switches_the_motors_off(running: Irc5, faults: Faults) -> None:
     faults.select_manual_mode()
-    assert running.mode is OperatingMode.MANR
+    assert running.mode is OperatingMode.MANUAL_REDUCED
     assert not running.is_running
     assert codes(running)[0] == 10015
 
