@@ -31,7 +31,7 @@ from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
 from yumi.hardware.bringup import Bringup
-from yumi.hardware.egm_arm import CYCLE, EgmArm
+from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
@@ -40,6 +40,7 @@ from yumi.links.http_server import HttpServer
 from yumi.links.only import Only
 from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import ControllerSettings, Settings
@@ -161,7 +162,7 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
 
 
 def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
-    routines = GripperRoutines(client)
+    routines = GripperRoutines(client, clock)
     return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
 
 

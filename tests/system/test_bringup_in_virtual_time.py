@@ -13,8 +13,7 @@ from yumi.hardware.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.rapid.errors import UnknownSymbol
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
-from yumi.rws.states import ControllerState, ExecutionState
-from yumi.virtual.irc5 import OperatingMode
+from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 
 
 @pytest.fixture
@@ -47,7 +46,7 @@ def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
 
 
 def test_bringup_says_that_only_the_pendant_chooses_auto(system: System) -> None:
-    system.world.controller.mode = OperatingMode.MANR
+    system.world.controller.mode = OperatingMode.MANUAL_REDUCED
     with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the pendant"):
         system.bringup.make_ready()
     assert system.bringup.why_not_ready() == "the controller is not in AUTO"

@@ -11,8 +11,9 @@ from yumi.control.guard import EGM_GAIN
 from yumi.control.requests import SessionLost
 from yumi.control.snapshot import Snapshot
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.hardware.egm_arm import CYCLE
-from yumi.hardware.gripper import MAX_FORCE, TRAVEL, Gripper, Outcome
+from yumi.hardware.gripper import Gripper
+from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home

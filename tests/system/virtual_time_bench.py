@@ -16,12 +16,13 @@ from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.hardware.bringup import Bringup
-from yumi.hardware.egm_arm import CYCLE, EgmArm
+from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.gripper import Workpiece
@@ -99,7 +100,7 @@ class System(ManualClock):
         self.client = RwsClient(MemoryHttp(adapter, self), clock=self)
         self.steps: list[str] = []
         self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)
-        routines = GripperRoutines(self.client)
+        routines = GripperRoutines(self.client, self)
         self.grippers = {side: Gripper(side, self.client, routines, self, 10.0) for side in Side}
 
     def wait(self, seconds: float) -> None:

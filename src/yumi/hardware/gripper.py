@@ -5,117 +5,81 @@ Whatever is reported here was measured by the gripper; elapsed time decides only
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum, IntEnum
+from collections.abc import Callable, Mapping
+from itertools import count
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.errors import CommandRefused, RobotNotReady
+from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady
 from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, GripperCommand
+from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, SgCommand
+from yumi.robot.gripper import ALLOWANCE, MAX_FORCE, THINNEST, TRAVEL, HandState, Outcome, outcome_of
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
 
-TRAVEL = 0.025
-"""Travel of each finger [m] (reference/yumi.md §2.1)."""
-
-MAX_FORCE = 20.0
-"""Largest holding force [N]."""
-
 _M_PER_COUNT = 1e-4  # hand_ActualPosition counts 0.1 mm
-_CLOSED = 0.0005  # [m] nothing fits between fingers nearer than this
-_IN_PLACE = 0.001  # [m] the hand's own positioning allowance (reference/yumi.md §2.1)
-_GLANCE = 0.05  # [s]
-
-
-class HandState(IntEnum):
-    """``hand_SysState`` of the gripper (reference/statemachine.md §5.3)."""
-
-    READY = 0
-    ERROR = 1
-    FREE_MOVE_TO_MAX = 2
-    FREE_MOVE_TO_MIN = 3
-    GRIP_OUTWARD_IN = 4
-    GRIP_INWARD_OUT = 5
-    ACTION_COMPLETED = 6
-    FORCING_OUTWARD_IN = 7
-    FORCING_INWARD_OUT = 8
-    KEEP_OBJECT = 9
-    CALIBRATION = 10
-    JOG_OPEN = 11
-    JOG_CLOSE = 12
-    CHIRALITY_CHANGING = 15
-    AGILE_GRIP_INWARD = 16
-    AGILE_GRIP_OUTWARD = 17
-
-
-class Outcome(Enum):
-    """How a gripper command ended; the value says it in a sentence."""
-
-    OPEN = "open"
-    CLOSED = "closed"
-    IN_PLACE = "in place"
-    HOLDING = "holding"
-    STALLED = "stalled"
-
-
-@dataclass(frozen=True, slots=True)
-class GripperState:
-    """What the gripper measures.
-
-    Attributes:
-        position: distance of each finger from the middle [m], 0 to 0.025.
-        state: what it is doing.
-    """
-
-    position: float
-    state: HandState
-
-    @property
-    def is_holding(self) -> bool:
-        """Whether an object is between the fingers: the hand keeps it, and the fingers are not together."""
-        return self.state is HandState.KEEP_OBJECT and self.position > _CLOSED
-
-    @property
-    def is_moving(self) -> bool:
-        """Whether a command is still being carried out."""
-        return self.state not in _AT_REST
-
+_GLANCE = 0.1  # [s] between two looks at whether a command was taken
+_LOOK = 0.2  # [s] between two looks at fingers that move
+_UNKNOWN = 404
 
 # Not READY: the robot's routine brings the hand to READY before it sends each command.
-_AT_REST = {HandState.ERROR, HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
+_AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
 
 
 class GripperRoutines:
-    """The one command slot the grippers share: a signal edge runs what both tasks have been told."""
+    """The one signal the grippers share: its edge runs what each arm's task has been told.
 
-    def __init__(self, client: RwsClient) -> None:
+    Both tasks see every edge, so the next command waits until the task has taken this one: it would otherwise be
+    run twice, or be erased while the task reads it.
+
+    Args:
+        client: a connected client.
+        clock: where waiting time comes from.
+    """
+
+    def __init__(self, client: RwsClient, clock: Clock) -> None:
         self._client = client
+        self._clock = clock
         self._lock = Lock()
 
-    def run(self, side: Side, command: GripperCommand, target: float | None = None, force: float | None = None) -> None:
-        """Have one arm's task run ``command``; the other arm's slot is emptied first.
+    def run(
+        self,
+        side: Side,
+        command: SgCommand,
+        timeout: float,
+        *,
+        target: float | None = None,
+        force: float | None = None,
+    ) -> None:
+        """Have one arm's task run ``command``; returns when the task has issued it.
 
         Args:
             side: which arm.
             command: what to do.
+            timeout: longest wait for the task [s].
             target: finger position [m] for ``MOVE_TO``.
-            force: holding force [N].
+            force: holding force [N] for ``GRIP_IN``.
+
+        Raises:
+            RobotNotReady: the task did not take the command.
         """
         with self._lock:
-            for other in Side:
-                chosen = command if other is side else GripperCommand.NONE
-                self._write(other, "command_input", float(chosen))
             if target is not None:
                 self._write(side, "target_position_input", target * 1e3)
             if force is not None:
                 self._write_force(side, force)
+            for other in Side:
+                self._write(other, "command_input", float(command if other is side else SgCommand.NONE))
             self._client.pulse_signal(RUN_GRIPPER)
+            _wait(
+                self._clock,
+                lambda: self._is_taken(side),
+                timeout,
+                f"The {side.word} arm took no gripper command within {timeout:g} s; see that the RAPID program runs.",
+            )
 
-    def is_accepted(self, side: Side) -> bool:
-        """Whether the task has taken its command and issued it."""
-        return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == 0.0
+    def _is_taken(self, side: Side) -> bool:
+        return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
 
     def _write(self, side: Side, symbol: str, value: float) -> None:
         self._client.set_symbol(side.task, GRIPPER, symbol, rapid_values.encode(value))
@@ -124,8 +88,9 @@ class GripperRoutines:
         current = rapid_values.decode(self._client.symbol(side.task, GRIPPER, "settings"))
         if not isinstance(current, tuple) or len(current) != 3:
             raise RobotNotReady(f"{GRIPPER}/settings of {side.task} has an unknown layout: {current}.")
-        max_speed, _, limit = current
-        self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))
+        max_speed, set_force, limit = current
+        if set_force != force:
+            self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))
 
 
 class Gripper:
@@ -148,12 +113,17 @@ class Gripper:
         self._routines = routines
         self._clock = clock
         self._timeout = timeout
+        self._force = 0.0
         self.last_position = 0.0
 
-    def state(self) -> GripperState:
-        """What the gripper measures now."""
+    def position(self) -> float:
+        """Where its fingers are now [m].
+
+        Raises:
+            RobotNotReady: the controller has no such gripper.
+        """
         self.last_position = self._signal("hand_ActualPosition") * _M_PER_COUNT
-        return GripperState(position=self.last_position, state=HandState(int(self._signal("hand_SysState"))))
+        return self.last_position
 
     def is_calibrated(self) -> bool:
         """Whether its positions mean anything."""
@@ -166,14 +136,16 @@ class Gripper:
             Whether it was needed.
 
         Raises:
-            RobotNotReady: the gripper did not become calibrated in time.
+            RobotNotReady: the controller has no such gripper, or it did not become calibrated.
         """
         if self.is_calibrated():
             return False
-        self._routines.run(self._side, GripperCommand.CALIBRATE)
-        self._wait(
-            lambda: self._routines.is_accepted(self._side) and self.is_calibrated(),
-            "it could not be calibrated (check its 24 V supply and its fingers)",
+        self._routines.run(self._side, SgCommand.CALIBRATE, self._timeout)
+        _wait(
+            self._clock,
+            self.is_calibrated,
+            self._timeout,
+            f"The {self._side.word} gripper could not be calibrated; check its 24 V supply and its fingers.",
         )
         return True
 
@@ -186,60 +158,106 @@ class Gripper:
 
         Raises:
             CommandRefused: a value is out of range; nothing was changed.
-            RobotNotReady: the gripper is not calibrated, or in an error.
+            RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
         if not 0.0 <= position <= TRAVEL:
             raise CommandRefused(f"Gripper position {position} m is out of range; each finger travels 0 to {TRAVEL} m.")
         if not 0.0 < force <= MAX_FORCE:
             raise CommandRefused(f"Gripper force {force} N is out of range; allowed is above 0 to {MAX_FORCE:g} N.")
         self._check_ready()
+        self._force = force
         if position == 0.0:
-            self._routines.run(self._side, GripperCommand.GRIP_IN, force=force)
+            self._routines.run(self._side, SgCommand.GRIP_IN, self._timeout, force=force)
         else:
-            self._routines.run(self._side, GripperCommand.MOVE_TO, target=position, force=force)
-        self._wait(lambda: self._routines.is_accepted(self._side), "the robot did not take the command")
+            self._routines.run(self._side, SgCommand.MOVE_TO, self._timeout, target=position)
 
-    def outcome(self, position: float) -> Outcome | None:
-        """How the command to go to ``position`` [m] has ended, or None while it goes on."""
-        state = self.state()
-        if state.state is HandState.ERROR:
-            raise RobotNotReady(f"The {self._side.word} gripper reports an error; look at the event log.")
-        if state.is_moving:
-            return None
-        if position == 0.0 and state.is_holding:
-            return Outcome.HOLDING
-        if abs(state.position - position) > _IN_PLACE:
-            return Outcome.STALLED
-        if position == 0.0:
-            return Outcome.CLOSED
-        return Outcome.OPEN if position >= TRAVEL - _IN_PLACE else Outcome.IN_PLACE
+    def wait(self, position: float, on_feedback: Callable[[float], None]) -> Outcome:
+        """Wait until the command to go to ``position`` [m] has ended.
 
-    @property
-    def timeout(self) -> float:
-        """Longest time a command may take [s]."""
-        return self._timeout
-
-    def check_deadline(self, now: float, end: float) -> None:
-        """Give up a command that should have ended at ``end`` [s].
+        Args:
+            position: as given to ``begin``.
+            on_feedback: told where the fingers are [m], now and then.
 
         Raises:
-            RobotNotReady: it is later than that.
+            RobotNotReady: the gripper reports an error, or still moves when its time is up.
         """
-        if now > end:
-            raise RobotNotReady(f"The {self._side.word} gripper still moves after {self._timeout:g} s; look at it.")
+        end = self._clock.now() + self._timeout
+        for look in count():
+            outcome = self.outcome(position)
+            if outcome is not None:
+                return outcome
+            if self._clock.now() > end:
+                break
+            if look % 2:  # a position costs a request, of which there are few
+                on_feedback(self.position())
+            self._clock.wait(_LOOK)
+        raise RobotNotReady(f"The {self._side.word} gripper still moves after {self._timeout:g} s; look at it.")
+
+    def outcome(self, position: float) -> Outcome | None:
+        """How the command to go to ``position`` [m] has ended, or None while it goes on.
+
+        Raises:
+            RobotNotReady: the gripper reports an error.
+        """
+        hand = self._hand_state()
+        self._check_error(hand)
+        if hand not in _AT_REST:
+            return None
+        now_at = self.position()
+        is_held = position == 0.0 and hand is HandState.KEEP_OBJECT and now_at > THINNEST
+        is_there = abs(now_at - position) <= ALLOWANCE and not is_held
+        return outcome_of(now_at, self._force if is_held else 0.0, stalled=not is_there, reached_goal=is_there)
 
     def _check_ready(self) -> None:
         if not self.is_calibrated():
             raise RobotNotReady(f"The {self._side.word} gripper is not calibrated; calibrate it first.")
-        if self.state().state is HandState.ERROR:
+        self._check_error(self._hand_state())
+
+    def _check_error(self, state: HandState) -> None:
+        if state is HandState.ERROR:
             raise RobotNotReady(f"The {self._side.word} gripper reports an error; look at the event log.")
 
-    def _wait(self, is_so: Callable[[], bool], reason: str) -> None:
-        end = self._clock.now() + self._timeout
-        while not is_so():
-            if self._clock.now() >= end:
-                raise RobotNotReady(f"The {self._side.word} gripper failed: {reason} after {self._timeout:g} s.")
-            self._clock.wait(_GLANCE)
+    def _hand_state(self) -> HandState:
+        value = self._signal("hand_SysState")
+        try:
+            return HandState(int(value))
+        except ValueError as error:
+            raise ProtocolError(
+                f"The {self._side.word} gripper reports state {value:g}, which no Smart Gripper has; check its "
+                "firmware and its fieldbus configuration."
+            ) from error
 
     def _signal(self, name: str) -> float:
-        return self._client.signal(f"{name}_{self._side.name[0]}").value
+        full = f"{name}_{self._side.name[0]}"
+        try:
+            return self._client.signal(full).value
+        except ControllerRefused as error:
+            if error.status != _UNKNOWN:
+                raise
+            raise RobotNotReady(
+                f"The controller has no signal {full}; it has no {self._side.word} Smart Gripper."
+            ) from error
+
+
+def calibrate(grippers: Mapping[Side, Gripper], say: Callable[[str], None], complain: Callable[[str], None]) -> None:
+    """Calibrate all hands that need it; a hand that cannot be used is told and left, since the arms move without it.
+
+    Args:
+        grippers: the hands.
+        say: told which hand was calibrated.
+        complain: told which hand cannot be used, and why.
+    """
+    for side, gripper in grippers.items():
+        try:
+            if gripper.calibrate_if_needed():
+                say(f"The {side.word} gripper was calibrated.")
+        except (RobotNotReady, ControllerRefused, ProtocolError) as error:
+            complain(f"The {side.word} gripper cannot be used: {error}")
+
+
+def _wait(clock: Clock, is_so: Callable[[], bool], timeout: float, sentence: str) -> None:
+    end = clock.now() + timeout
+    while not is_so():
+        if clock.now() >= end:
+            raise RobotNotReady(sentence)
+        clock.wait(_GLANCE)

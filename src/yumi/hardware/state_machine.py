@@ -32,7 +32,7 @@ class MachineState(IntEnum):
     RUN_EGM_ROUTINE = 3
 
 
-class GripperCommand(IntEnum):
+class SgCommand(IntEnum):
     """``TRobSG/command_input``."""
 
     NONE = 0

@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints
 
 _SPIN = 0.05  # [s]
@@ -110,23 +111,17 @@ class Grip:
     Attributes:
         position: finger position [m].
         effort: holding force [N]; 0 when nothing is held.
-        is_holding: whether an object is held.
-        reached_goal: whether the fingers are where they were sent.
+        outcome: what became of it.
     """
 
     position: float
     effort: float
-    is_holding: bool
-    reached_goal: bool
+    outcome: Outcome
 
     @property
     def word(self) -> str:
         """``holding``, ``open``, ``closed``, ``in place`` or ``stalled``."""
-        if self.is_holding:
-            return "holding"
-        if not self.reached_goal:
-            return "stalled"
-        return "closed" if self.position < 0.001 else "open" if self.position > 0.024 else "in place"
+        return self.outcome.value
 
 
 class GripperClient:
@@ -162,8 +157,9 @@ class GripperClient:
         return Grip(
             position=result.position,
             effort=result.effort,
-            is_holding=result.stalled and result.effort > 0.0,
-            reached_goal=result.reached_goal,
+            outcome=outcome_of(
+                result.position, result.effort, stalled=result.stalled, reached_goal=result.reached_goal
+            ),
         )
 
 

@@ -30,7 +30,7 @@ from yumi.clock import Clock
 from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import FastLineProcess
-from yumi.hardware.gripper import Gripper
+from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
 from yumi.robot.model import robot_description
 from yumi.ros.command_topics import JointCommandTopic
@@ -80,7 +80,7 @@ class RosDriver:
             JointStatePublisher(node, side, self._boxes[side], clock) for side, node in self._arm_nodes.items()
         ]
         self._actions = [
-            GripperAction(node, grippers[side], force, clock, ReentrantCallbackGroup())
+            GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
             for side, node in self._gripper_nodes.items()
         ]
         self._commands = [
@@ -134,9 +134,7 @@ class RosDriver:
         """Bring the robot to ready, or say why it is not; start_egm tries again."""
         try:
             self._manager.make_ready()
-            for side, gripper in self._grippers.items():
-                if gripper.calibrate_if_needed():
-                    self.say(f"The {side.word} gripper was calibrated.")
+            calibrate(self._grippers, self.say, self._manager_node.get_logger().error)
             self.say("The robot is ready.")
         except YumiError as error:
             self._manager_node.get_logger().error(str(error))
@@ -173,7 +171,7 @@ class RosDriver:
         while not self._is_over.wait(_FINGER_PERIOD):
             for side, gripper in self._grippers.items():
                 try:
-                    self._fingers[side] = gripper.state().position
+                    self._fingers[side] = gripper.position()
                 except YumiError:
                     self._fingers.pop(side, None)
 

@@ -8,12 +8,9 @@ from typing import Any
 from control_msgs.action import GripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-from yumi.clock import Clock
 from yumi.errors import YumiError
-from yumi.hardware.gripper import MAX_FORCE, TRAVEL, Gripper, Outcome
-
-GLANCE = 0.1
-"""Pause between two looks at a moving gripper [s]."""
+from yumi.hardware.gripper import Gripper
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 
 
 class GripperAction:
@@ -23,15 +20,13 @@ class GripperAction:
         node: the gripper's node.
         gripper: the hand.
         force: holding force where a goal names none (``max_effort`` 0) [N].
-        clock: where waiting time comes from.
         group: callback group that lets a goal run while others are refused.
     """
 
-    def __init__(self, node: Any, gripper: Gripper, force: float, clock: Clock, group: Any) -> None:
+    def __init__(self, node: Any, gripper: Gripper, force: float, group: Any) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._force = force
-        self._clock = clock
         self._is_busy = False
         self._server = ActionServer(
             node,
@@ -83,14 +78,9 @@ class GripperAction:
 
     def _carry_out(self, handle: Any, position: float, force: float) -> Outcome:
         self._gripper.begin(position, force)
-        end = self._clock.now() + self._gripper.timeout
-        while True:
-            outcome = self._gripper.outcome(position)
-            if outcome is not None:
-                return outcome
-            self._gripper.check_deadline(self._clock.now(), end)
-            handle.publish_feedback(GripperCommand.Feedback(position=self._gripper.last_position))
-            self._clock.wait(GLANCE)
+        return self._gripper.wait(
+            position, lambda now_at: handle.publish_feedback(GripperCommand.Feedback(position=now_at))
+        )
 
     def _result(self, outcome: Outcome | None, force: float) -> Any:
         return GripperCommand.Result(

@@ -9,15 +9,14 @@ from collections import deque
 from math import isfinite
 
 from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, HandCommand, HandState
 from yumi.virtual.gripper_actions import Action, FreeMove, Grip, Jog, Pause
-from yumi.virtual.gripper_codes import GripperCommand, GripperState
-from yumi.virtual.gripper_fingers import TRAVEL, Fingers, Workpiece
+from yumi.virtual.gripper_fingers import Fingers, Workpiece
 
-__all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_FORCE", "TOP_SPEED", "TRAVEL", "VirtualGripper", "Workpiece"]
+__all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_SPEED", "VirtualGripper", "Workpiece"]
 
 TOP_SPEED = 0.025
 LOWEST_SPEED = 0.003
-TOP_FORCE = 20.0
 SETTLING_TIME = 0.5
 CALIBRATION_TIME = 0.5
 CHANNELS = (1, 2)
@@ -42,18 +41,18 @@ class VirtualGripper:
     def __init__(self, workpiece: Workpiece | None = None, *, is_calibrated: bool = False) -> None:
         self.is_calibrated = is_calibrated
         self.max_speed = TOP_SPEED
-        self.hold_force = TOP_FORCE
+        self.hold_force = MAX_FORCE
         self.physical_limit = TRAVEL
         self._fingers = Fingers(workpiece)
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
-        self._state = GripperState.READY
+        self._state = HandState.READY
         self._actions: deque[Action] = deque()
         self._vacuum = dict.fromkeys(CHANNELS, False)
         self._blow = dict.fromkeys(CHANNELS, False)
 
     @property
-    def state(self) -> GripperState:
+    def state(self) -> HandState:
         """``hand_SysState``."""
         return self._state
 
@@ -80,7 +79,7 @@ class VirtualGripper:
     @property
     def is_holding(self) -> bool:
         """Whether the fingers hold an object with the hold force."""
-        return self._state is GripperState.KEEP_OBJECT
+        return self._state is HandState.KEEP_OBJECT
 
     @property
     def workpiece(self) -> Workpiece | None:
@@ -104,7 +103,7 @@ class VirtualGripper:
     # What RAPID's g_ instructions do
 
     def initialize(
-        self, max_speed: float = TOP_SPEED, hold_force: float = TOP_FORCE, physical_limit: float = TRAVEL
+        self, max_speed: float = TOP_SPEED, hold_force: float = MAX_FORCE, physical_limit: float = TRAVEL
     ) -> None:
         """g_Init: speed [m/s] and force [N] are brought into range, the limit of positions [m] is checked.
 
@@ -123,15 +122,15 @@ class VirtualGripper:
 
     def set_hold_force(self, hold_force: float) -> None:
         """g_SetForce [N], brought into the range of the drive."""
-        self.hold_force = max(0.0, min(TOP_FORCE, hold_force))
+        self.hold_force = max(0.0, min(MAX_FORCE, hold_force))
 
     def calibrate(self, *, jog: bool = True) -> None:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
         closing: tuple[Action, ...] = (
             Jog(opens=False, ends_at_standstill=True),
-            Pause(GripperState.READY, SETTLING_TIME, state_after=GripperState.READY),
+            Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
         )
-        self._begin(*(closing if jog else ()), _Zeroing(self, GripperState.READY))
+        self._begin(*(closing if jog else ()), _Zeroing(self, HandState.READY))
 
     def move_to(self, position: float) -> None:
         """g_MoveTo: free move of each finger to ``position`` [m].
@@ -144,10 +143,10 @@ class VirtualGripper:
         _check_position(position, self.physical_limit)
         if self.position >= position:
             self._min_position = position
-            self._obey(GripperCommand.FREE_MOVE_TO_MIN_POS)
+            self._obey(HandCommand.FREE_MOVE_TO_MIN_POS)
         else:
             self._max_position = position
-            self._obey(GripperCommand.FREE_MOVE_TO_MAX_POS)
+            self._obey(HandCommand.FREE_MOVE_TO_MAX_POS)
 
     def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
         """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
@@ -158,7 +157,7 @@ class VirtualGripper:
         """
         self._check_grip(hold_force, position)
         self._min_position = position
-        self._obey(GripperCommand.AGILE_GRIP_INWARD)
+        self._obey(HandCommand.AGILE_GRIP_INWARD)
 
     def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
         """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
@@ -170,11 +169,11 @@ class VirtualGripper:
         widest = self.physical_limit if position is None else position
         self._check_grip(hold_force, widest)
         self._max_position = widest
-        self._obey(GripperCommand.AGILE_GRIP_OUTWARD)
+        self._obey(HandCommand.AGILE_GRIP_OUTWARD)
 
     def stop(self) -> None:
         """g_Stop: the motor lets go; the gripper is ready for the next command."""
-        self._obey(GripperCommand.GO_TO_READY)
+        self._obey(HandCommand.GO_TO_READY)
 
     def set_vacuum(self, channel: int, *, is_on: bool) -> None:
         """g_VacuumOn, g_VacuumOff of channel 1 or 2; a channel does not suck and blow at once."""
@@ -195,7 +194,7 @@ class VirtualGripper:
             "hand_StatusCalibrated": int(self.is_calibrated),
             "hand_ActualPosition": max(0, round(self.position * 1e4)),
             "hand_ActualSpeed": round(abs(self.speed) * 1e4),
-            "hand_SysError": int(self._state is GripperState.ERROR),
+            "hand_SysError": int(self._state is HandState.ERROR),
             "hand_StatusCamLinked": 0,
             "hand_SoftwareVersion": 0,
         }
@@ -225,7 +224,7 @@ class VirtualGripper:
 
     def _switch(self, signal: str, *, is_on: bool) -> None:
         if signal == "hand_CmdClearErr":
-            if is_on and self._state is GripperState.ERROR:
+            if is_on and self._state is HandState.ERROR:
                 self.stop()
         elif signal in ("hand_CmdVacuum1", "hand_CmdVacuum2"):
             self.set_vacuum(int(signal[-1]), is_on=is_on)
@@ -233,9 +232,9 @@ class VirtualGripper:
             self.set_blow(int(signal[-1]), is_on=is_on)
 
     def _command(self, value: int) -> None:
-        is_known = value in [int(command) for command in GripperCommand]
-        if is_known and (value == GripperCommand.GO_TO_READY or self._state is GripperState.READY):
-            self._obey(GripperCommand(value))
+        is_known = value in [int(command) for command in HandCommand]
+        if is_known and (value == HandCommand.GO_TO_READY or self._state is HandState.READY):
+            self._obey(HandCommand(value))
 
     def _check_calibrated(self) -> None:
         if not self.is_calibrated:
@@ -247,13 +246,13 @@ class VirtualGripper:
         if hold_force is not None:
             self.set_hold_force(hold_force)
 
-    def _obey(self, command: GripperCommand) -> None:
+    def _obey(self, command: HandCommand) -> None:
         action = self._action(command)
         if action is not None:
             self._begin(action)
-        elif command is not GripperCommand.NONE:
+        elif command is not HandCommand.NONE:
             self._begin()
-            self._state = GripperState.ERROR if command is GripperCommand.GO_TO_ERROR else GripperState.READY
+            self._state = HandState.ERROR if command is HandCommand.GO_TO_ERROR else HandState.READY
 
     def _begin(self, *actions: Action) -> None:
         self._actions = deque(actions)
@@ -261,17 +260,17 @@ class VirtualGripper:
         if actions:
             self._state = actions[0].state
 
-    def _action(self, command: GripperCommand) -> Action | None:
+    def _action(self, command: HandCommand) -> Action | None:
         narrow, wide = self._mechanical(self._min_position), self._mechanical(self._max_position)
         speed, force = self.max_speed, self.hold_force
-        actions: dict[GripperCommand, Action] = {
-            GripperCommand.JOG_OPEN: Jog(opens=True),
-            GripperCommand.JOG_CLOSE: Jog(opens=False),
-            GripperCommand.FREE_MOVE_TO_MAX_POS: FreeMove(GripperState.FREE_MOVE_TO_MAX_POS, wide, speed),
-            GripperCommand.FREE_MOVE_TO_MIN_POS: FreeMove(GripperState.FREE_MOVE_TO_MIN_POS, narrow, speed),
-            GripperCommand.AGILE_GRIP_INWARD: Grip(GripperState.AGILE_GRIP_INWARD, narrow, speed, force),
-            GripperCommand.AGILE_GRIP_OUTWARD: Grip(GripperState.AGILE_GRIP_OUTWARD, wide, speed, force),
-            GripperCommand.GO_TO_CALIBRATION: _Zeroing(self, GripperState.ACTION_COMPLETED),
+        actions: dict[HandCommand, Action] = {
+            HandCommand.JOG_OPEN: Jog(opens=True),
+            HandCommand.JOG_CLOSE: Jog(opens=False),
+            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
+            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            HandCommand.GO_TO_CALIBRATION: _Zeroing(self, HandState.ACTION_COMPLETED),
         }
         return actions.get(command)
 
@@ -287,8 +286,8 @@ class VirtualGripper:
 class _Zeroing(Pause):
     """Stand still for the time of a calibration, then take the position for 0."""
 
-    def __init__(self, gripper: VirtualGripper, state_after: GripperState) -> None:
-        super().__init__(GripperState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
+    def __init__(self, gripper: VirtualGripper, state_after: HandState) -> None:
+        super().__init__(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
         self._gripper = gripper
 
     def advance(self, fingers: Fingers, dt: float) -> float:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from yumi.virtual.gripper_codes import GripperState
-from yumi.virtual.gripper_fingers import TRAVEL, Fingers
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, HandState
+from yumi.virtual.gripper_fingers import Fingers
 
 JOG_SPEED = 0.010
 STALL_TIME = 0.5
 """How long a free move may push against an obstacle before it is an error [s]."""
 
-_PUSH = 20.0  # a free move and a jog push with what the motor has [N]
+_PUSH = MAX_FORCE  # a free move and a jog push with what the motor has
 
 
 class Action(Protocol):
@@ -22,7 +22,7 @@ class Action(Protocol):
         is_over: whether the next action may begin.
     """
 
-    state: GripperState
+    state: HandState
     is_over: bool
 
     def advance(self, fingers: Fingers, dt: float) -> float:
@@ -32,7 +32,7 @@ class Action(Protocol):
 class FreeMove:
     """Go to a position; an obstacle is an error."""
 
-    def __init__(self, state: GripperState, target: float, speed: float) -> None:
+    def __init__(self, state: HandState, target: float, speed: float) -> None:
         self.state = state
         self.is_over = False
         self._target, self._speed = target, speed
@@ -41,18 +41,18 @@ class FreeMove:
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, _PUSH, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = GripperState.ACTION_COMPLETED, True
+            self.state, self.is_over = HandState.ACTION_COMPLETED, True
             return left
         self._stalled += left
         if self._stalled >= STALL_TIME:
-            self.state, self.is_over = GripperState.ERROR, True
+            self.state, self.is_over = HandState.ERROR, True
         return 0.0
 
 
 class Grip:
     """Close in on something and hold it; coming to the end of the way means that there was nothing."""
 
-    def __init__(self, state: GripperState, target: float, speed: float, force: float) -> None:
+    def __init__(self, state: HandState, target: float, speed: float, force: float) -> None:
         self.state = state
         self.is_over = False
         self._gripping = state
@@ -61,10 +61,10 @@ class Grip:
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, self._force, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = GripperState.ACTION_COMPLETED, True
+            self.state, self.is_over = HandState.ACTION_COMPLETED, True
             return left
         stands_with_force = fingers.speed == 0.0 and fingers.force >= self._force
-        self.state = GripperState.KEEP_OBJECT if stands_with_force else self._gripping
+        self.state = HandState.KEEP_OBJECT if stands_with_force else self._gripping
         return 0.0
 
 
@@ -72,7 +72,7 @@ class Jog:
     """Open or close without knowing where the fingers are, until told to stop or, if asked, until they stand."""
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
-        self.state = GripperState.JOG_OPEN if opens else GripperState.JOG_CLOSE
+        self.state = HandState.JOG_OPEN if opens else HandState.JOG_CLOSE
         self.is_over = False
         self._target = TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
@@ -88,7 +88,7 @@ class Jog:
 class Pause:
     """Do nothing in a state for a while [s]."""
 
-    def __init__(self, state: GripperState, duration: float, *, state_after: GripperState) -> None:
+    def __init__(self, state: HandState, duration: float, *, state_after: HandState) -> None:
         self.state = state
         self.is_over = False
         self._left, self._state_after = duration, state_after

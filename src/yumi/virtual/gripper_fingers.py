@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-TRAVEL = 0.025
-"""From closed to open, per finger [m] (reference/yumi.md §2.1)."""
+from yumi.robot.gripper import TRAVEL
 
 FORCE_RATE = 100.0
 """How fast the motor builds up force against something that does not give way [N/s]."""

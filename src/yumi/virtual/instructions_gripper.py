@@ -7,9 +7,9 @@ from collections.abc import Callable
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, HandState
 from yumi.virtual.events import EventLog, EventType
-from yumi.virtual.gripper import CHANNELS, TOP_FORCE, TOP_SPEED, TRAVEL, VirtualGripper
-from yumi.virtual.gripper_codes import GripperState
+from yumi.virtual.gripper import CHANNELS, TOP_SPEED, VirtualGripper
 
 DEADLINE = 5.0
 """How long an instruction waits for the fingers [s] (reference/statemachine.md §5.3)."""
@@ -51,7 +51,7 @@ class GripperInstructions:
 
     def init(self, call: Call) -> Wait:
         """g_Init."""
-        speed, force = call.get("maxSpd", TOP_SPEED * 1e3) * 1e-3, call.get("holdForce", TOP_FORCE)
+        speed, force = call.get("maxSpd", TOP_SPEED * 1e3) * 1e-3, call.get("holdForce", MAX_FORCE)
         limit = call.get("phyLimit", TRAVEL * 1e3) * 1e-3
         self._do(lambda: self._gripper.initialize(speed, force, limit))
         if call.present("Calibrate"):
@@ -134,7 +134,7 @@ class GripperInstructions:
             if call.task.now >= deadline:
                 self._fail(failure, f"The fingers have been moving for {DEADLINE:g} s.")
             yield None
-        if self._gripper.state is GripperState.ERROR:
+        if self._gripper.state is HandState.ERROR:
             self._fail(failure, "The gripper reports an error.")
 
     def _do(self, action: Callable[[], None]) -> None:

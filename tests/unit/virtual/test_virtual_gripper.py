@@ -7,8 +7,8 @@ from math import nan
 import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.gripper import HandCommand, HandState
 from yumi.virtual.gripper import VirtualGripper
-from yumi.virtual.gripper_codes import GripperCommand, GripperState
 from yumi.virtual.gripper_fingers import Workpiece
 
 CUBE = Workpiece(0.020)
@@ -38,17 +38,17 @@ def finish(gripper: VirtualGripper, dt: float = 0.004032, longest: float = 10.0)
 
 def test_fingers_take_a_second_for_the_whole_way(gripper):
     gripper.move_to(0.025)
-    assert gripper.state is GripperState.FREE_MOVE_TO_MAX_POS
+    assert gripper.state is HandState.FREE_MOVE_TO_MAX_POS
     assert finish(gripper) == pytest.approx(1.0, abs=0.005)
     assert gripper.position == 0.025
-    assert gripper.state is GripperState.ACTION_COMPLETED
+    assert gripper.state is HandState.ACTION_COMPLETED
 
 
 def test_fingers_close_with_the_set_speed():
     gripper = opened()
     gripper.initialize(max_speed=0.010)
     gripper.move_to(0.005)
-    assert gripper.state is GripperState.FREE_MOVE_TO_MIN_POS
+    assert gripper.state is HandState.FREE_MOVE_TO_MIN_POS
     gripper.advance(0.5)
     assert gripper.position == pytest.approx(0.020)
     assert gripper.speed == -0.010
@@ -59,7 +59,7 @@ def test_grip_on_an_object_holds_it_with_the_set_force():
     gripper.grip_in(hold_force=12.0)
     finish(gripper)
     assert gripper.is_holding
-    assert gripper.state is GripperState.KEEP_OBJECT
+    assert gripper.state is HandState.KEEP_OBJECT
     assert (gripper.position, gripper.force) == (0.010, 12.0)
 
 
@@ -69,7 +69,7 @@ def test_force_builds_up_before_the_object_counts_as_held():
     gripper.advance(0.6)  # contact
     gripper.advance(0.1)
     assert gripper.force == pytest.approx(10.0)
-    assert gripper.state is GripperState.AGILE_GRIP_INWARD
+    assert gripper.state is HandState.AGILE_GRIP_INWARD
     gripper.advance(0.11)
     assert gripper.is_holding
 
@@ -79,7 +79,7 @@ def test_grip_on_nothing_closes_and_does_not_hold():
     gripper.grip_in()
     assert finish(gripper) == pytest.approx(1.0, abs=0.005)
     assert not gripper.is_holding
-    assert gripper.state is GripperState.ACTION_COMPLETED
+    assert gripper.state is HandState.ACTION_COMPLETED
     assert (gripper.position, gripper.force) == (0.0, 0.0)
 
 
@@ -89,7 +89,7 @@ def test_object_that_is_taken_away_lets_the_fingers_close():
     finish(gripper)
     gripper.workpiece = None
     gripper.advance(0.1)
-    assert gripper.state is GripperState.AGILE_GRIP_INWARD
+    assert gripper.state is HandState.AGILE_GRIP_INWARD
     finish(gripper)
     assert gripper.position == 0.0
 
@@ -112,7 +112,7 @@ def test_grip_to_a_position_ends_there(gripper):
     gripper = opened()
     gripper.grip_in(position=0.010)
     finish(gripper)
-    assert (gripper.position, gripper.state) == (0.010, GripperState.ACTION_COMPLETED)
+    assert (gripper.position, gripper.state) == (0.010, HandState.ACTION_COMPLETED)
 
 
 def test_stop_lets_go():
@@ -120,17 +120,17 @@ def test_stop_lets_go():
     gripper.grip_in()
     finish(gripper)
     gripper.stop()
-    assert (gripper.force, gripper.state) == (0.0, GripperState.READY)
+    assert (gripper.force, gripper.state) == (0.0, HandState.READY)
 
 
 def test_free_move_against_an_object_is_an_error_until_it_is_cleared():
     gripper = opened(CUBE)
     gripper.move_to(0.0)
     finish(gripper)
-    assert gripper.state is GripperState.ERROR
+    assert gripper.state is HandState.ERROR
     assert gripper.signals()["hand_SysError"] == 1
     gripper.write("hand_CmdClearErr", 1)
-    assert gripper.state is GripperState.READY
+    assert gripper.state is HandState.READY
 
 
 def test_calibration_closes_the_fingers_and_takes_its_time():
@@ -138,12 +138,12 @@ def test_calibration_closes_the_fingers_and_takes_its_time():
     gripper.calibrate()
     assert 1.0 <= finish(gripper) < 1.1
     assert gripper.is_calibrated
-    assert (gripper.position, gripper.state) == (0.0, GripperState.READY)
+    assert (gripper.position, gripper.state) == (0.0, HandState.READY)
 
 
 def test_calibration_shows_its_states_in_order():
     gripper = VirtualGripper()
-    gripper.write("hand_CmdGripper", GripperCommand.JOG_OPEN)
+    gripper.write("hand_CmdGripper", HandCommand.JOG_OPEN)
     gripper.advance(1.0)
     gripper.calibrate()
     states = [gripper.state]
@@ -168,7 +168,7 @@ def test_commands_before_calibration_are_refused(command):
     gripper = VirtualGripper()
     with pytest.raises(RobotNotReady, match="not calibrated: calibrate it first"):
         command(gripper)
-    assert gripper.state is GripperState.READY
+    assert gripper.state is HandState.READY
 
 
 @pytest.mark.parametrize("position", [-0.001, 0.021, nan])
@@ -210,8 +210,8 @@ def test_signals_carry_tenths_of_millimetres(gripper):
 def test_signals_move_the_fingers_as_the_hand_driver_does(gripper):
     gripper.write("hand_MaxPosition", 200)
     gripper.write("hand_MaxSpeed", 100)
-    gripper.write("hand_CmdGripper", GripperCommand.GO_TO_READY)
-    gripper.write("hand_CmdGripper", GripperCommand.FREE_MOVE_TO_MAX_POS)
+    gripper.write("hand_CmdGripper", HandCommand.GO_TO_READY)
+    gripper.write("hand_CmdGripper", HandCommand.FREE_MOVE_TO_MAX_POS)
     assert finish(gripper) == pytest.approx(2.0, abs=0.005)
     assert gripper.signals()["hand_ActualPosition"] == 200
 
@@ -220,8 +220,8 @@ def test_signals_grip_with_the_force_they_carry():
     gripper = opened(CUBE)
     gripper.write("hand_HoldForce", 55)
     gripper.write("hand_MinPosition", 0)
-    gripper.write("hand_CmdGripper", GripperCommand.GO_TO_READY)
-    gripper.write("hand_CmdGripper", GripperCommand.AGILE_GRIP_INWARD)
+    gripper.write("hand_CmdGripper", HandCommand.GO_TO_READY)
+    gripper.write("hand_CmdGripper", HandCommand.AGILE_GRIP_INWARD)
     finish(gripper)
     assert gripper.force == pytest.approx(5.5)
     assert gripper.signals()["hand_SysState"] == 9
@@ -232,19 +232,19 @@ def test_command_signal_is_ignored_when_not_ready_or_unknown(gripper, value):
     gripper.move_to(0.02)
     gripper.advance(0.1)
     gripper.write("hand_CmdGripper", value)
-    assert gripper.state is GripperState.FREE_MOVE_TO_MAX_POS
+    assert gripper.state is HandState.FREE_MOVE_TO_MAX_POS
 
 
 def test_error_can_be_provoked_by_its_command(gripper):
-    gripper.write("hand_CmdGripper", GripperCommand.GO_TO_ERROR)
+    gripper.write("hand_CmdGripper", HandCommand.GO_TO_ERROR)
     assert gripper.signals()["hand_SysState"] == 1
 
 
 def test_calibration_by_command_ends_completed():
     gripper = VirtualGripper()
-    gripper.write("hand_CmdGripper", GripperCommand.GO_TO_CALIBRATION)
+    gripper.write("hand_CmdGripper", HandCommand.GO_TO_CALIBRATION)
     finish(gripper)
-    assert (gripper.is_calibrated, gripper.state) == (True, GripperState.ACTION_COMPLETED)
+    assert (gripper.is_calibrated, gripper.state) == (True, HandState.ACTION_COMPLETED)
 
 
 @pytest.mark.parametrize("channel", [1, 2])
