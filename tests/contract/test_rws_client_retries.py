@@ -6,6 +6,7 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
+from yumi.hardware.rws_pace import BURST, INTERVAL
 from yumi.hardware.rws_session import RwsSession
 from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.rws import digest, requests
@@ -99,3 +100,24 @@ def test_attempts_share_one_deadline() -> None:
 def test_no_attempt_begins_after_the_deadline() -> None:
     with pytest.raises(NoConnection, match=r"yumi did not answer within 1\.0 s"):
         ask(READ, LOST, LOST, OK, timeout=1.0)
+
+
+def test_every_request_on_the_wire_counts_for_the_pace() -> None:
+    clock = ManualClock()
+    link = ScriptedLink(clock)
+    link.exchange = lambda request, timeout: STRANGER if len(request.headers) == 0 else OK  # type: ignore[method-assign]
+    session = RwsSession(link, user="u", password="p", timeout=TIMEOUT, clock=clock)
+    for _ in range(40):
+        session.exchange(READ)
+    assert clock.now() == pytest.approx((40 + 1 - BURST) * INTERVAL)
+
+
+def test_waiting_for_its_turn_is_no_part_of_the_timeout() -> None:
+    clock = ManualClock()
+    link = ScriptedLink(clock, *[OK] * 40)
+    clock.advance = lambda seconds: None  # type: ignore[method-assign] # the controller answers at once
+    session = RwsSession(link, user="u", password="p", timeout=0.1, clock=clock)
+    clock.wait = lambda seconds: ManualClock.advance(clock, seconds)  # type: ignore[method-assign]
+    for _ in range(40):
+        session.exchange(READ)
+    assert link.timeouts == pytest.approx([0.1] * 40)

@@ -86,6 +86,19 @@ def test_egm_starts_on_both_arms_with_the_settings_of_the_thesis(system: System)
     assert settings[3][4:] == (0.5, 0.0, 4.0, 180.0)
 
 
+def test_settings_the_robot_has_are_not_written_again(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    system.start_egm()
+    system.bringup.stop_egm()
+    monkeypatch.setattr(system.client, "set_symbol", lambda *_: pytest.fail("nothing is to be written"))
+    system.start_egm()
+
+
+def test_bringup_checks_the_controller_once(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    system.bringup.make_ready()
+    monkeypatch.setattr(system.client, "system", lambda: pytest.fail("it is known"))
+    system.bringup.make_ready()
+
+
 def test_egm_ends_when_it_is_stopped(system: System) -> None:
     system.start_egm()
     system.bringup.stop_egm()

@@ -32,7 +32,7 @@ OLDEST_ROBOTWARE = (6, 9)
 EGM_OPTION = "689-1 Externally Guided Motion (EGM)"
 
 GLANCE = 0.05
-"""Pause between two looks at a state [s]; the controller wants at most 20 requests a second."""
+"""Pause between two looks at a state [s]; the session keeps the pace of requests."""
 
 Report = Callable[[str], None]
 """Told what is being done, one short sentence a step."""
@@ -53,6 +53,7 @@ class Bringup:
         self._motion = motion
         self._clock = clock
         self._report = report
+        self._is_checked = False
 
     def check_controller(self) -> None:
         """Check what can never be mended from here.
@@ -68,6 +69,7 @@ class Bringup:
             raise RobotNotReady(f"The controller lacks the option {EGM_OPTION!r}; without it no arm can be guided.")
         for side in Side:
             self._check_program(side)
+        self._is_checked = True
 
     def make_ready(self) -> None:
         """Motors on, program running, both state machines idle.
@@ -75,7 +77,8 @@ class Bringup:
         Raises:
             RobotNotReady: a step did not reach its state in time; the message says which and what to do.
         """
-        self.check_controller()
+        if not self._is_checked:
+            self.check_controller()
         self._check_automatic()
         self._switch_motors_on()
         if not self._are_idle():
@@ -89,7 +92,8 @@ class Bringup:
             return "the motors are off"
         if self._client.execution() is not ExecutionState.RUNNING:
             return "the RAPID program is stopped"
-        busy = [f"{side.word} arm: {self.state(side).name}" for side in Side if self.state(side) != MachineState.IDLE]
+        states = {side: self.state(side) for side in Side}
+        busy = [f"{side.word} arm: {state.name}" for side, state in states.items() if state is not MachineState.IDLE]
         return f"the state machines are not idle ({', '.join(busy)})" if busy else None
 
     def describe(self) -> str:
@@ -186,6 +190,8 @@ class Bringup:
     def _write_settings(self, side: Side) -> None:
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         wanted = merge_egm_settings(current, self._motion)
+        if _equal(current, wanted):
+            return
         self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(wanted))
         written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         if not _equal(written, wanted):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import count
+from math import inf
 from threading import Lock
 
 from yumi.clock import Clock
@@ -41,6 +42,7 @@ class GripperRoutines:
         self._client = client
         self._clock = clock
         self._lock = Lock()
+        self._are_empty = False  # the tasks' slots, as far as we know
 
     def run(
         self,
@@ -64,12 +66,15 @@ class GripperRoutines:
             RobotNotReady: the task did not take the command.
         """
         with self._lock:
+            if not self._are_empty:
+                for each in Side:
+                    self._write(each, "command_input", float(SgCommand.NONE))
+            self._are_empty = False
             if target is not None:
                 self._write(side, "target_position_input", target * 1e3)
             if force is not None:
                 self._write_force(side, force)
-            for other in Side:
-                self._write(other, "command_input", float(command if other is side else SgCommand.NONE))
+            self._write(side, "command_input", float(command))
             self._client.pulse_signal(RUN_GRIPPER)
             _wait(
                 self._clock,
@@ -77,6 +82,7 @@ class GripperRoutines:
                 timeout,
                 f"The {side.word} arm took no gripper command within {timeout:g} s; see that the RAPID program runs.",
             )
+            self._are_empty = True
 
     def _is_taken(self, side: Side) -> bool:
         return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
@@ -114,6 +120,7 @@ class Gripper:
         self._clock = clock
         self._timeout = timeout
         self._force = 0.0
+        self._looked_at = -inf
         self.last_position = 0.0
 
     def position(self) -> float:
@@ -123,7 +130,12 @@ class Gripper:
             RobotNotReady: the controller has no such gripper.
         """
         self.last_position = self._signal("hand_ActualPosition") * _M_PER_COUNT
+        self._looked_at = self._clock.now()
         return self.last_position
+
+    def recent_position(self, age: float) -> float:
+        """Where its fingers were not longer ago than ``age`` [s], or are now [m]; raises as ``position``."""
+        return self.last_position if self._clock.now() - self._looked_at < age else self.position()
 
     def is_calibrated(self) -> bool:
         """Whether its positions mean anything."""

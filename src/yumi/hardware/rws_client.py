@@ -38,7 +38,8 @@ log = logging.getLogger(__name__)
 class RwsClient:
     """A controller at ``address``: host name or IP address, with ``:port`` if not 80; or a link to one.
 
-    Every call ends within ``timeout`` [s] and is safe from any thread. Every call may raise:
+    Every call waits for its turn (see :mod:`yumi.hardware.rws_pace`), then ends within ``timeout`` [s], and is safe
+    from any thread. Every call may raise:
 
     * NoConnection: nothing answers;
     * LoginRefused: user or password are wrong;

@@ -5,6 +5,7 @@
 * A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy
   (503).
 * Any other request is never repeated after it may have been carried out.
+* Requests keep the pace a controller asks for; waiting for its turn is no part of a request's timeout.
 
 Source: reference/rws.md §1.1-1.2, §2.2.
 """
@@ -16,6 +17,7 @@ from typing import Protocol
 
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
+from yumi.hardware.rws_pace import RequestPace
 from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.rws import digest, forms
 from yumi.rws.login import Headers, Login
@@ -48,6 +50,7 @@ class RwsSession:
         self._clock = clock
         self._login = Login(user, password)
         self._lock = Lock()
+        self._pace = RequestPace(clock)
 
     @property
     def is_open(self) -> bool:
@@ -55,13 +58,14 @@ class RwsSession:
         return self._login.has_session
 
     def exchange(self, request: Request) -> HttpReply:
-        """The controller's answer to ``request``, whatever its status, within the timeout in all.
+        """The controller's answer to ``request``, whatever its status, within the timeout once it has its turn.
 
         Raises:
             NoConnection: nothing answered in time.
             LoginRefused: the user or the password is wrong.
             ProtocolError: what answers is not a controller.
         """
+        self._pace.wait()
         deadline = self._clock.now() + self._timeout
         if not self._lock.acquire(timeout=self._timeout):
             raise NoConnection(f"{self.address} is busy with another request for {self._timeout:.1f} s.")
@@ -80,9 +84,11 @@ class RwsSession:
             try:
                 reply = self._authorized(request, deadline)
             except ConnectionLost:
+                self._pace.count()
                 continue
             if reply.status != _BUSY:
                 return reply
+            self._pace.count()
         return self._authorized(request, deadline)
 
     def _authorized(self, request: Request, deadline: float) -> HttpReply:
@@ -90,6 +96,7 @@ class RwsSession:
         if reply.status != _UNAUTHORIZED:
             return reply
         proof = self._login.answer(self._challenge(reply), request.method, request.target)
+        self._pace.count()
         reply = self._once(request, proof, deadline)
         if reply.status == _UNAUTHORIZED:
             raise LoginRefused(

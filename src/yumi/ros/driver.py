@@ -43,7 +43,7 @@ _THREADS = 4
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EGM_STATE_PERIOD = 0.1  # [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
-_FINGER_PERIOD = 0.5  # [s]; the controller wants at most 20 requests a second from everybody
+_FINGER_PERIOD = 0.5  # [s]; there are few requests a second for everybody (yumi.hardware.rws_pace)
 
 
 class RosDriver:
@@ -171,7 +171,7 @@ class RosDriver:
         while not self._is_over.wait(_FINGER_PERIOD):
             for side, gripper in self._grippers.items():
                 try:
-                    self._fingers[side] = gripper.position()
+                    self._fingers[side] = gripper.recent_position(_FINGER_PERIOD)
                 except YumiError:
                     self._fingers.pop(side, None)
 

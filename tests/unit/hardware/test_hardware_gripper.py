@@ -97,6 +97,28 @@ def test_command_that_is_not_taken_fails_after_its_time(robot: Robot, clock: Man
     assert clock.now() == pytest.approx(10.0, abs=0.2)
 
 
+def test_slots_are_emptied_only_while_nobody_knows_what_is_in_them(robot: Robot, clock: ManualClock) -> None:
+    routines = GripperRoutines(robot, clock)
+    for _ in range(2):
+        routines.run(Side.RIGHT, SgCommand.GRIP_IN, 1.0)
+    assert robot.log.count("T_ROB_L command_input=0") == 1
+    robot.looks = 1000
+    with pytest.raises(RobotNotReady):
+        routines.run(Side.RIGHT, SgCommand.GRIP_IN, 1.0)
+    robot.looks = 0
+    routines.run(Side.LEFT, SgCommand.GRIP_IN, 1.0)
+    assert robot.log.count("T_ROB_R command_input=0") == 2
+
+
+def test_recent_position_is_asked_for_only_when_the_last_one_is_old(robot: Robot, clock: ManualClock) -> None:
+    gripper = gripper_of(robot, Side.LEFT, clock)
+    robot.show(Side.LEFT, HandState.READY, 0.01)
+    for step in (0.0, 0.3, 0.3):
+        clock.advance(step)
+        assert gripper.recent_position(0.5) == pytest.approx(0.01)
+    assert robot.log == ["hand_ActualPosition_L"] * 2
+
+
 def test_force_that_is_already_set_is_not_written(robot: Robot, clock: ManualClock) -> None:
     routines = GripperRoutines(robot, clock)
     routines.run(Side.RIGHT, SgCommand.GRIP_IN, 1.0, force=10.0)
