@@ -3,9 +3,9 @@
 from setuptools import find_packages, setup
 
 distribution = setup(
-    package_dir={"": "src"},
-    packages=find_packages("src"),
-    package_data={"yumi": ["**/*"]},
+    package_dir={"": "src", "yumi.config": "config"},
+    packages=[*find_packages("src"), "yumi.config"],
+    package_data={"yumi": ["**/*"], "yumi.config": ["*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),
