@@ -8,8 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import replace
-from math import degrees
+from math import degrees, isnan
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
@@ -22,11 +21,26 @@ from yumi import __version__
 from yumi.cli_bench import bench
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
+from yumi.robot.gripper import TRAVEL
 from yumi.robot.joints import Side
-from yumi.settings import Settings, read_controllers, read_settings
+from yumi.settings import MAX_PORT, Settings, override, read_controllers, read_settings
 
 _INTERRUPTED = 130
 _UNTIL = click.option("--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process).")
+
+
+class _Width(click.FloatRange):
+    """What fits between the fingers [m]; "nan", which no range refuses, does not."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        width = super().convert(value, param, ctx)
+        if isnan(width):
+            self.fail(f"{value!r} is not a width.", param, ctx)
+        return width
+
+
+_PORT = click.IntRange(1, MAX_PORT)
+_WIDTH = _Width(0.0, 2.0 * TRAVEL, min_open=True)
 
 
 class _Commands(click.Group):
@@ -58,15 +72,23 @@ def main() -> None:
 
 @main.command()
 @click.option(
-    "--rws-port", default=8080, show_default=True, help="HTTP port of Robot Web Services; 0 takes a free one."
+    "--rws-port",
+    type=click.IntRange(0, MAX_PORT),
+    default=8080,
+    show_default=True,
+    help="HTTP port of Robot Web Services; 0 takes a free one.",
 )
 @click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
-@click.option("--left-egm-port", default=6511, show_default=True, help="UDP port of the driver for the left arm.")
-@click.option("--right-egm-port", default=6512, show_default=True, help="UDP port of the driver for the right arm.")
-@click.option("--left-object", type=float, help="Width of an object between the left fingers [m].")
-@click.option("--right-object", type=float, help="Width of an object between the right fingers [m].")
+@click.option(
+    "--left-egm-port", type=_PORT, default=6511, show_default=True, help="The driver's UDP port for the left arm."
+)
+@click.option(
+    "--right-egm-port", type=_PORT, default=6512, show_default=True, help="The driver's UDP port for the right arm."
+)
+@click.option("--left-object", type=_WIDTH, help="Width of an object between the left fingers [m].")
+@click.option("--right-object", type=_WIDTH, help="Width of an object between the right fingers [m].")
 @click.option("--user", default="Default User", show_default=True)
 @click.option("--password", default="robotics", show_default=True)
 @_UNTIL
@@ -104,9 +126,9 @@ def controller(
 
 @main.command()
 @click.option("--robot", help="Address of the controller; 127.0.0.1 for a virtual one on this machine.")
-@click.option("--rws-port", type=int, help="HTTP port of its Robot Web Services.")
-@click.option("--left-egm-port", type=int, help="UDP port where the left arm's datagrams arrive.")
-@click.option("--right-egm-port", type=int, help="UDP port where the right arm's datagrams arrive.")
+@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
+@click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams arrive.")
+@click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams arrive.")
 @click.option("--user", help="User name on the controller.")
 @click.option("--password", help="Its password.")
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
@@ -198,11 +220,15 @@ main.add_command(bench)
 def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     """Settings with what the command line says on top."""
     given = {key: value for key, value in options.items() if value is not None}
-    names = {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"}
-    robot = replace(settings.robot, **{names[key]: value for key, value in given.items() if key in names})
-    ports = {"left_egm_port": "left_port", "right_egm_port": "right_port"}
-    egm = replace(settings.egm, **{ports[key]: value for key, value in given.items() if key in ports})
-    return replace(settings, robot=robot, egm=egm)
+    names = {
+        "robot": {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"},
+        "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
+    }
+    values = {
+        group: {name: given[option] for option, name in entries.items() if option in given}
+        for group, entries in names.items()
+    }
+    return override(settings, values, "command line")
 
 
 def _say_ready(what: str) -> None:

@@ -6,7 +6,7 @@ Each group is declared as a dataclass; a field's metadata gives its unit and bou
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from ipaddress import ip_address
 from pathlib import Path
@@ -119,7 +119,7 @@ class Settings:
 
 def config_folder() -> Path:
     """The folder with the delivered ``yumi.yaml`` and ``controllers.yaml``."""
-    package = Path(__file__).parent
+    package = Path(__file__).resolve().parent  # colcon may have linked the package, not the folder beside it
     installed = package / "config"
     return installed if installed.is_dir() else package.parents[1] / "config"
 
@@ -183,13 +183,35 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return document
 
 
+def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place: str) -> Settings:
+    """``settings`` with some values replaced, which keep the same bounds as those in a file.
+
+    Args:
+        settings: what holds where nothing is replaced.
+        values: group by name, each with its values by name.
+        place: where the values come from, for the refusal.
+
+    Raises:
+        SettingsError: a name or value is not allowed.
+    """
+    groups = {
+        name: replace(getattr(settings, name), **_checked(type(getattr(settings, name)), group, f"{place}: {name}"))
+        for name, group in values.items()
+    }
+    return replace(settings, **groups)
+
+
 def _build(kind: type[T], values: Mapping[str, Any], place: str) -> T:
+    return kind(**_checked(kind, values, place))
+
+
+def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any]:
     hints = get_type_hints(kind)
-    known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
+    known = {item.name: item for item in fields(kind)}
     for key in values:
         if key not in known:
             raise SettingsError(f"{place} has no setting {key!r}; it has: {', '.join(known)}.")
-    return kind(**{key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()})
+    return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
 
 
 def _value(item: Field[Any], kind: type, value: object, place: str) -> object:

@@ -48,10 +48,11 @@ class HttpServer:
         self._thread.start()
         try:
             self._listening.result()
-        except OSError as error:
+        except (OSError, OverflowError) as error:
             self._thread.join()
+            reason = (isinstance(error, OSError) and error.strerror) or error
             raise SettingsError(
-                f"Port {self.port} on {self._host} cannot be opened ({error.strerror}); choose another port."
+                f"Port {self.port} on {self._host} cannot be opened ({reason}); choose another port."
             ) from error
 
     def stop(self) -> None:
@@ -80,7 +81,7 @@ class HttpServer:
             self.port = runner.addresses[0][1]
             self._listening.set_result((asyncio.get_running_loop(), ending))
             await ending.wait()
-        except OSError as error:
+        except Exception as error:  # whatever it is, somebody waits for it
             self._listening.set_exception(error)
         finally:
             await runner.cleanup()

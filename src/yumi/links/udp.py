@@ -71,10 +71,14 @@ class UdpServer:
 
 
 class UdpClient:
-    """Speaks to one address and reads what it answers; never waits."""
+    """Speaks to one address and reads what it answers; never waits.
+
+    Raises:
+        NoConnection: the host's name is unknown.
+    """
 
     def __init__(self, host: str, port: int) -> None:
-        self._address = (socket.gethostbyname(host), port)
+        self._address = (resolve(host), port)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
@@ -123,8 +127,9 @@ def resolve(host: str) -> str:
     """
     try:
         return socket.gethostbyname(host)
-    except OSError as error:
-        raise NoConnection(f"The name {host!r} is not known: {error.strerror or error}; give an address.") from error
+    except (OSError, UnicodeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise NoConnection(f"The name {host!r} is not known: {reason}; give an address.") from error
 
 
 def free_port() -> int:

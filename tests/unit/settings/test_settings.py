@@ -8,7 +8,7 @@ import pytest
 from yumi.controllers.joint_position import JointPositionController
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
-from yumi.settings import Settings, config_folder, read_controllers, read_settings
+from yumi.settings import Settings, config_folder, override, read_controllers, read_settings
 
 
 @pytest.fixture
@@ -87,3 +87,22 @@ def test_every_setting_in_the_delivered_file_is_explained_by_its_class() -> None
     text = (config_folder() / "yumi.yaml").read_text()
     groups = re.findall(r"^(\w+):$", text, re.MULTILINE)
     assert groups == ["robot", "egm", "egm_motion", "gripper", "ros"]
+
+
+def test_overridden_settings_keep_the_others() -> None:
+    settings = override(Settings(), {"robot": {"rws_port": 8080}, "egm": {}}, "command line")
+    assert (settings.robot.rws_port, settings.robot.address) == (8080, "192.168.125.1")
+    assert settings.egm == Settings().egm
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"robot": {"rws_port": 0}}, "command line: robot: rws_port is 0; allowed is 1 to 65535."),
+        ({"egm": {"left_port": 99999}}, "command line: egm: left_port is 99999; allowed is 1 to 65535."),
+        ({"robot": {"adress": "x"}}, "command line: robot has no setting 'adress'"),
+    ],
+)
+def test_overriding_values_keep_the_bounds_of_the_file(values: dict[str, dict[str, object]], sentence: str) -> None:
+    with pytest.raises(SettingsError, match=re.escape(sentence)):
+        override(Settings(), values, "command line")

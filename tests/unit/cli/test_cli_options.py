@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner, Result
+
+from yumi.cli import main
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(main, arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("controller", "--rws-port", "99999"), "99999 is not in the range 0<=x<=65535"),
+        (("controller", "--left-egm-port", "99999"), "99999 is not in the range 1<=x<=65535"),
+        (("controller", "--right-egm-port", "0"), "0 is not in the range 1<=x<=65535"),
+        (("controller", "--left-object", "5"), "5.0 is not in the range 0.0<x<=0.05"),
+        (("controller", "--right-object", "0"), "0.0 is not in the range 0.0<x<=0.05"),
+        (("controller", "--right-object", "nan"), "'nan' is not a width"),
+        (("up", "--rws-port", "0"), "0 is not in the range 1<=x<=65535"),
+        (("up", "--left-egm-port", "99999"), "99999 is not in the range 1<=x<=65535"),
+    ],
+)
+def test_option_out_of_range_is_refused(arguments: tuple[str, ...], sentence: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert sentence in result.output
+
+
+@pytest.mark.parametrize("name", ["no-such-host.invalid", "x" * 70])
+def test_virtual_controller_says_that_a_name_is_unknown(name: str) -> None:
+    result = run("controller", "--rws-port", "0", "--egm-host", name)
+    assert result.exit_code == 1
+    assert f"Error: The name '{name}' is not known" in result.output
