@@ -21,8 +21,10 @@ from typing import TYPE_CHECKING
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
+from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
+from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.codec import SensorCodec
@@ -109,7 +111,9 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
         manager.configure(entry.name, entry.values)
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
-    return WiredArm(ArmLine(side, EgmArm(socket, session), manager, Guard(YUMI_LIMITS), boxes.snapshots), socket)
+    recorder, stations = FlightRecorder(boxes.flight), StationClock(time.perf_counter)
+    arm = EgmArm(socket, session, stations)
+    return WiredArm(ArmLine(side, arm, manager, Guard(YUMI_LIMITS), boxes.snapshots, recorder, stations), socket)
 
 
 def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_ready: Callable[[], None]) -> None:

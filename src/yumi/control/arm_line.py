@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.mailbox import Mailbox
 from yumi.control.manager import ControllerManager
@@ -18,6 +19,7 @@ from yumi.control.requests import (
     SessionStarted,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.control.stations import AFTER_REPLY, StationClock
 from yumi.robot.joints import Side
 from yumi.robot.values import ZERO, ArmState
 
@@ -34,14 +36,27 @@ class ArmLine:
         manager: its controllers.
         guard: what its commands must pass.
         snapshots: where the outside world looks.
+        recorder: what remembers the cycles.
+        stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
     """
 
-    def __init__(self, side: Side, arm: ArmPort, manager: ControllerManager, guard: Guard, snapshots: Mailbox) -> None:
+    def __init__(
+        self,
+        side: Side,
+        arm: ArmPort,
+        manager: ControllerManager,
+        guard: Guard,
+        snapshots: Mailbox,
+        recorder: FlightRecorder,
+        stations: StationClock,
+    ) -> None:
         self.manager = manager
         self._side = side
         self._arm = arm
         self._guard = guard
         self._snapshots = snapshots
+        self._recorder = recorder
+        self._stations = stations
         self._last: Cycle | None = None
         self._cycles = 0
         self._position = ZERO
@@ -59,7 +74,8 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        cycle = run_cycle(self._arm, self.manager, self._guard, now)
+        self._stations.begin()
+        cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)
         return cycle
@@ -95,6 +111,8 @@ class ArmLine:
         self.manager.watch(cycle.state)
         self._note_changes(before.state if before else None, cycle.state)
         self._publish(cycle.state.time)
+        self._stations.note(AFTER_REPLY)
+        self._recorder.record(cycle, self.manager.reference, self._stations)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if before is None or before.session != state.session:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.control.port import WireCounters
+from yumi.control.stations import DECODE, ENCODE, RECEIVE, SEND, StationClock
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.robot.joints import Joints
@@ -34,15 +35,17 @@ class EgmArm:
     Args:
         link: where its datagrams come from.
         session: its conversation.
+        stations: what notes where a cycle's time goes.
     """
 
-    def __init__(self, link: DatagramLink, session: SensorSession) -> None:
+    def __init__(self, link: DatagramLink, session: SensorSession, stations: StationClock | None = None) -> None:
         self._link = link
         self._session = session
+        self._stations = stations or StationClock()
         self._before: RobotMessage | None = None
 
     def read(self, now: float) -> ArmState | None:
-        datagrams = self._link.receive()
+        datagrams = self._stations.timed(RECEIVE, self._link.receive())
         if not datagrams:
             return None
         received = self._session.accept(datagrams, now)
@@ -51,7 +54,7 @@ class EgmArm:
         message, before = received.message, None if received.is_first else self._before
         self._before = message
         dt = _period(before, message)
-        return ArmState(
+        state = ArmState(
             time=now,
             dt=dt,
             session=received.session,
@@ -60,10 +63,12 @@ class EgmArm:
             planned=message.planned,
             is_running=_is_running(message),
         )
+        return self._stations.timed(DECODE, state)
 
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._session.reply(command.position, velocity))
+        self._link.send(self._stations.timed(ENCODE, self._session.reply(command.position, velocity)))
+        self._stations.note(SEND)
 
     def lost_after(self, now: float) -> float | None:
         return self._session.silence(now) if self._session.close_if_silent(now) else None

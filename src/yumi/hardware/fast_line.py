@@ -14,6 +14,7 @@ from threading import Lock, Thread
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
+from yumi.control.flight_recorder import FLIGHT_SIZE
 from yumi.control.goals import GOAL_SIZE
 from yumi.control.requests import (
     CycleFailed,
@@ -32,7 +33,7 @@ from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
-from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell
+from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell, shared_numbers
 from yumi.robot.joints import JOINT_COUNT, Side
 
 GLANCE = 0.010
@@ -52,6 +53,7 @@ class ArmBoxes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
         goals: where it shall go.
+        flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
 
@@ -59,6 +61,7 @@ class ArmBoxes:
         self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
+        self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 
 

@@ -6,6 +6,7 @@ again. Nobody ever waits for a lock, so a dead reader cannot stop the fast line.
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 from multiprocessing.context import SpawnContext
 from multiprocessing.sharedctypes import RawArray
@@ -15,6 +16,15 @@ PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 """How processes are made: spawned, since a fork would copy threads and locks of ROS."""
 
 _HEAD = 2  # begun, finished: equal and not 0 when the letter is whole
+
+
+SharedNumbers = ctypes.Array[ctypes.c_double]
+"""A block of numbers that two processes see."""
+
+
+def shared_numbers(count: int) -> SharedNumbers:
+    """``count`` zeros of 8 bytes; hand them to the child when it is spawned. Who writes and reads how is theirs."""
+    return RawArray(ctypes.c_double, count)
 
 
 class SharedMailbox:
