@@ -3,7 +3,8 @@
 ::
 
     yumi up          process 1   RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events
+                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events,
+                                            flight-records (when something stops), full-recorder (--record)
                      process 2   the fast line: both arms' cycles, one thread
     yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -24,12 +26,14 @@ from yumi.control.controller import Controller
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
+from yumi.control.requests import Event
 from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.codec import SensorCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
+from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import CYCLE, EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
@@ -116,7 +120,13 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     return WiredArm(ArmLine(side, arm, manager, Guard(YUMI_LIMITS), boxes.snapshots, recorder, stations), socket)
 
 
-def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_ready: Callable[[], None]) -> None:
+def run_driver(
+    settings: Settings,
+    controllers: Controllers,
+    is_over: Flag,
+    on_ready: Callable[[], None],
+    record: Path | None = None,
+) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
     Args:
@@ -124,6 +134,7 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         controllers: what runs on each arm.
         is_over: set when it shall end.
         on_ready: called when ROS is served and the robot was brought to ready, or said why not.
+        record: file for every cycle of both arms.
 
     Raises:
         YumiError: the robot cannot be reached or used; nothing was started.
@@ -139,7 +150,15 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
         bringup.check_controller()
         plan = plan_egm(settings, controllers)
-        fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event))  # noqa: PLW0108 - ros comes next
+
+        def on_event(event: Event) -> None:
+            ros.tell(event)
+            records.note(event, clock.now(), time.time())
+
+        fast_line = FastLineProcess(partial(build_arms, plan), on_event)
+        records = Records(settings.recorder, fast_line.recorders, lambda sentence: ros.say(sentence))  # noqa: PLW0108 - ros comes next
+        if record:
+            records.record_all(record, time.time() - clock.now())
         manager = RobotManager(bringup, fast_line, clock)
         open_ros()
         grippers = _grippers(client, clock, settings)
@@ -155,6 +174,7 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
             _end_motion(manager, ros.say)
             ros.stop()
             fast_line.stop()
+            records.close()
             close_ros()
 
 

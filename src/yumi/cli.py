@@ -19,6 +19,7 @@ from typing import Any
 import click
 
 from yumi import __version__
+from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
 from yumi.robot.joints import Side
@@ -112,8 +113,11 @@ def controller(
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
+@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
 @_UNTIL
-def up(config: Path | None, controllers: Path | None, until_stdin_closes: bool, **options: Any) -> None:
+def up(
+    config: Path | None, controllers: Path | None, record: Path | None, until_stdin_closes: bool, **options: Any
+) -> None:
     """Run the driver: bring the robot to ready and serve ROS 2.
 
     \b
@@ -128,7 +132,8 @@ def up(config: Path | None, controllers: Path | None, until_stdin_closes: bool, 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
-    run_driver(settings, chosen, _end_flag(until_stdin_closes), lambda: _say_ready(f"driving the robot at {address}"))
+    is_over = _end_flag(until_stdin_closes)
+    run_driver(settings, chosen, is_over, lambda: _say_ready(f"driving the robot at {address}"), record)
 
 
 @main.command()
@@ -190,6 +195,9 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
         report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     click.echo(f"Picture of the joint paths: {picture}")
     click.echo("Task completed")
+
+
+main.add_command(record_commands)
 
 
 def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:

@@ -14,7 +14,7 @@ from threading import Lock, Thread
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
-from yumi.control.flight_recorder import FLIGHT_SIZE
+from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.goals import GOAL_SIZE
 from yumi.control.requests import (
     CycleFailed,
@@ -92,6 +92,7 @@ class FastLineProcess:
 
     def __init__(self, build: Build, on_event: Callable[[Event], None]) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
+        self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
         self.started_as = ""
         self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes)
         self._on_event = on_event
