@@ -33,8 +33,11 @@ from yumi.robot.joints import Side, joint_names
 EVENTS = "events"
 """Topic of what happened."""
 
-BEFORE = 10.0
+BEFORE = 11.0
+"""A flight record as a whole: its ten seconds end a little before the event [s]."""
+
 AFTER = 1.0
+"""What the robot did once it was told to hold [s]."""
 
 _MISSING = "Recordings need mcap; install yumi-ros2[record]."
 _LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of about one million
@@ -200,7 +203,8 @@ def _messages(file: Path) -> Iterator[tuple[str | None, Any]]:
             yield from _contents(stream)
     except EndOfFile:
         return  # whoever wrote it was stopped; what is whole has been read
-    except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError) as error:
+    except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
+        # The last two: a damaged length asks for more than there is.
         raise ProtocolError(f"{file} is no recording of yumi, or it is damaged: {error!r}.") from error
 
 

@@ -19,7 +19,7 @@ from yumi.robot.joints import CHAIN_AXES, Joints, Side
 def recording_table(recording: Recording, side: Side, cycles: int) -> RenderableType:
     """The last ``cycles`` of one arm until the event, with everything that is known of them.
 
-    Times count from the event [ms], positions are in degrees, stations in microseconds.
+    Of the commands it shows the joint that is farthest ahead; the picture shows all.
     """
     frames = recording.frames.get(side, ())
     if not frames:
@@ -49,10 +49,9 @@ def _summary(side: Side, frames: Sequence[Frame], *, is_complete: bool) -> str:
 
 
 def _cycles(frames: Sequence[Frame], zero: float) -> Table:
-    table = Table(title=f"Axes {' '.join(map(str, CHAIN_AXES))} [°], times from the event [ms]", title_justify="left")
-    for name in ("cycle", "time", "dt", "follows"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for name in ("measured", "wanted - measured", "admitted - measured", "reply [µs]"):
+    table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
+    measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}"
+    for name in ("cycle", "time", "dt", "follows", measured, "wanted ahead (axis)", "admitted ahead (axis)", "reply"):
         table.add_column(name, justify="right")
     for frame in frames:
         table.add_row(
@@ -60,16 +59,16 @@ def _cycles(frames: Sequence[Frame], zero: float) -> Table:
             f"{(frame.time - zero) * 1e3:.1f}",
             f"{frame.dt * 1e3:.2f}",
             "yes" if frame.is_running else "no",
-            _angles(frame.position, 1),
-            "hold" if frame.wanted is None else _difference(frame.wanted, frame.position),
-            _difference(frame.admitted, frame.position),
+            " ".join(f"{degrees(value):.1f}" for value in frame.position),
+            "hold" if frame.wanted is None else _ahead(frame.wanted, frame.position),
+            _ahead(frame.admitted, frame.position),
             f"{frame.stations.reply * 1e6:.0f}",
         )
     return table
 
 
 def _stations(frames: Sequence[Frame]) -> Table:
-    table = Table(title="Stations of a cycle [µs]", title_justify="left")
+    table = Table(title="Stations of a cycle in µs", title_justify="left")
     for name in ("station", "p50", "p99", "max"):
         table.add_column(name, justify="left" if name == "station" else "right")
     for name in (*STATIONS, "reply"):
@@ -84,9 +83,8 @@ def quantile(ascending: Sequence[float], share: float) -> float:
     return ascending[max(0, ceil(share * len(ascending)) - 1)]
 
 
-def _angles(values: Joints, digits: int) -> str:
-    return " ".join(f"{degrees(value):.{digits}f}" for value in values)
-
-
-def _difference(values: Joints, position: Joints) -> str:
-    return " ".join(f"{degrees(value - now):+.2f}" for value, now in zip(values, position, strict=True))
+def _ahead(command: Joints, position: Joints) -> str:
+    """How far a command is ahead of the measured position, where it is farthest, with ABB's axis number [°]."""
+    distances = {axis: value - now for axis, value, now in zip(CHAIN_AXES, command, position, strict=True)}
+    axis = max(distances, key=lambda each: abs(distances[each]))
+    return f"{degrees(distances[axis]):+.2f} ({axis})"
