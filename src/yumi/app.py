@@ -152,8 +152,8 @@ def run_driver(
         plan = plan_egm(settings, controllers)
 
         def on_event(event: Event) -> None:
-            ros.tell(event)
             records.note(event, clock.now(), time.time())
+            ros.tell(event)
 
         fast_line = FastLineProcess(partial(build_arms, plan), on_event)
         records = Records(settings.recorder, fast_line.recorders, lambda sentence: ros.say(sentence))  # noqa: PLW0108 - ros comes next

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from yumi.control.cycle import Cycle, run_cycle
-from yumi.control.flight_recorder import FlightRecorder
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.guard import Guard
 from yumi.control.mailbox import Mailbox
 from yumi.control.manager import ControllerManager
@@ -36,7 +36,7 @@ class ArmLine:
         manager: its controllers.
         guard: what its commands must pass.
         snapshots: where the outside world looks.
-        recorder: what remembers the cycles.
+        recorder: what remembers the cycles; without one it has its own, which nobody reads.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
     """
 
@@ -47,16 +47,16 @@ class ArmLine:
         manager: ControllerManager,
         guard: Guard,
         snapshots: Mailbox,
-        recorder: FlightRecorder,
-        stations: StationClock,
+        recorder: FlightRecorder | None = None,
+        stations: StationClock | None = None,
     ) -> None:
         self.manager = manager
         self._side = side
         self._arm = arm
         self._guard = guard
         self._snapshots = snapshots
-        self._recorder = recorder
-        self._stations = stations
+        self._recorder = recorder or FlightRecorder(flight_memory())
+        self._stations = stations or StationClock()
         self._last: Cycle | None = None
         self._cycles = 0
         self._position = ZERO

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.port import ArmPort
-from yumi.control.stations import ADMIT, UPDATE, StationClock
+from yumi.control.stations import ADMIT, DECODE, UPDATE, StationClock
 from yumi.robot.values import ArmCommand, ArmState
 
 
@@ -30,7 +30,7 @@ def run_cycle(
     arm: ArmPort, manager: ControllerManager, guard: Guard, now: float, stations: StationClock
 ) -> Cycle | None:
     """Answer the newest state of ``arm``; None when there is no new one. ``stations`` only looks on."""
-    state = arm.read(now)
+    state = stations.timed(DECODE, arm.read(now))
     if state is None:
         return None
     wanted = stations.timed(UPDATE, manager.update(state))

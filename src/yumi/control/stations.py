@@ -3,7 +3,9 @@
 ::
 
     begin ─ receive ─ decode ─ update ─ admit ─ encode ─ send ─ after the reply
-            └ the arm's read ┘ └ manager  └ guard └ the arm's write ┘
+            └ the arm's read ┘ manager  guard   └ the arm's write ┘
+
+The cycle notes those of the middle, the arm those within its read and write, the arm's line the first and the last.
 """
 
 from __future__ import annotations

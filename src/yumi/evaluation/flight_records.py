@@ -14,7 +14,7 @@ from pathlib import Path
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.requests import Event, is_fault
 from yumi.errors import YumiError
-from yumi.evaluation.recording import recorded_event, write_flight_record
+from yumi.evaluation.recording import BEFORE, recorded_event, write_flight_record
 from yumi.robot.joints import Side
 
 _NAME = "flight_"
@@ -57,7 +57,7 @@ class FlightRecords:
 
     def _write(self, event: Event, memory: FlightRecorder, now: float, time_of_day: float) -> None:
         file = self._folder / _file_name(event.side, time_of_day)
-        frames = memory.frames()
+        frames = tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)  # not of an earlier session
         try:
             write_flight_record(file, time_of_day - now, recorded_event(event, now), frames)
             self._make_room()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.control.port import WireCounters
-from yumi.control.stations import DECODE, ENCODE, RECEIVE, SEND, StationClock
+from yumi.control.stations import ENCODE, RECEIVE, SEND, StationClock
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.robot.joints import Joints
@@ -54,7 +54,7 @@ class EgmArm:
         message, before = received.message, None if received.is_first else self._before
         self._before = message
         dt = _period(before, message)
-        state = ArmState(
+        return ArmState(
             time=now,
             dt=dt,
             session=received.session,
@@ -63,7 +63,6 @@ class EgmArm:
             planned=message.planned,
             is_running=_is_running(message),
         )
-        return self._stations.timed(DECODE, state)
 
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity

@@ -4,14 +4,12 @@ import pytest
 
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
-from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
 from yumi.control.port import WireCounters
 from yumi.control.requests import ControllerFailed, RobotFollows, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.control.snapshot import Snapshot, peek_snapshot
-from yumi.control.stations import StationClock
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -72,8 +70,7 @@ def line(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLine:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    recorder = FlightRecorder(flight_memory())
-    return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots, recorder, StationClock())
+    return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
 
 
 def feed(line: ArmLine, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True) -> None:

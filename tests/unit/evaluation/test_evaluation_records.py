@@ -86,6 +86,14 @@ def test_record_shows_the_moment_of_the_event_though_the_line_goes_on(
     assert len(read_recording(files(tmp_path)[0]).frames[RIGHT]) == 50
 
 
+def test_record_leaves_out_what_was_long_before(
+    records: Records, recorders: dict[Side, FlightRecorder], tmp_path: Path
+) -> None:
+    records.note(LOST, 0.101 + 11.0, EPOCH)
+    records.close()
+    assert read_recording(files(tmp_path)[0]).frames[RIGHT] == recorders[RIGHT].frames()[25:]
+
+
 def test_oldest_records_make_room(records: Records, tmp_path: Path) -> None:
     for second in range(5):
         records.note(LOST, 0.25, EPOCH + second)
