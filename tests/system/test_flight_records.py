@@ -15,14 +15,20 @@ from system.test_fast_line_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.app import EgmPlan, build_arms
 from yumi.clock import SystemClock
+from yumi.control.cycle import Cycle
+from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
 from yumi.control.goals import put_goal
 from yumi.control.requests import Event, SwitchControllers, is_fault
+from yumi.control.stations import StationClock
 from yumi.evaluation.recording import Recording, read_recording
 from yumi.evaluation.records import Records
 from yumi.hardware.egm_arm import CYCLE
 from yumi.hardware.fast_line import FastLineProcess
+from yumi.links.pipe import ChildProcess, PipeEnd
+from yumi.links.shared_memory import SharedNumbers, shared_numbers
 from yumi.links.udp import free_port
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.values import ArmCommand, ArmState
 from yumi.settings import RecorderSettings, read_controllers
 
 RIGHT = Side.RIGHT
@@ -142,3 +148,33 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     assert 0.0 < frames[-1].admitted[0] < ELSEWHERE[0]
     assert all(0.0 < frame.stations.reply < 0.1 and frame.stations.after_reply > 0.0 for frame in frames)
     assert 0.04 < recording.stop.time - frames[-1].time < 0.2
+
+
+def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
+    """In a process of its own: cycles whose numbers are all the same."""
+    recorder, stations = FlightRecorder(memory), StationClock()
+    for number in range(1, count + 1):
+        all_same = joints([float(number)] * 7)
+        command = ArmCommand(all_same, all_same)
+        state = ArmState(float(number), 0.004, 1, all_same, all_same, all_same, is_running=True)
+        recorder.record(Cycle(state, command, command), all_same, stations)
+    pipe.send(count)
+
+
+def is_whole(frame: Frame) -> bool:
+    vectors = (frame.position, frame.velocity, frame.planned, frame.wanted, frame.admitted, frame.reference)
+    return {frame.time, *(value for vector in vectors for value in vector or ())} == {float(frame.number)}
+
+
+def test_cycles_read_while_another_process_records_flat_out_are_whole() -> None:
+    memory = shared_numbers(FLIGHT_SIZE)
+    child = ChildProcess("recording", record_flat_out, memory, 100_000)
+    reader, frames = FlightRecorder(memory), 0
+    child.start()
+    while not child.pipe.has_value():
+        seen = (*reader.since(reader.newest - 100), *reader.copy().since(reader.newest - 1000))
+        frames += len(seen)
+        assert all(map(is_whole, seen))
+    assert child.join(5.0)
+    assert frames > 0
+    assert len(reader.frames()) == RECORDED_CYCLES
