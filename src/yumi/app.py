@@ -115,7 +115,7 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
         manager.configure(entry.name, entry.values)
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
-    recorder, stations = FlightRecorder(boxes.flight), StationClock(time.perf_counter)
+    recorder, stations = FlightRecorder(boxes.flight), StationClock(time.monotonic)
     arm = EgmArm(socket, session, stations)
     return WiredArm(ArmLine(side, arm, manager, Guard(YUMI_LIMITS), boxes.snapshots, recorder, stations), socket)
 

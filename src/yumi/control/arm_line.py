@@ -74,7 +74,7 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        self._stations.begin()
+        self._stations.begin(now)
         cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)

@@ -54,16 +54,18 @@ class StationClock:
     """Notes when the stations of the cycle that runs now were done.
 
     Args:
-        now: tells the time [s]; only differences mean anything. Without one every station takes no time.
+        now: tells the time on the machine's monotonic clock [s]. Without it every station takes no time.
     """
+
+    __slots__ = ("_now", "marks")
 
     def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
         self.marks = [0.0] * MARK_COUNT
         self._now = now
 
-    def begin(self) -> None:
-        """A cycle begins."""
-        self.marks = [self._now()] * MARK_COUNT
+    def begin(self, now: float) -> None:
+        """A cycle begins; ``now`` by the same clock."""
+        self.marks = [now] * MARK_COUNT
 
     def note(self, station: int) -> None:
         """``station`` is done."""

@@ -67,9 +67,8 @@ def test_recorder_keeps_a_wanted_position_that_is_no_number(recorder: FlightReco
 
 
 def test_recorder_keeps_the_times_of_the_stations(recorder: FlightRecorder) -> None:
-    times = iter((1.0, 1.25))
-    stations = StationClock(lambda: next(times))
-    stations.begin()
+    stations = StationClock(lambda: 1.25)
+    stations.begin(1.0)
     stations.note(RECEIVE)
     recorder.record(cycle(1), None, stations)
     assert recorder.frames()[0].stations.receive == 0.25

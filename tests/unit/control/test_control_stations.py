@@ -22,7 +22,7 @@ from yumi.control.stations import (
 def test_station_clock_tells_how_long_each_station_took(clock: ManualClock) -> None:
     stations = StationClock(clock.now)
     clock.advance(5.0)
-    stations.begin()
+    stations.begin(clock.now())
     for number, station in enumerate((RECEIVE, DECODE, UPDATE, ADMIT, ENCODE, SEND, AFTER_REPLY), start=1):
         clock.advance(number * 1e-6)
         assert stations.timed(station, "result") == "result"
@@ -34,7 +34,7 @@ def test_station_clock_tells_how_long_each_station_took(clock: ManualClock) -> N
 def test_station_that_nobody_noted_took_no_time(clock: ManualClock) -> None:
     stations = StationClock(clock.now)
     clock.advance(1.0)
-    stations.begin()
+    stations.begin(clock.now())
     clock.advance(2e-6)
     stations.note(UPDATE)
     assert station_times(stations.marks).update == pytest.approx(2e-6)
@@ -43,8 +43,8 @@ def test_station_that_nobody_noted_took_no_time(clock: ManualClock) -> None:
 
 def test_station_clock_forgets_the_cycle_before(clock: ManualClock) -> None:
     stations = StationClock(clock.now)
-    stations.begin()
+    stations.begin(clock.now())
     clock.advance(1.0)
     stations.note(AFTER_REPLY)
-    stations.begin()
+    stations.begin(clock.now())
     assert station_times(stations.marks) == StationTimes(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
