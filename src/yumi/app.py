@@ -11,8 +11,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +32,7 @@ from yumi.control.requests import Event
 from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
-from yumi.egm.codec import SensorCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
 from yumi.evaluation.records import Records
@@ -41,6 +43,8 @@ from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
+from yumi.links.only import Only
+from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
@@ -107,7 +111,7 @@ def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, Wire
 
 def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    session = SensorSession(SensorCodec(reads_poses=False), silence=plan.silence)
+    session = SensorSession(JointCodec(), silence=plan.silence)
     manager = ControllerManager(joint_names(side))
     for entry in plan.controllers[side]:
         controller = CONTROLLER_KINDS[entry.kind](boxes)
@@ -155,27 +159,29 @@ def run_driver(
             records.note(event, clock.now(), time.time())
             ros.tell(event)
 
-        fast_line = FastLineProcess(partial(build_arms, plan), on_event)
-        records = Records(settings.recorder, fast_line.recorders, lambda sentence: ros.say(sentence))  # noqa: PLW0108 - ros comes next
-        if record:
-            records.record_all(record, time.time() - clock.now())
+        fast_line = FastLineProcess(partial(build_arms, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_line, clock)
-        open_ros()
         grippers = _grippers(client, clock, settings)
-        ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
-        try:
+        with ExitStack() as stack:
+            only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
+            only.claim()
+            stack.callback(only.release)
+            open_ros()
+            stack.callback(close_ros)
+            ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            stack.callback(ros.stop)
+            records = Records(settings.recorder, fast_line.recorders, ros.say)
+            stack.callback(records.close)
+            if record:
+                records.record_all(record, time.time() - clock.now())
             fast_line.start()
+            stack.callback(fast_line.stop)
+            stack.callback(_end_motion, manager, ros.say)
             ros.start()
             ros.say(f"Connected to {client.address}. {fast_line.started_as}")
             ros.make_ready()
             on_ready()
             is_over.wait()
-        finally:
-            _end_motion(manager, ros.say)
-            ros.stop()
-            fast_line.stop()
-            records.close()
-            close_ros()
 
 
 def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
@@ -232,6 +238,7 @@ class VirtualController:
         Raises:
             NoConnection: the port is taken.
         """
+        prefer_process()
         with self._server as server:
             on_ready(server.port)
             due = self._clock.now()

@@ -19,6 +19,7 @@ from typing import Any
 import click
 
 from yumi import __version__
+from yumi.cli_bench import bench
 from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
@@ -168,10 +169,9 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
     if robot and not yes:
         click.confirm(f"Both arms of the robot at {robot} will move. Is its workspace free?", abort=True)
-    from yumi.demo import DemoPlan, run_demo  # noqa: PLC0415 - a quick --help
+    from yumi.demo import Cancelled, DemoPlan, run_demo  # noqa: PLC0415 - a quick --help
     from yumi.demo_screen import DemoScreen  # noqa: PLC0415
     from yumi.evaluation.joint_paths import draw_joint_paths  # noqa: PLC0415
-    from yumi.ros.clients import Cancelled  # noqa: PLC0415
 
     is_over = _end_flag(False)
     with DemoScreen() as screen:
@@ -197,6 +197,7 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
     click.echo("Task completed")
 
 
+main.add_command(bench)
 main.add_command(record_commands)
 
 

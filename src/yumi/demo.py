@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from yumi.errors import RobotNotReady, YumiError
 from yumi.links.command import Command
 from yumi.links.udp import free_port
 from yumi.robot.joints import Side
@@ -34,6 +35,10 @@ class DemoPlan:
     logs: Path
 
 
+class Cancelled(Exception):
+    """The demonstration was told to end."""
+
+
 def run_demo(plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool]) -> Mapping[Side, ArmReport]:
     """Run the task from start to end; on any way out motion is stopped and every process has ended.
 
@@ -41,39 +46,57 @@ def run_demo(plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool
         YumiError: a step failed; the message says which.
         Cancelled: it was told to end.
     """
+
+    def check() -> None:
+        if is_cancelled():
+            raise Cancelled
+
     plan.logs.mkdir(parents=True, exist_ok=True)
-    with _processes(plan, progress):
-        open_ros()
-        application = MoveAndGrab(progress, is_cancelled)
-        try:
-            application.run()
-        except BaseException:
+    with _driver(plan, progress, check) as driver:
+
+        def check_driver() -> None:
+            check()
+            if driver.exit_code is not None:
+                raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+        return _run_application(progress, check_driver)
+
+
+def _run_application(progress: Progress, check: Callable[[], None]) -> Mapping[Side, ArmReport]:
+    open_ros()
+    application = MoveAndGrab(progress, check)
+    try:
+        application.run()
+    except BaseException:
+        with suppress(YumiError):  # what went wrong first is what a person must read; the driver ends EGM as well
             application.stop_motion()
-            raise
-        finally:
-            application.close()
-            close_ros()
+        raise
+    finally:
+        application.close()
+        close_ros()
     return application.reports
 
 
 @contextmanager
-def _processes(plan: DemoPlan, progress: Progress) -> Iterator[None]:
+def _driver(plan: DemoPlan, progress: Progress, check: Callable[[], None]) -> Iterator[Command]:
     with ExitStack() as stack:
-        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack)
+        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack, check)
         progress.step("start the driver")
         driver = stack.enter_context(Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log"))
-        progress.note(driver.wait_until_ready(_READY_TIMEOUT))
-        yield
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check))
+        yield driver
 
 
-def _start_controller(plan: DemoPlan, progress: Progress, stack: ExitStack) -> tuple[str, ...]:
+def _start_controller(
+    plan: DemoPlan, progress: Progress, stack: ExitStack, check: Callable[[], None]
+) -> tuple[str, ...]:
     """Start the virtual controller on ports nobody uses; returns the driver's options to find it."""
     progress.step("start the virtual controller")
     left, right = free_port(), free_port()
     ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
     arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
     command = Command("virtual controller", arguments, plan.logs / "controller.log")
-    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT)
+    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT, check)
     progress.note(address)
     host, _, rws_port = address.removeprefix("http://").partition(":")
     return ("--robot", host, "--rws-port", rws_port, *ports)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass
+from enum import Enum
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -16,6 +17,7 @@ import yaml
 from yumi.bounds import bounded
 from yumi.errors import SettingsError
 from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.hardware.wake import WakeMode
 from yumi.robot.joints import Side
 
 T = TypeVar("T")
@@ -51,12 +53,14 @@ class EgmSettings:
         left_port: UDP port of the left arm, as in the controller's UDPUC device ROB_L.
         right_port: UDP port of the right arm, as in ROB_R.
         silence: the robot is lost after this time without a datagram [s].
+        wake: how the fast line waits: ``auto``, ``blocking``, ``hot`` or ``ahead`` (see :mod:`yumi.hardware.wake`).
     """
 
     listen: str = "auto"
     left_port: int = bounded(6511, 1, MAX_PORT)
     right_port: int = bounded(6512, 1, MAX_PORT)
-    silence: float = bounded(0.05, 0.01, 0.09, "s")
+    silence: float = bounded(0.08, 0.02, 0.09, "s")
+    wake: WakeMode = WakeMode.AUTO
 
     def port(self, side: Side) -> int:
         """The UDP port of one arm."""
@@ -207,12 +211,21 @@ def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
         if not isinstance(value, dict):
             raise SettingsError(f"{place} needs a mapping, it has {value!r}.")
         return _build(kind, value, place)
+    if issubclass(kind, Enum):
+        return _choice(kind, value, place)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not kind:
         raise SettingsError(f"{place} is {value!r}; it must be of type {kind.__name__}.")
     _check_range(item, value, place)
     return value
+
+
+def _choice(kind: type[Enum], value: object, place: str) -> Enum:
+    for member in kind:
+        if member.value == value:
+            return member
+    raise SettingsError(f"{place} is {value!r}; choose one of {', '.join(str(member.value) for member in kind)}.")
 
 
 def _check_range(item: Field[Any], value: object, place: str) -> None:

@@ -17,6 +17,9 @@ from time import monotonic
 import pytest
 from ros_bench import Robot
 
+from yumi.links.command import Command
+from yumi.links.udp import UdpServer, free_port
+
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 YUMI = [sys.executable, "-m", "yumi"]
 MARK = "YUMI_TEST_MARK"
@@ -170,3 +173,16 @@ def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
 def test_every_command_has_help_with_an_example(command: list[str]) -> None:
     done = subprocess.run([*YUMI, *command, "--help"], capture_output=True, text=True, check=True)
     assert "Example" in done.stdout
+
+
+def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
+    with UdpServer("127.0.0.1", 0) as taken:
+        options = ["--left-egm-port", str(taken.port), "--right-egm-port", str(free_port())]
+        expect_one_sentence(
+            up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *options), f"UDP port {taken.port} is taken"
+        )
+
+
+def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
+    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port))
+    expect_one_sentence(outcome, f"Another driver runs on this machine in the same ROS domain (process {driver.pid});")

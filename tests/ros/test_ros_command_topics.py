@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from yumi.control.goals import peek_goal
 from yumi.control.mailbox import MemoryMailbox
-from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.ros.command_topics import JointCommandTopic
 
@@ -42,7 +42,7 @@ class Node:
 @pytest.fixture
 def boxes(middle: Joints) -> Boxes:
     boxes = Boxes()
-    snapshot = Snapshot(session=3, is_streaming=True, is_running=True, is_commanded=True, reference=middle)
+    snapshot = Snapshot(session=3, is_streaming=True, is_running=True, activation=1, reference=middle)
     put_snapshot(boxes.snapshots, snapshot)
     return boxes
 
@@ -54,7 +54,7 @@ def node() -> Node:
 
 @pytest.fixture
 def topic(node: Node, boxes: Boxes) -> JointCommandTopic:
-    return JointCommandTopic(node, Side.RIGHT, boxes)  # type: ignore[arg-type]
+    return JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots))
 
 
 def goal(names: list[str], position: list[float]) -> Any:
@@ -85,9 +85,18 @@ def test_topic_starts_from_the_reference_again_in_a_new_session(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(boxes.snapshots, Snapshot(session=4, is_running=True, is_commanded=True, reference=middle))
+    put_snapshot(boxes.snapshots, Snapshot(session=4, is_running=True, activation=1, reference=middle))
     topic.take(goal([NAMES[6]], [0.7]))
     assert peek_goal(boxes.goals, 4) == (2, (*middle[:6], 0.7))
+
+
+def test_topic_starts_from_the_reference_again_after_the_controller_was_activated_again(
+    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+) -> None:
+    topic.take(goal([NAMES[0]], [0.1]))
+    put_snapshot(boxes.snapshots, Snapshot(session=3, is_running=True, activation=2, reference=middle))
+    topic.take(goal([NAMES[6]], [0.7]))
+    assert peek_goal(boxes.goals, 3) == (2, (*middle[:6], 0.7))
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from yumi.control.requests import Event
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
-from yumi.egm.codec import SensorCodec
+from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import CYCLE, EgmArm
@@ -61,7 +61,7 @@ class DriverArm:
         manager = ControllerManager(joint_names(side))
         manager.load(CONTROLLER, JointPositionController(self.goals))
         manager.configure(CONTROLLER)
-        session = SensorSession(SensorCodec(reads_poses=False))
+        session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
         stations = StationClock()
         self.line = ArmLine(

@@ -10,7 +10,18 @@ from typing import Any
 import pytest
 
 from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.messages import MciState, MotorState, Pose, RapidState, RobotMessage, SensorMessage
+from yumi.egm.joint_codec import JointCodec
+from yumi.egm.messages import (
+    Collision,
+    MciState,
+    MotorState,
+    PathCorrection,
+    Pose,
+    RapidData,
+    RapidState,
+    RobotMessage,
+    SensorMessage,
+)
 from yumi.robot.joints import chain_from_abb, joints
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -35,6 +46,41 @@ def test_robot_datagram_is_read_in_chain_order(entry: dict[str, Any]) -> None:
     message = SensorCodec().decode(golden(entry["file"]))
     expected = chain_from_abb(entry["joints_deg"], entry["external_joints_deg"][0])
     assert [degrees(value) for value in message.measured] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("entry", ROBOT, ids=lambda entry: entry["file"])
+def test_fast_line_reads_the_same_joints(entry: dict[str, Any]) -> None:
+    datagram = golden(entry["file"])
+    assert JointCodec().decode(datagram).measured == SensorCodec().decode(datagram).measured
+
+
+def test_robot_datagram_of_robotware_7_is_read_with_every_field() -> None:
+    message = SensorCodec().decode(golden("robot_running_rw7.bin"))
+    assert [degrees(value) for value in message.measured] == pytest.approx([10, 11, 12, 13, 14, 15])
+    assert (message.utilization, message.move_index, message.test_signals) == (0.625, 7, (1.5, 2.5))
+    assert (message.force, message.force_control) == ((1.0, 2.0, 3.0, 0.1, 0.2, 0.3), True)
+    assert message.collision == Collision(is_triggered=True, quotas=(0.25, 0.5))
+    assert message.rapid_data == RapidData(flag=True, numbers=(1.0, -2.0))
+    assert message.torque == (5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
+    assert (message.measured_time, message.measured_stamp_ns) == (123.456789, 1_700_000_000_123_456_789)
+
+
+def test_robot_side_writes_every_field_of_robotware_7() -> None:
+    message = SensorCodec().decode(golden("robot_running_rw7.bin"))
+    assert RobotCodec(axes=6).encode(message) == golden("robot_running_rw7.bin")
+
+
+def test_our_side_writes_a_pose_as_another_implementation_does() -> None:
+    message = RobotCodec(axes=6).decode(golden("sensor_pose_rw7.bin"))
+    assert message.rapid_data == RapidData(flag=False, numbers=(3.0, 4.0))
+    assert message.twist == (0.5, 0.0, -0.25, 0.0, 0.0, radians(180.0))
+    assert SensorCodec().encode(message) == golden("sensor_pose_rw7.bin")
+
+
+def test_our_side_writes_a_path_correction_as_another_implementation_does() -> None:
+    datagram = golden("sensor_path_correction.bin")
+    assert RobotCodec().decode_correction(datagram) == PathCorrection(5, (0.0, 0.0015, -0.0025), age_ms=12)
+    assert SensorCodec().encode_correction(PathCorrection(5, (0.0, 0.0015, -0.0025), age_ms=12)) == datagram
 
 
 def test_robot_datagram_of_610_has_a_utilization_and_of_609_has_none() -> None:

@@ -116,8 +116,7 @@ class ArmLine:
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if before is None or before.session != state.session:
-            self._events.append(SessionStarted(self._side, state.session))
-            self.manager.deactivate_commanding()
+            self._events.append(SessionStarted(self._side, state.session, self.manager.deactivate_commanding()))
             before = None
         was_running = before is not None and before.is_running
         if state.is_running and not was_running:
@@ -137,17 +136,24 @@ class ArmLine:
                 session=wire.session,
                 is_streaming=last is not None,
                 is_running=last is not None and last.state.is_running,
-                is_commanded=reference is not None,
+                activation=self.manager.activations if self.manager.is_commanding else 0,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
                 admitted=last.admitted.position if last else self._position,
                 reference=reference,
                 cycles=self._cycles,
                 missed=wire.missed,
+                lost=wire.lost,
+                late=wire.late,
                 stale=wire.stale,
+                repeated=wire.repeated,
                 malformed=wire.malformed,
                 refused=guard.refused,
                 position_limited=guard.position_limited,
-                velocity_limited=guard.velocity_limited,
+                slowed=guard.slowed,
+                jitter=wire.jitter,
+                worst_jitter=wire.worst_jitter,
+                drift_ppm=wire.drift_ppm,
+                cycle_time=wire.cycle_time,
             ),
         )

@@ -1,19 +1,27 @@
 """The last station before the wire: no command leaves that a robot must never see.
 
-It refuses what is not a number, keeps positions inside the joint limits, and lets the command move no faster than
-the joint speeds allow, measured from the command admitted before: hold means the last admitted command, not the
-measured position, which creeps under load.
+It refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as fast, and
+change its motion only as quickly, as the joints may, measured from the command admitted before. Hold means: come to
+rest, then repeat the last admitted command, not the measured position, which creeps under load.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import copysign, isfinite
 
+from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
+EGM_GAIN = 5.0
+"""Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
+
+FEEDBACK_DELAY = 0.050
+"""By how much the measured speed may be behind the robot's own, at most [s]."""
+
+_NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 LONGEST_STEP = 0.020
 """A gap in the feedback gives no more room to move than this [s]."""
 
@@ -25,26 +33,28 @@ class GuardCounters:
     Attributes:
         refused: commands with a value that is no finite number; the arm held instead.
         position_limited: commands cut at a joint's range.
-        velocity_limited: commands slowed down to a joint's speed.
+        slowed: commands that would have exceeded a joint's speed, acceleration or jerk.
     """
 
     refused: int = 0
     position_limited: int = 0
-    velocity_limited: int = 0
+    slowed: int = 0
 
 
 class Guard:
     """Admits commands of one arm.
 
     Args:
-        limits: what the joints may do; the speeds bound how fast the admitted position moves.
+        limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves.
     """
 
     def __init__(self, limits: JointLimits) -> None:
         self.counters = GuardCounters()
         self._limits = limits
         self._session = 0
-        self._admitted = ArmCommand(ZERO)
+        self._shaper = MotionShaper(limits)
+        self._velocity = ZERO
+        self._is_at_rest = True
 
     def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
         """The command that may leave, next to ``wanted``; None holds.
@@ -52,53 +62,72 @@ class Guard:
         The first command of a session, and every command while the robot does not follow, equals the measured
         position: a robot that begins to follow finds no step.
         """
+        dt = min(state.dt, LONGEST_STEP)
         if state.session != self._session or not state.is_running:
             self._session = state.session
-            self._admitted = ArmCommand(state.position)
-        elif wanted is None:
-            self._admitted = ArmCommand(self._admitted.position)
-        elif not isfinite(sum(wanted.position) + sum(wanted.velocity)):
+            return self._begin(state.position)
+        if dt <= 0.0:
+            return ArmCommand(self._shaper.position, self._velocity)
+        if wanted is None:
+            return self._hold(state, dt)
+        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
             self.counters.refused += 1
-            self._admitted = ArmCommand(self._admitted.position)
-        else:
-            self._admitted = self._limit(wanted, min(state.dt, LONGEST_STEP))
-        return self._admitted
+            return self._hold(state, dt)
+        self._is_at_rest = False
+        return ArmCommand(self._shape(self._inside(wanted.position), dt), self._slow(wanted.velocity, dt))
 
-    def _limit(self, wanted: ArmCommand, dt: float) -> ArmCommand:
-        position = self._inside(wanted.position)
-        share = self._share_of_step(position, dt)
-        velocity = self._slow(wanted.velocity)
-        if share < 1.0:
-            self.counters.velocity_limited += 1
-            position = joints(
-                [old + share * (new - old) for old, new in zip(self._admitted.position, position, strict=True)]
-            )
-        return ArmCommand(position, velocity)
+    def _begin(self, position: Joints) -> ArmCommand:
+        self._shaper.rest_at(position)
+        self._velocity = ZERO
+        self._is_at_rest = True
+        return ArmCommand(position)
+
+    def _hold(self, state: ArmState, dt: float) -> ArmCommand:
+        """Come to rest, then repeat the last admitted command.
+
+        A command runs ahead of the robot by its speed over the loop gain; taking this lead back at the rate the
+        acceleration allows brings the robot to rest on its way, not where the lead points.
+        """
+        if not self._is_at_rest:
+            self._shaper.rest_at(self._with_less_lead(state, dt))
+        return ArmCommand(self._shaper.position, self._slow(ZERO, dt))
+
+    def _with_less_lead(self, state: ArmState, dt: float) -> Joints:
+        last, planned = self._shaper.position, state.planned
+        leads = [ahead - now for ahead, now in zip(last, planned, strict=True)]
+        self._is_at_rest = max(map(abs, leads)) < _NO_LEAD
+        limits = zip(leads, state.velocity, self._limits.acceleration, strict=True)
+        less = [_less_lead(lead, speed, gain, dt) for lead, speed, gain in limits]
+        steps = zip(last, planned, less, self._limits.velocity, strict=True)
+        return joints([old + max(-top * dt, min(top * dt, now + lead - old)) for old, now, lead, top in steps])
+
+    def _shape(self, position: Joints, dt: float) -> Joints:
+        if self._shaper.passes(position, dt):
+            return position
+        self.counters.slowed += 1
+        return self._shaper.approach(position, dt)
 
     def _inside(self, position: Joints) -> Joints:
         """Cut at the range; an arm that stands outside of it may come back but not go further."""
-        lower, upper, last = self._limits.lower, self._limits.upper, self._admitted.position
+        lower, upper, last = self._limits.lower, self._limits.upper, self._shaper.position
         if self._limits.outside(position) is None:
             return position
         self.counters.position_limited += 1
-        return joints(
-            [
-                max(min(low, now), min(max(high, now), value))
-                for low, high, now, value in zip(lower, upper, last, position, strict=True)
-            ]
+        ranges = zip(lower, upper, last, position, strict=True)
+        return joints([max(min(low, now), min(max(high, now), value)) for low, high, now, value in ranges])
+
+    def _slow(self, velocity: Joints, dt: float) -> Joints:
+        """A speed that is fed forward, within the joints' speeds and accelerations."""
+        if velocity is ZERO and self._velocity is ZERO:
+            return ZERO
+        steps = zip(self._velocity, velocity, self._limits.velocity, self._limits.acceleration, strict=True)
+        self._velocity = joints(
+            [max(-top, min(top, max(old - gain * dt, min(old + gain * dt, new)))) for old, new, top, gain in steps]
         )
+        return self._velocity
 
-    def _share_of_step(self, position: Joints, dt: float) -> float:
-        """The part of the way that the slowest joint may go; all joints share it, which keeps the direction."""
-        share = 1.0
-        for old, new, speed in zip(self._admitted.position, position, self._limits.velocity, strict=True):
-            step, room = abs(new - old), speed * dt
-            if step > room:
-                share = min(share, room / step)
-        return share
 
-    def _slow(self, velocity: Joints) -> Joints:
-        if velocity is ZERO:
-            return velocity
-        limits = self._limits.velocity
-        return joints([max(-limit, min(limit, value)) for value, limit in zip(velocity, limits, strict=True)])
+def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:
+    """A lead [rad] after one step of braking; what exceeds the robot's speed [rad/s] does not move it any faster."""
+    useful = (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
+    return copysign(max(0.0, min(abs(lead), useful) - acceleration / EGM_GAIN * dt), lead)

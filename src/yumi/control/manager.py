@@ -45,12 +45,17 @@ class _Loaded:
 class ControllerManager:
     """Owns the controllers of one arm.
 
+    Attributes:
+        failures: sentences about controllers that failed; whoever tells them takes them out.
+        activations: how often a controller was activated.
+
     Args:
         joint_names: the arm's joints, chain order.
     """
 
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         self.failures: list[str] = []
+        self.activations = 0
         self._joint_names = joint_names
         self._loaded: dict[str, _Loaded] = {}
         self._commanding: tuple[tuple[str, Controller], ...] = ()
@@ -100,6 +105,8 @@ class ControllerManager:
         Raises:
             CommandRefused: a name, a state or a claim stands against it.
         """
+        if len({*activate, *deactivate}) != len(activate) + len(deactivate):
+            raise CommandRefused(f"A controller is named twice in one switch: {', '.join([*activate, *deactivate])}.")
         for name in deactivate:
             self._check(name, Transition.DEACTIVATE)
         for name in activate:
@@ -112,6 +119,7 @@ class ControllerManager:
         for name in activate:
             self._find(name).controller.activate(begin)
             self._move(name, Transition.ACTIVATE)
+            self.activations += 1
 
     def deactivate_commanding(self) -> tuple[str, ...]:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
@@ -134,6 +142,11 @@ class ControllerManager:
         """Let the controllers that only watch see ``state``; after the reply has left."""
         for controller in self._watching:
             controller.update(state)
+
+    @property
+    def is_commanding(self) -> bool:
+        """Whether a controller commands the arm."""
+        return bool(self._commanding)
 
     @property
     def reference(self) -> Joints | None:

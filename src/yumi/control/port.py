@@ -10,19 +10,33 @@ from yumi.robot.values import ArmCommand, ArmState
 
 @dataclass(frozen=True, slots=True)
 class WireCounters:
-    """What an arm's connection has seen so far.
+    """What an arm's connection has seen: counts since the start, the rest of the session.
 
     Attributes:
         session: number of the session, 0 before the first.
-        missed: states the robot sent that got no answer of their own.
-        stale: old or repeated states left aside.
+        missed: states the robot sent that got no answer of their own; lost, late and stale ones.
+        lost: states that never arrived (gaps in the sequence numbers).
+        late: states that waited together with a newer one, which was answered instead.
+        stale: states that arrived after a newer one was answered.
+        repeated: states that arrived before.
         malformed: datagrams that could not be read.
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest such difference [s].
+        drift_ppm: by how much the robot's clock is faster than ours [ppm].
+        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
     """
 
     session: int = 0
     missed: int = 0
+    lost: int = 0
+    late: int = 0
     stale: int = 0
+    repeated: int = 0
     malformed: int = 0
+    jitter: float = 0.0
+    worst_jitter: float = 0.0
+    drift_ppm: float = 0.0
+    cycle_time: float = 0.0
 
 
 class ArmPort(Protocol):

@@ -64,13 +64,25 @@ Reply = Done | Refusal
 
 @dataclass(frozen=True, slots=True)
 class SessionStarted:
-    """The robot began to send datagrams for an arm."""
+    """The robot began to send datagrams for an arm.
+
+    Attributes:
+        session: its number.
+        deactivated: controllers that commanded the arm in the session before, which nobody has seen end.
+    """
 
     side: Side
     session: int
+    deactivated: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: EGM session {self.session} started."
+        arm = self.side.word.capitalize()
+        if not self.deactivated:
+            return f"{arm} arm: EGM session {self.session} started."
+        return (
+            f"{arm} arm: the robot began EGM session {self.session} in the middle of a motion; "
+            f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,20 +152,34 @@ class ControllerFailed:
 
 @dataclass(frozen=True, slots=True)
 class CycleFailed:
-    """A cycle could not be completed; the robot got no answer and keeps its last reference."""
+    """A cycle could not be completed; told at most every few seconds."""
 
     side: Side
     sentence: str
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: a cycle failed, the robot keeps its last reference: {self.sentence}"
+        return f"{self.side.word.capitalize()} arm: a cycle could not be completed: {self.sentence}."
+
+
+@dataclass(frozen=True, slots=True)
+class FastLineEnded:
+    """The fast-line process has ended by itself."""
+
+    exit_code: int | None
+
+    def __str__(self) -> str:
+        return (
+            f"The fast-line process has ended (exit code {self.exit_code}); the robot gets no answers any more and "
+            "keeps its last references. Stop EGM and restart the driver."
+        )
 
 
 def is_fault(event: Event) -> bool:
     """Whether ``event`` is one that nobody asked for."""
-    if isinstance(event, SessionLost | RobotStoppedFollowing):
+    if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
         return bool(event.deactivated)
-    return isinstance(event, ControllerFailed | CycleFailed)
+    return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-Event = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed
+ArmEvent = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed
+Event = ArmEvent | FastLineEnded

@@ -9,7 +9,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 12
+_SCALARS = 19
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -23,36 +23,55 @@ class Snapshot:
         session: EGM session, 0 before the first.
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
-        is_commanded: whether a controller that commands the arm is active.
+        activation: number of the controller activation that commands the arm, 0 when none does.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
         admitted: the command sent last [rad].
         reference: where the active controller is going [rad]; None when no controller commands.
         cycles: datagrams answered.
         missed: datagrams the robot sent that got no answer of their own.
-        stale: old or repeated datagrams left aside.
+        lost: datagrams that never arrived (gaps in the robot's sequence numbers).
+        late: datagrams that waited together with a newer one, which was answered instead.
+        stale: datagrams that arrived after a newer one was answered.
+        repeated: datagrams that arrived before.
         malformed: datagrams that could not be read.
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
-        velocity_limited: commands slowed to a joint's speed.
+        slowed: commands that would have exceeded a speed, acceleration or jerk.
+        jitter: mean difference of two datagrams' delays, in this session [s].
+        worst_jitter: the largest such difference [s].
+        drift_ppm: by how much the robot's clock is faster than ours [ppm].
+        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
     """
 
     time: float = 0.0
     session: int = 0
     is_streaming: bool = False
     is_running: bool = False
-    is_commanded: bool = False
+    activation: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
     admitted: Joints = ZERO
     reference: Joints | None = None
     cycles: int = 0
     missed: int = 0
+    lost: int = 0
+    late: int = 0
     stale: int = 0
+    repeated: int = 0
     malformed: int = 0
     refused: int = 0
     position_limited: int = 0
-    velocity_limited: int = 0
+    slowed: int = 0
+    jitter: float = 0.0
+    worst_jitter: float = 0.0
+    drift_ppm: float = 0.0
+    cycle_time: float = 0.0
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a controller that commands the arm is active."""
+        return self.activation > 0
 
 
 _NO_REFERENCE: Joints = (nan, nan, nan, nan, nan, nan, nan)
@@ -66,14 +85,21 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.session,
             snapshot.is_streaming,
             snapshot.is_running,
-            snapshot.is_commanded,
+            snapshot.activation,
             snapshot.cycles,
             snapshot.missed,
+            snapshot.lost,
+            snapshot.late,
             snapshot.stale,
+            snapshot.repeated,
             snapshot.malformed,
             snapshot.refused,
             snapshot.position_limited,
-            snapshot.velocity_limited,
+            snapshot.slowed,
+            snapshot.jitter,
+            snapshot.worst_jitter,
+            snapshot.drift_ppm,
+            snapshot.cycle_time,
             *snapshot.position,
             *snapshot.velocity,
             *snapshot.admitted,
@@ -89,8 +115,10 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 
 
 def _from_values(values: Values) -> Snapshot:
-    time, session, streaming, running, commanded, *counts = values[:_SCALARS]
-    cycles, missed, stale, malformed, refused, position_limited, velocity_limited = (int(count) for count in counts)
+    time, session, streaming, running, activation, *numbers = values[:_SCALARS]
+    jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
+    counts = (int(number) for number in numbers[:-4])
+    cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed = counts
     position, velocity, admitted, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
@@ -99,16 +127,23 @@ def _from_values(values: Values) -> Snapshot:
         session=int(session),
         is_streaming=bool(streaming),
         is_running=bool(running),
-        is_commanded=bool(commanded),
+        activation=int(activation),
         position=position,
         velocity=velocity,
         admitted=admitted,
         reference=None if isnan(reference[0]) else reference,
         cycles=cycles,
         missed=missed,
+        lost=lost,
+        late=late,
         stale=stale,
+        repeated=repeated,
         malformed=malformed,
         refused=refused,
         position_limited=position_limited,
-        velocity_limited=velocity_limited,
+        slowed=slowed,
+        jitter=jitter,
+        worst_jitter=worst_jitter,
+        drift_ppm=drift_ppm,
+        cycle_time=cycle_time,
     )

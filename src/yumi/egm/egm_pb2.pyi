@@ -69,6 +69,14 @@ class EgmClock(_message.Message):
     usec: int
     def __init__(self, sec: _Optional[int] = ..., usec: _Optional[int] = ...) -> None: ...
 
+class EgmTimestamp(_message.Message):
+    __slots__ = ("sec", "nsec")
+    SEC_FIELD_NUMBER: _ClassVar[int]
+    NSEC_FIELD_NUMBER: _ClassVar[int]
+    sec: int
+    nsec: int
+    def __init__(self, sec: _Optional[int] = ..., nsec: _Optional[int] = ...) -> None: ...
+
 class EgmPose(_message.Message):
     __slots__ = ("pos", "orient", "euler")
     POS_FIELD_NUMBER: _ClassVar[int]
@@ -92,16 +100,18 @@ class EgmJoints(_message.Message):
     def __init__(self, joints: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class EgmPlanned(_message.Message):
-    __slots__ = ("joints", "cartesian", "externalJoints", "time")
+    __slots__ = ("joints", "cartesian", "externalJoints", "time", "timeStamp")
     JOINTS_FIELD_NUMBER: _ClassVar[int]
     CARTESIAN_FIELD_NUMBER: _ClassVar[int]
     EXTERNALJOINTS_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     joints: EgmJoints
     cartesian: EgmPose
     externalJoints: EgmJoints
     time: EgmClock
-    def __init__(self, joints: _Optional[_Union[EgmJoints, _Mapping]] = ..., cartesian: _Optional[_Union[EgmPose, _Mapping]] = ..., externalJoints: _Optional[_Union[EgmJoints, _Mapping]] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ...) -> None: ...
+    timeStamp: EgmTimestamp
+    def __init__(self, joints: _Optional[_Union[EgmJoints, _Mapping]] = ..., cartesian: _Optional[_Union[EgmPose, _Mapping]] = ..., externalJoints: _Optional[_Union[EgmJoints, _Mapping]] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ..., timeStamp: _Optional[_Union[EgmTimestamp, _Mapping]] = ...) -> None: ...
 
 class EgmSpeedRef(_message.Message):
     __slots__ = ("joints", "cartesians", "externalJoints")
@@ -114,16 +124,18 @@ class EgmSpeedRef(_message.Message):
     def __init__(self, joints: _Optional[_Union[EgmJoints, _Mapping]] = ..., cartesians: _Optional[_Union[EgmCartesianSpeed, _Mapping]] = ..., externalJoints: _Optional[_Union[EgmJoints, _Mapping]] = ...) -> None: ...
 
 class EgmFeedBack(_message.Message):
-    __slots__ = ("joints", "cartesian", "externalJoints", "time")
+    __slots__ = ("joints", "cartesian", "externalJoints", "time", "timeStamp")
     JOINTS_FIELD_NUMBER: _ClassVar[int]
     CARTESIAN_FIELD_NUMBER: _ClassVar[int]
     EXTERNALJOINTS_FIELD_NUMBER: _ClassVar[int]
     TIME_FIELD_NUMBER: _ClassVar[int]
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     joints: EgmJoints
     cartesian: EgmPose
     externalJoints: EgmJoints
     time: EgmClock
-    def __init__(self, joints: _Optional[_Union[EgmJoints, _Mapping]] = ..., cartesian: _Optional[_Union[EgmPose, _Mapping]] = ..., externalJoints: _Optional[_Union[EgmJoints, _Mapping]] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ...) -> None: ...
+    timeStamp: EgmTimestamp
+    def __init__(self, joints: _Optional[_Union[EgmJoints, _Mapping]] = ..., cartesian: _Optional[_Union[EgmPose, _Mapping]] = ..., externalJoints: _Optional[_Union[EgmJoints, _Mapping]] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ..., timeStamp: _Optional[_Union[EgmTimestamp, _Mapping]] = ...) -> None: ...
 
 class EgmMotorState(_message.Message):
     __slots__ = ("state",)
@@ -175,14 +187,46 @@ class EgmTestSignals(_message.Message):
     signals: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, signals: _Optional[_Iterable[float]] = ...) -> None: ...
 
-class EgmMeasuredForce(_message.Message):
+class EgmMeasuredForce6(_message.Message):
     __slots__ = ("force",)
     FORCE_FIELD_NUMBER: _ClassVar[int]
     force: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, force: _Optional[_Iterable[float]] = ...) -> None: ...
 
+class EgmMeasuredForce7(_message.Message):
+    __slots__ = ("fcActive", "force")
+    FCACTIVE_FIELD_NUMBER: _ClassVar[int]
+    FORCE_FIELD_NUMBER: _ClassVar[int]
+    fcActive: bool
+    force: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, fcActive: bool = ..., force: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class EgmCollisionInfo(_message.Message):
+    __slots__ = ("collsionTriggered", "collDetQuota")
+    COLLSIONTRIGGERED_FIELD_NUMBER: _ClassVar[int]
+    COLLDETQUOTA_FIELD_NUMBER: _ClassVar[int]
+    collsionTriggered: bool
+    collDetQuota: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, collsionTriggered: bool = ..., collDetQuota: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class EgmRAPIDdata(_message.Message):
+    __slots__ = ("digVal", "dnum")
+    DIGVAL_FIELD_NUMBER: _ClassVar[int]
+    DNUM_FIELD_NUMBER: _ClassVar[int]
+    digVal: bool
+    dnum: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, digVal: bool = ..., dnum: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class EgmPathCorr(_message.Message):
+    __slots__ = ("pos", "age")
+    POS_FIELD_NUMBER: _ClassVar[int]
+    AGE_FIELD_NUMBER: _ClassVar[int]
+    pos: EgmCartesian
+    age: int
+    def __init__(self, pos: _Optional[_Union[EgmCartesian, _Mapping]] = ..., age: _Optional[int] = ...) -> None: ...
+
 class EgmRobot(_message.Message):
-    __slots__ = ("header", "feedBack", "planned", "motorState", "mciState", "mciConvergenceMet", "testSignals", "rapidExecState", "measuredForce", "utilizationRate")
+    __slots__ = ("header", "feedBack", "planned", "motorState", "mciState", "mciConvergenceMet", "testSignals", "rapidExecState", "measuredForce", "utilizationRate", "moveIndex", "CollisionInfo", "RAPIDfromRobot", "torqueRef")
     HEADER_FIELD_NUMBER: _ClassVar[int]
     FEEDBACK_FIELD_NUMBER: _ClassVar[int]
     PLANNED_FIELD_NUMBER: _ClassVar[int]
@@ -193,6 +237,10 @@ class EgmRobot(_message.Message):
     RAPIDEXECSTATE_FIELD_NUMBER: _ClassVar[int]
     MEASUREDFORCE_FIELD_NUMBER: _ClassVar[int]
     UTILIZATIONRATE_FIELD_NUMBER: _ClassVar[int]
+    MOVEINDEX_FIELD_NUMBER: _ClassVar[int]
+    COLLISIONINFO_FIELD_NUMBER: _ClassVar[int]
+    RAPIDFROMROBOT_FIELD_NUMBER: _ClassVar[int]
+    TORQUEREF_FIELD_NUMBER: _ClassVar[int]
     header: EgmHeader
     feedBack: EgmFeedBack
     planned: EgmPlanned
@@ -201,16 +249,56 @@ class EgmRobot(_message.Message):
     mciConvergenceMet: bool
     testSignals: EgmTestSignals
     rapidExecState: EgmRapidCtrlExecState
-    measuredForce: EgmMeasuredForce
+    measuredForce: bytes
     utilizationRate: float
-    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., feedBack: _Optional[_Union[EgmFeedBack, _Mapping]] = ..., planned: _Optional[_Union[EgmPlanned, _Mapping]] = ..., motorState: _Optional[_Union[EgmMotorState, _Mapping]] = ..., mciState: _Optional[_Union[EgmMCIState, _Mapping]] = ..., mciConvergenceMet: bool = ..., testSignals: _Optional[_Union[EgmTestSignals, _Mapping]] = ..., rapidExecState: _Optional[_Union[EgmRapidCtrlExecState, _Mapping]] = ..., measuredForce: _Optional[_Union[EgmMeasuredForce, _Mapping]] = ..., utilizationRate: _Optional[float] = ...) -> None: ...
+    moveIndex: int
+    CollisionInfo: EgmCollisionInfo
+    RAPIDfromRobot: EgmRAPIDdata
+    torqueRef: EgmJoints
+    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., feedBack: _Optional[_Union[EgmFeedBack, _Mapping]] = ..., planned: _Optional[_Union[EgmPlanned, _Mapping]] = ..., motorState: _Optional[_Union[EgmMotorState, _Mapping]] = ..., mciState: _Optional[_Union[EgmMCIState, _Mapping]] = ..., mciConvergenceMet: bool = ..., testSignals: _Optional[_Union[EgmTestSignals, _Mapping]] = ..., rapidExecState: _Optional[_Union[EgmRapidCtrlExecState, _Mapping]] = ..., measuredForce: _Optional[bytes] = ..., utilizationRate: _Optional[float] = ..., moveIndex: _Optional[int] = ..., CollisionInfo: _Optional[_Union[EgmCollisionInfo, _Mapping]] = ..., RAPIDfromRobot: _Optional[_Union[EgmRAPIDdata, _Mapping]] = ..., torqueRef: _Optional[_Union[EgmJoints, _Mapping]] = ...) -> None: ...
 
 class EgmSensor(_message.Message):
-    __slots__ = ("header", "planned", "speedRef")
+    __slots__ = ("header", "planned", "speedRef", "RAPIDtoRobot")
     HEADER_FIELD_NUMBER: _ClassVar[int]
     PLANNED_FIELD_NUMBER: _ClassVar[int]
     SPEEDREF_FIELD_NUMBER: _ClassVar[int]
+    RAPIDTOROBOT_FIELD_NUMBER: _ClassVar[int]
     header: EgmHeader
     planned: EgmPlanned
     speedRef: EgmSpeedRef
-    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., planned: _Optional[_Union[EgmPlanned, _Mapping]] = ..., speedRef: _Optional[_Union[EgmSpeedRef, _Mapping]] = ...) -> None: ...
+    RAPIDtoRobot: EgmRAPIDdata
+    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., planned: _Optional[_Union[EgmPlanned, _Mapping]] = ..., speedRef: _Optional[_Union[EgmSpeedRef, _Mapping]] = ..., RAPIDtoRobot: _Optional[_Union[EgmRAPIDdata, _Mapping]] = ...) -> None: ...
+
+class EgmSensorPathCorr(_message.Message):
+    __slots__ = ("header", "pathCorr")
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    PATHCORR_FIELD_NUMBER: _ClassVar[int]
+    header: EgmHeader
+    pathCorr: EgmPathCorr
+    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., pathCorr: _Optional[_Union[EgmPathCorr, _Mapping]] = ...) -> None: ...
+
+class JointMotion(_message.Message):
+    __slots__ = ("joints", "externalJoints", "time")
+    JOINTS_FIELD_NUMBER: _ClassVar[int]
+    EXTERNALJOINTS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    joints: bytes
+    externalJoints: bytes
+    time: EgmClock
+    def __init__(self, joints: _Optional[bytes] = ..., externalJoints: _Optional[bytes] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ...) -> None: ...
+
+class JointRobot(_message.Message):
+    __slots__ = ("header", "feedBack", "planned", "motorState", "mciState", "rapidExecState")
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_FIELD_NUMBER: _ClassVar[int]
+    PLANNED_FIELD_NUMBER: _ClassVar[int]
+    MOTORSTATE_FIELD_NUMBER: _ClassVar[int]
+    MCISTATE_FIELD_NUMBER: _ClassVar[int]
+    RAPIDEXECSTATE_FIELD_NUMBER: _ClassVar[int]
+    header: EgmHeader
+    feedBack: JointMotion
+    planned: JointMotion
+    motorState: EgmMotorState
+    mciState: EgmMCIState
+    rapidExecState: EgmRapidCtrlExecState
+    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., feedBack: _Optional[_Union[JointMotion, _Mapping]] = ..., planned: _Optional[_Union[JointMotion, _Mapping]] = ..., motorState: _Optional[_Union[EgmMotorState, _Mapping]] = ..., mciState: _Optional[_Union[EgmMCIState, _Mapping]] = ..., rapidExecState: _Optional[_Union[EgmRapidCtrlExecState, _Mapping]] = ...) -> None: ...

@@ -10,6 +10,7 @@ DEG_PER_RAD = 180.0 / pi
 M_PER_MM = 1e-3
 MM_PER_M = 1e3
 UINT32 = 2**32
+NS_PER_S = 1_000_000_000
 
 
 def clock_fields(seconds: float) -> tuple[int, int]:

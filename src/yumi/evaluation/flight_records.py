@@ -11,9 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from pathlib import Path
 
-from yumi.control.flight_recorder import FlightRecorder
-from yumi.control.requests import Event, is_fault
+from yumi.control.flight_recorder import FlightRecorder, Frame
+from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
+from yumi.evaluation.recorded_messages import RecordedEvent
 from yumi.evaluation.recording import BEFORE, recorded_event, write_flight_record
 from yumi.robot.joints import Side
 
@@ -48,30 +49,40 @@ class FlightRecords:
             time_of_day: at the same moment [s since 1970].
         """
         if is_fault(event):
-            memory = self._recorders[event.side].copy()
-            self._thread.submit(self._write, event, memory, now, time_of_day)
+            memories = {side: self._recorders[side].copy() for side in _concerned(event)}
+            self._thread.submit(self._write, recorded_event(event, now), memories, time_of_day)
 
     def close(self) -> None:
         """Wait until everything is written."""
         self._thread.shutdown()
 
-    def _write(self, event: Event, memory: FlightRecorder, now: float, time_of_day: float) -> None:
-        file = self._folder / _file_name(event.side, time_of_day)
-        frames = tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)  # not of an earlier session
+    def _write(self, event: RecordedEvent, memories: Mapping[Side, FlightRecorder], time_of_day: float) -> None:
+        file = self._folder / _file_name(tuple(memories), time_of_day)
+        frames = {side: _recent(memory, event.time) for side, memory in memories.items()}
         try:
-            write_flight_record(file, time_of_day - now, recorded_event(event, now), frames)
+            write_flight_record(file, time_of_day - event.time, event, frames)
             self._make_room()
         except (YumiError, OSError) as error:
             self._say(f"The flight record could not be written to {file}: {error}")
             return
-        seconds = frames[-1].time - frames[0].time if frames else 0.0
-        self._say(f"The last {seconds:.1f} s of the {event.side.word} arm are in {file}: yumi record show {file}")
+        seconds = max(each[-1].time - each[0].time if each else 0.0 for each in frames.values())
+        arms = " and the ".join(f"{side.word} arm" for side in frames)
+        self._say(f"The last {seconds:.1f} s of the {arms} are in {file}: yumi record show {file}")
 
     def _make_room(self) -> None:
         for file in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
             file.unlink()
 
 
-def _file_name(side: Side, time_of_day: float) -> str:
-    moment = datetime.fromtimestamp(time_of_day)
-    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
+def _concerned(event: Event) -> tuple[Side, ...]:
+    return tuple(Side) if isinstance(event, FastLineEnded) else (event.side,)
+
+
+def _recent(memory: FlightRecorder, now: float) -> tuple[Frame, ...]:
+    """The cycles that led to an event; not those of an earlier session."""
+    return tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)
+
+
+def _file_name(sides: tuple[Side, ...], time_of_day: float) -> str:
+    moment, arm = datetime.fromtimestamp(time_of_day), sides[0].word if len(sides) == 1 else "both"
+    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{arm}.mcap"

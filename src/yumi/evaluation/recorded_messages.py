@@ -18,14 +18,14 @@ class RecordedEvent:
 
     Attributes:
         time: when, on the machine's monotonic clock [s].
-        side: which arm.
+        side: which arm; None when it concerns both.
         kind: the event's class, e.g. ``SessionLost``.
         sentence: what the log says of it.
         is_fault: whether nobody asked for it.
     """
 
     time: float
-    side: Side
+    side: Side | None
     kind: str
     sentence: str
     is_fault: bool
@@ -79,7 +79,7 @@ EVENT_SCHEMA: Mapping[str, object] = {
     "type": "object",
     "properties": {
         "time": _number("monotonic clock [s]"),
-        "side": {"type": "string", "enum": [side.value for side in Side]},
+        "side": {"enum": [*(side.value for side in Side), None], "description": "which arm, null: both"},
         "kind": {"type": "string"},
         "sentence": {"type": "string"},
         "is_fault": {"type": "boolean", "description": "whether nobody asked for it"},
@@ -137,7 +137,7 @@ def event_message(event: RecordedEvent) -> dict[str, object]:
     """The object of an event."""
     return {
         "time": event.time,
-        "side": event.side.value,
+        "side": event.side.value if event.side else None,
         "kind": event.kind,
         "sentence": event.sentence,
         "is_fault": event.is_fault,
@@ -153,7 +153,7 @@ def event_from_message(message: Mapping[str, Any]) -> RecordedEvent:
     """
     return RecordedEvent(
         time=float(message["time"]),
-        side=Side(message["side"]),
+        side=None if message["side"] is None else Side(message["side"]),
         kind=str(message["kind"]),
         sentence=str(message["sentence"]),
         is_fault=bool(message["is_fault"]),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from yumi import __version__
 from yumi.control.flight_recorder import Frame
-from yumi.control.requests import Event, is_fault
+from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import MissingPrerequisite, ProtocolError
 from yumi.evaluation.recorded_messages import (
     CYCLE_SCHEMA,
@@ -62,12 +62,14 @@ class Recording:
     @property
     def arm(self) -> Side:
         """The arm to look at: the one that stopped, else the first that is recorded."""
-        return self.stop.side if self.stop else next(iter(self.frames), Side.RIGHT)
+        stopped = self.stop.side if self.stop else None
+        return stopped or next(iter(self.frames), Side.RIGHT)
 
 
 def recorded_event(event: Event, time: float) -> RecordedEvent:
     """``event`` as it is recorded, having happened at ``time`` on the monotonic clock [s]."""
-    return RecordedEvent(time, event.side, type(event).__name__, str(event), is_fault(event))
+    side = None if isinstance(event, FastLineEnded) else event.side
+    return RecordedEvent(time, side, type(event).__name__, str(event), is_fault(event))
 
 
 class RecordingWriter:
@@ -136,7 +138,7 @@ class RecordingWriter:
         return channels | {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
 
 
-def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: tuple[Frame, ...]) -> None:
+def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
     """The cycles that led to ``event``, and the event.
 
     Raises:
@@ -144,8 +146,9 @@ def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: 
         OSError: the file cannot be written.
     """
     with RecordingWriter(file, epoch) as writer:
-        for frame in frames:
-            writer.add_frame(event.side, frame)
+        for side, each in frames.items():
+            for frame in each:
+                writer.add_frame(side, frame)
         writer.add_event(event)
 
 

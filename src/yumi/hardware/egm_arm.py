@@ -7,8 +7,8 @@ from typing import Protocol
 
 from yumi.control.port import WireCounters
 from yumi.control.stations import ENCODE, RECEIVE, SEND, StationClock
-from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
-from yumi.egm.session import SensorSession
+from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.session import Counted, Message, SensorSession
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
@@ -38,63 +38,81 @@ class EgmArm:
         stations: what notes where a cycle's time goes.
     """
 
-    def __init__(self, link: DatagramLink, session: SensorSession, stations: StationClock | None = None) -> None:
+    def __init__(
+        self, link: DatagramLink, session: SensorSession[JointReport], stations: StationClock | None = None
+    ) -> None:
         self._link = link
         self._session = session
         self._stations = stations or StationClock()
-        self._before: RobotMessage | None = None
+        self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:
         datagrams = self._stations.timed(RECEIVE, self._link.receive())
         if not datagrams:
             return None
-        received = self._session.accept(datagrams, now)
-        if received is None:
+        session = self._session
+        message = session.accept(datagrams, now)
+        if message is None:
             return None
-        message, before = received.message, None if received.is_first else self._before
+        before = None if session.is_first else self._before
         self._before = message
-        dt = _period(before, message)
+        dt = period(before, message)
         return ArmState(
-            time=now,
-            dt=dt,
-            session=received.session,
-            position=message.measured,
-            velocity=_velocity(before, message, dt),
-            planned=message.planned,
-            is_running=_is_running(message),
+            now,
+            dt,
+            session.number,
+            message.measured,
+            _velocity(before, message, dt),
+            message.planned,
+            is_running(message),
         )
 
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity
         self._link.send(self._stations.timed(ENCODE, self._session.reply(command.position, velocity)))
         self._stations.note(SEND)
+        self._session.settle()
 
     def lost_after(self, now: float) -> float | None:
         return self._session.silence(now) if self._session.close_if_silent(now) else None
 
     def wire_counters(self) -> WireCounters:
-        counters = self._session.counters
-        return WireCounters(self._session.number, counters.missed, counters.stale, counters.malformed)
+        return wire_counters(self._session)
 
 
-def _is_running(message: RobotMessage) -> bool:
-    """Undefined counts as running: after a restart the controller leaves it so (reference/egm.md §3.3)."""
+def is_running(message: JointReport | RobotMessage) -> bool:
+    """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
     return (
         message.motors is MotorState.ON and message.mci is MciState.RUNNING and message.rapid is not RapidState.STOPPED
     )
 
 
-def _period(before: RobotMessage | None, message: RobotMessage) -> float:
+def period(before: Counted | None, message: Counted) -> float:
+    """Robot time from one message to the next [s], 0 where there is none before."""
     if before is None:
         return 0.0
-    cycles = message.seqno - before.seqno
-    if before.measured_time is None or message.measured_time is None:
-        return min(cycles * CYCLE, LONGEST_PERIOD)
-    period = message.measured_time - before.measured_time
-    return period if 0.0 < period <= LONGEST_PERIOD else CYCLE
+    passed = message.measured_time - before.measured_time
+    return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
 
 
-def _velocity(before: RobotMessage | None, message: RobotMessage, dt: float) -> Joints:
+def wire_counters(session: SensorSession[Message]) -> WireCounters:
+    counters, arrivals = session.counters, session.arrivals
+    return WireCounters(
+        session.number,
+        counters.missed,
+        counters.lost,
+        counters.late,
+        counters.stale,
+        counters.repeated,
+        counters.malformed,
+        arrivals.jitter,
+        arrivals.worst_jitter,
+        arrivals.drift_ppm,
+        arrivals.cycle_time,
+    )
+
+
+def _velocity(before: JointReport | None, message: JointReport, dt: float) -> Joints:
     if before is None or dt <= 0.0:
         return ZERO
     a, b, c, d, e, f, g = message.measured

@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from threading import Event as Flag
 from threading import Lock, Thread
 
@@ -20,6 +21,7 @@ from yumi.control.requests import (
     CycleFailed,
     Done,
     Event,
+    FastLineEnded,
     ListControllers,
     Refusal,
     Reply,
@@ -28,21 +30,20 @@ from yumi.control.requests import (
     Stop,
     SwitchControllers,
 )
-from yumi.control.snapshot import SNAPSHOT_SIZE
+from yumi.control.snapshot import SNAPSHOT_SIZE, Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
+from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
 from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell, shared_numbers
 from yumi.robot.joints import JOINT_COUNT, Side
 
-GLANCE = 0.010
-"""How often the silence of the robot is looked at when nothing arrives [s]."""
-
 LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
 _ANSWER_TIMEOUT = 5.0
+_TELLING_PERIOD = 10.0  # [s]
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 
 
@@ -87,14 +88,16 @@ class FastLineProcess:
 
     Args:
         build: how to build the arms in the child.
+        wake: how it waits for datagrams.
         on_event: called on a thread of its own for everything the fast line tells.
     """
 
-    def __init__(self, build: Build, on_event: Callable[[Event], None]) -> None:
+    def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
         self.started_as = ""
-        self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes)
+        self._is_wanted = True
+        self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes, wake)
         self._on_event = on_event
         self._lock = Lock()
         self._answers: list[Reply] = []
@@ -118,6 +121,15 @@ class FastLineProcess:
         self.started_as = first
         self._reader.start()
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._child.exit_code is None
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm; nothing when the process is gone."""
+        return peek_snapshot(self.boxes[side].snapshots) if self.is_alive else Snapshot()
+
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
 
@@ -133,7 +145,8 @@ class FastLineProcess:
 
     def stop(self) -> None:
         """End the process; the arms hold as long as they move."""
-        if self._child.exit_code is None:
+        self._is_wanted = False
+        if self.is_alive:
             self._tell_to_stop()
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
@@ -161,6 +174,9 @@ class FastLineProcess:
             try:
                 value = self._child.pipe.receive()
             except PipeClosed:
+                if self._is_wanted:
+                    self._child.join(_ANSWER_TIMEOUT)
+                    self._on_event(FastLineEnded(self._child.exit_code))
                 return
             if isinstance(value, Done | Refusal):
                 self._answers.append(value)
@@ -169,29 +185,33 @@ class FastLineProcess:
                 self._on_event(value)
 
 
-def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes]) -> None:
+def run_fast_line(pipe: PipeEnd, build: Build, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the fast-line process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when motion ends
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
     try:
         arms = build(boxes)
     except YumiError as error:
         pipe.send(Refusal(str(error)))
         return
-    pipe.send(prepare_process())
-    FastLine(pipe, arms, boxes, SystemClock()).run()
+    clock = SystemClock()
+    wait = way_to_wait(wake, clock)
+    pipe.send(f"Fast line: {prepare_process()}, {describe(wait)}.")
+    FastLine(pipe, arms, boxes, clock, wait).run()
 
 
 class FastLine:
     """The loop inside the process."""
 
     def __init__(
-        self, pipe: PipeEnd, arms: Mapping[Side, WiredArm], boxes: Mapping[Side, ArmBoxes], clock: Clock
+        self, pipe: PipeEnd, arms: Mapping[Side, WiredArm], boxes: Mapping[Side, ArmBoxes], clock: Clock, wait: Wait
     ) -> None:
         self._pipe = pipe
+        self._wait = wait
         self._arms = {side: arm.line for side, arm in arms.items()}
         self._clock = clock
         self._stop_at: float | None = None
-        self._failures: set[str] = set()
+        self._failures: dict[str, float] = {}
         self._poller = Poller()
         for side, arm in arms.items():
             self._poller.watch(arm.socket, self._cycle_of(side, arm.line, boxes[side].bell))
@@ -199,30 +219,34 @@ class FastLine:
 
     def run(self) -> None:
         """Serve datagrams and requests until told to stop, and until the arms stand."""
+        lines = tuple(self._arms.values())
         while not self._may_end():
-            self._poller.wait(GLANCE)
-            for line in self._arms.values():
+            self._wait.wait(self._poller, any(line.state is not None for line in lines))
+            for line in lines:
                 line.watch_silence(self._clock.now())
                 self._tell(line)
+        self._wait.close()
         self._poller.close()
 
     def _cycle_of(self, side: Side, line: ArmLine, bell: Bell) -> Callable[[], None]:
-        clock = self._clock
+        clock, wait = self._clock, self._wait
 
         def run_cycle() -> None:
+            now = clock.now()
             try:
-                if line.run(clock.now()) is not None:
+                if line.run(now) is not None:
                     bell.release()
+                    wait.note_arrival(side, now)
             except Exception as error:
                 self._note_failure(side, error)
 
         return run_cycle
 
     def _note_failure(self, side: Side, error: Exception) -> None:
-        """Tell once per kind of fault; at 250 Hz a second telling would only bury the first."""
-        sentence = f"{type(error).__name__}: {error}"
-        if sentence not in self._failures:
-            self._failures.add(sentence)
+        """Tell a fault now and again; at 250 Hz each telling would only bury the first."""
+        sentence, now = f"{type(error).__name__}: {error}", self._clock.now()
+        if now - self._failures.get(sentence, -inf) > _TELLING_PERIOD:
+            self._failures[sentence] = now
             self._send(CycleFailed(side, sentence))
 
     def _may_end(self) -> bool:
@@ -256,6 +280,8 @@ class FastLine:
             return self._carry_out(request)
         except CommandRefused as error:
             return Refusal(str(error))
+        except Exception as error:
+            return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
 
     def _carry_out(self, request: Request) -> Done:
         if isinstance(request, Stop):

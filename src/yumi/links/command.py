@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
@@ -12,10 +12,11 @@ from types import TracebackType
 
 from yumi.errors import RobotNotReady
 
-READY = "yumi is ready"
+READY = "yumi is up"
 """First words of the line a command prints when it serves."""
 
 _STOP_TIMEOUT = 20.0
+_GLANCE = 0.1  # [s]
 
 
 class Command:
@@ -58,23 +59,35 @@ class Command:
         """None while it runs."""
         return self._process.poll()
 
-    def wait_until_ready(self, timeout: float) -> str:
+    @property
+    def pid(self) -> int:
+        """Number of its process."""
+        return self._process.pid
+
+    def wait_until_ready(self, timeout: float, check: Callable[[], None] = lambda: None) -> str:
         """Wait for its ready line; returns what follows the first words.
+
+        Args:
+            timeout: longest wait [s].
+            check: called again and again; raises when waiting has become useless.
 
         Raises:
             RobotNotReady: it ended or did not become ready in time; the message is its last line.
         """
-        last = ""
-        while True:
+        last, looks = "", int(timeout / _GLANCE)
+        while looks > 0:
+            check()
             try:
-                line = self._lines.get(timeout=timeout)
+                line = self._lines.get(timeout=_GLANCE)
             except Empty:
-                raise RobotNotReady(f"The {self.name} was not ready within {timeout:g} s; see {self.log}.") from None
+                looks -= 1
+                continue
             if line is None:
                 raise RobotNotReady(last or f"The {self.name} ended without a word; see {self.log}.")
             if line.startswith(READY):
                 return line.removeprefix(READY).strip(" :")
             last = line.removeprefix("Error: ") or last
+        raise RobotNotReady(f"The {self.name} was not ready within {timeout:g} s; see {self.log}.")
 
     def stop(self) -> None:
         """End it in order; it stops motion and ends EGM by itself."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import selectors
 from collections.abc import Callable
 from typing import Protocol
@@ -29,7 +30,17 @@ class Poller:
     def forget(self, thing: HasFileno) -> None:
         self._selector.unregister(thing)
 
-    def wait(self, timeout: float) -> None:
-        """Wait until something is readable, at most ``timeout`` [s], and call its handlers."""
-        for key, _ in self._selector.select(timeout):
+    def wait(self, timeout: float) -> bool:
+        """Wait until something is readable, at most ``timeout`` [s] in whole milliseconds, and call its handlers.
+
+        Returns:
+            Whether anything was readable.
+        """
+        ready = self._selector.select(timeout)
+        for key, _ in ready:
             key.data()
+        return bool(ready)
+
+    def doze(self, duration: float) -> None:
+        """Sleep for ``duration`` [s], to the microsecond, or until something is readable; calls no handler."""
+        select.select(tuple(self._selector.get_map()), (), (), duration)

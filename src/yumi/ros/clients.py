@@ -24,12 +24,12 @@ class Spinner:
 
     Args:
         node: the application's node.
-        is_cancelled: looked at while waiting.
+        check: called again and again while waiting; raises when waiting has become useless.
     """
 
-    def __init__(self, node: Any, is_cancelled: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, node: Any, check: Callable[[], None] = lambda: None) -> None:
         self.node = node
-        self._is_cancelled = is_cancelled
+        self._check = check
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
 
@@ -43,20 +43,15 @@ class Spinner:
 
         Raises:
             RobotNotReady: it did not become so within ``timeout`` [s].
-            Cancelled: the application was told to end.
+            Exception: whatever the check raises.
         """
         clock = self.node.get_clock()
         end = clock.now().nanoseconds + int(timeout * 1e9)
         while not is_so():
-            if self._is_cancelled():
-                raise Cancelled
+            self._check()
             if clock.now().nanoseconds > end:
                 raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
             self._executor.spin_once(timeout_sec=_SPIN)
-
-
-class Cancelled(Exception):
-    """The application was told to end."""
 
 
 class RobotManagerClient:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from yumi.control.goals import put_goal
-from yumi.control.snapshot import peek_snapshot
+from yumi.control.mailbox import Mailbox
+from yumi.control.snapshot import Snapshot
 from yumi.errors import CommandRefused
-from yumi.hardware.fast_line import ArmBoxes
 from yumi.robot.joints import Joints, Side
 from yumi.ros.conversions import goal_of
 
@@ -25,14 +26,16 @@ class JointCommandTopic:
     Args:
         node: the arm's controller manager node.
         side: which arm.
-        boxes: what the fast line shares.
+        goals: where goals go.
+        snapshot: what is known of the arm.
     """
 
-    def __init__(self, node: Any, side: Side, boxes: ArmBoxes) -> None:
+    def __init__(self, node: Any, side: Side, goals: Mailbox, snapshot: Callable[[], Snapshot]) -> None:
         self._log = node.get_logger()
         self._side = side
-        self._boxes = boxes
-        self._session = 0
+        self._goals = goals
+        self._snapshot = snapshot
+        self._given_in = (0, 0)  # session and activation
         self._goal: Joints | None = None
         node.create_subscription(JointState, "joint_commands", self.take, _QOS)
 
@@ -44,7 +47,7 @@ class JointCommandTopic:
             self._log.warning(str(error), throttle_duration_sec=1.0)
 
     def _accept(self, message: Any) -> None:
-        snapshot = peek_snapshot(self._boxes.snapshots)
+        snapshot = self._snapshot()
         if not snapshot.is_running:
             raise CommandRefused(
                 f"Goal refused: EGM is not running on the {self._side.word} arm; call start_egm first."
@@ -53,6 +56,7 @@ class JointCommandTopic:
             raise CommandRefused(
                 f"Goal refused: no position controller is active on the {self._side.word} arm; activate one first."
             )
-        base = self._goal if self._goal is not None and self._session == snapshot.session else snapshot.reference
-        self._goal, self._session = goal_of(message, self._side, base), snapshot.session
-        put_goal(self._boxes.goals, self._session, self._goal)
+        now = (snapshot.session, snapshot.activation)
+        base = self._goal if self._goal is not None and self._given_in == now else snapshot.reference
+        self._goal, self._given_in = goal_of(message, self._side, base), now
+        put_goal(self._goals, snapshot.session, self._goal)

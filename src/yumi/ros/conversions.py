@@ -68,11 +68,18 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         "commanded": snapshot.is_commanded,
         "cycles": snapshot.cycles,
         "missed": snapshot.missed,
+        "lost": snapshot.lost,
+        "late": snapshot.late,
         "stale": snapshot.stale,
+        "repeated": snapshot.repeated,
         "malformed": snapshot.malformed,
         "refused": snapshot.refused,
         "position_limited": snapshot.position_limited,
-        "velocity_limited": snapshot.velocity_limited,
+        "slowed": snapshot.slowed,
+        "jitter": snapshot.jitter,
+        "worst_jitter": snapshot.worst_jitter,
+        "drift_ppm": snapshot.drift_ppm,
+        "cycle_time": snapshot.cycle_time,
     }
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return DiagnosticStatus(

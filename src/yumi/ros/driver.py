@@ -13,6 +13,7 @@ yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, joint_sta
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from threading import Event as Flag
 from threading import Thread
 from typing import Any
@@ -26,10 +27,9 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, is_fault
-from yumi.control.snapshot import peek_snapshot
+from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import ArmBoxes, FastLineProcess
+from yumi.hardware.fast_line import FastLineProcess
 from yumi.hardware.gripper import Gripper
 from yumi.robot.joints import Side
 from yumi.robot.model import robot_description
@@ -68,6 +68,7 @@ class RosDriver:
         clock: Clock,
     ) -> None:
         self._boxes = fast_line.boxes
+        self._snapshot = fast_line.snapshot
         self._manager = manager
         self._grippers = grippers
         self._fingers: dict[Side, float] = {}
@@ -82,7 +83,10 @@ class RosDriver:
             GripperAction(node, grippers[side], force, clock, ReentrantCallbackGroup())
             for side, node in self._gripper_nodes.items()
         ]
-        self._commands = [JointCommandTopic(node, side, self._boxes[side]) for side, node in self._arm_nodes.items()]
+        self._commands = [
+            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
+            for side, node in self._arm_nodes.items()
+        ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup())
         self._merged = MergedJointStates(self._manager_node, self._boxes, lambda: dict(self._fingers), merged_rate)
         self._publish_description()
@@ -106,7 +110,8 @@ class RosDriver:
             publisher.stop()
         self._executor.shutdown(timeout_sec=2.0)
         for thread in self._threads:
-            thread.join()
+            if thread.ident is not None:
+                thread.join()
         for action in self._actions:
             action.destroy()
         for node in self._nodes():
@@ -114,7 +119,8 @@ class RosDriver:
 
     def tell(self, event: Event) -> None:
         """Log what happened in the fast line."""
-        log = self._arm_nodes[event.side].get_logger()
+        node = self._manager_node if isinstance(event, FastLineEnded) else self._arm_nodes[event.side]
+        log = node.get_logger()
         if is_fault(event):
             log.error(str(event))
         else:
@@ -149,14 +155,17 @@ class RosDriver:
     def _publish_health(self) -> None:
         for side, node in self._arm_nodes.items():
             publisher = node.create_publisher(DiagnosticStatus, "egm_state", 1)
-            node.create_timer(_EGM_STATE_PERIOD, _publish_status_of(publisher, side, self._boxes[side]))
+            node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
         self._diagnostics = self._manager_node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._manager_node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+
+    def _publish_status(self, publisher: Any, side: Side) -> None:
+        publisher.publish(egm_status(side, self._snapshot(side)))
 
     def _publish_diagnostics(self) -> None:
         array = DiagnosticArray()
         array.header.stamp = stamp(self._manager_node.get_clock().now().nanoseconds)
-        array.status = [egm_status(side, peek_snapshot(boxes.snapshots)) for side, boxes in self._boxes.items()]
+        array.status = [egm_status(side, self._snapshot(side)) for side in Side]
         self._diagnostics.publish(array)
 
     def _watch_fingers(self) -> None:
@@ -167,10 +176,6 @@ class RosDriver:
                     self._fingers[side] = gripper.state().position
                 except YumiError:
                     self._fingers.pop(side, None)
-
-
-def _publish_status_of(publisher: Any, side: Side, boxes: ArmBoxes) -> Any:
-    return lambda: publisher.publish(egm_status(side, peek_snapshot(boxes.snapshots)))
 
 
 def open_ros() -> None:

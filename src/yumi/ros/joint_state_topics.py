@@ -44,7 +44,8 @@ class JointStatePublisher:
     def stop(self) -> None:
         """End the thread; before the node is destroyed."""
         self._is_over.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def _run(self) -> None:
         last = 0

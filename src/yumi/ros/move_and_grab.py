@@ -65,14 +65,14 @@ class MoveAndGrab:
 
     Args:
         progress: shows the steps.
-        is_cancelled: looked at while waiting.
+        check: called again and again while waiting; raises when the task shall end.
     """
 
-    def __init__(self, progress: Progress, is_cancelled: Callable[[], bool]) -> None:
+    def __init__(self, progress: Progress, check: Callable[[], None]) -> None:
         self.reports = {side: ArmReport() for side in Side}
         self._progress = progress
         self._node: Any = rclpy.create_node("move_and_grab")
-        spinner = Spinner(self._node, is_cancelled)
+        spinner = Spinner(self._node, check)
         self._spinner = spinner
         self._manager = RobotManagerClient(spinner)
         self._grippers = {side: GripperClient(spinner, side) for side in Side}
@@ -89,7 +89,7 @@ class MoveAndGrab:
 
         Raises:
             YumiError: a step failed.
-            Cancelled: it was told to end.
+            Exception: whatever the check raises.
         """
         self._wait_until_ready()
         self._start_egm()

@@ -10,10 +10,11 @@ from std_srvs.srv import Trigger
 
 from yumi.clock import Clock
 from yumi.control.requests import SwitchControllers
-from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.snapshot import Snapshot
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.state_machine import MachineState
 from yumi.robot.joints import Side
 
 FIRST_DATAGRAM = 5.0
@@ -53,6 +54,7 @@ class RobotManager:
             YumiError: a step failed; the message says which.
         """
         with self._lock:
+            self._check_fast_line()
             if not self._is_guided():
                 self._begin_egm()
             for side in Side:
@@ -67,23 +69,25 @@ class RobotManager:
             YumiError: a step failed; the message says which.
         """
         with self._lock:
-            self.hold()
-            self._bringup.stop_egm()
+            try:
+                self._hold()
+            finally:
+                self._bringup.stop_egm()  # whatever became of the fast line
         return "EGM has ended on both arms"
 
-    def hold(self) -> None:
-        """Deactivate whatever commands the arms: they hold the last admitted command."""
+    def _hold(self) -> None:
+        """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
                 self._fast_line.ask(SwitchControllers(side, deactivate=(POSITION_CONTROLLER,)))
 
     def end_motion(self) -> None:
-        """Hold, and end EGM if it runs: what the driver does before it goes.
+        """Hold, and end EGM if the robot is in it: what the driver does before it goes.
 
         Raises:
             YumiError: the robot could not be told.
         """
-        if any(self._snapshot(side).is_running for side in Side):
+        if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
             self.stop_egm()
 
     def check_ready(self) -> str:
@@ -92,6 +96,7 @@ class RobotManager:
         Raises:
             RobotNotReady: it cannot; the message says why.
         """
+        self._check_fast_line()
         if self._is_guided():
             return "ready, EGM runs"
         reason = self._bringup.why_not_ready()
@@ -104,6 +109,10 @@ class RobotManager:
         controller = self._bringup.describe()
         arms = "; ".join(f"{side.word} arm {self._bringup.state(side).name}, EGM {self._egm(side)}" for side in Side)
         return f"{controller}; {arms}"
+
+    def _check_fast_line(self) -> None:
+        if not self._fast_line.is_alive:
+            raise RobotNotReady("The fast-line process has ended; restart the driver.")
 
     def _begin_egm(self) -> None:
         if any(self._snapshot(side).is_running for side in Side):
@@ -139,7 +148,7 @@ class RobotManager:
         return "running" if snapshot.is_running else "streaming" if snapshot.is_streaming else "off"
 
     def _snapshot(self, side: Side) -> Snapshot:
-        return peek_snapshot(self._fast_line.boxes[side].snapshots)
+        return self._fast_line.snapshot(side)
 
 
 class RobotManagerServices:

@@ -10,8 +10,9 @@ from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.kinematics import tool0_to_body
 from yumi.robot.poses import home
 from yumi.robot.values import ZERO, Pose
+from yumi.virtual.arm_load import LoadSupervision, Overload
 from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.arm_motion import Motion, Standstill, braking, stopping, travel
+from yumi.virtual.arm_motion import Motion, MotionState, Standstill, braking, stopping, travel
 from yumi.virtual.arm_servo import Servo
 from yumi.virtual.egm_motion import EgmMotion
 from yumi.virtual.egm_settings import EgmSettings
@@ -29,6 +30,9 @@ class VirtualArm:
         side: the arm.
         position: where it stands [rad], (7,), chain order; home when left out.
         model: its dynamics.
+
+    Attributes:
+        overload: the joint of which EGM has asked too much since it began; None as long as the load is bearable.
     """
 
     def __init__(self, side: Side, position: Joints | None = None, model: ArmModel | None = None) -> None:
@@ -37,6 +41,8 @@ class VirtualArm:
         self._motors_on = False
         self._motion: Motion = Standstill(position or home(side))
         self._servo = Servo(self.planned, self.model)
+        self._load: LoadSupervision | None = None
+        self.overload: Overload | None = None
 
     @property
     def position(self) -> Joints:
@@ -80,6 +86,7 @@ class VirtualArm:
         for _ in range(steps):
             self._motion.advance(dt / steps)
             self._servo.advance(self.planned, dt / steps)
+            self._supervise_load(dt / steps)
 
     def switch_motors_on(self) -> None:
         self._motors_on = True
@@ -133,6 +140,9 @@ class VirtualArm:
         extra = self.model.filtering_delay if settings.level > 0 else 0.0
         self._servo.wanted_delay = self.model.delay + extra
         self._motion = EgmMotion(self.planned, settings, self.model.limits)
+        self.overload = None
+        if self.model.supervises_load:
+            self._load = LoadSupervision(self.side, self.model, self.planned)
 
     def set_reference(self, position: Joints | None, velocity: Joints | None) -> None:
         """Order what EGM shall reach: None keeps the last position, and means no speed [rad], [rad/s], (7,).
@@ -156,10 +166,18 @@ class VirtualArm:
         egm = self.egm
         if egm is None:
             return
+        # Without EGM's acceleration, which is that of single steps of speed.
+        state = MotionState(egm.state.position, egm.state.velocity)
         if returns_to_start:
-            self._motion = travel(egm.state, egm.start, self.model, ramp_time)
+            self._motion = travel(state, egm.start, self.model, ramp_time)
         else:
-            self._motion = stopping(egm.state, self.model, ramp_time)
+            self._motion = stopping(state, self.model, ramp_time)
+
+    def _supervise_load(self, dt: float) -> None:
+        """Only references from outside are supervised: the controller plans its own motions within the limits."""
+        egm = self.egm
+        if egm is not None and self._load is not None and self.overload is None:
+            self.overload = self._load.advance(egm.state, dt)
 
     def _check_ready(self) -> None:
         if not self._motors_on:

@@ -89,7 +89,7 @@ def travel(start: MotionState, target: Joints, model: ArmModel, duration: float 
     plan = _plan(start, model)
     plan.target_position = target
     plan.max_velocity = model.limits.velocity
-    plan.max_acceleration, plan.max_jerk = model.acceleration, model.jerk
+    plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
     plan.synchronization = Synchronization.Phase
     return JerkLimitedMotion(_trajectory(plan, duration), target)
 
@@ -98,7 +98,7 @@ def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> Jerk
     """From the present speed to standstill, as fast as the drives allow or over ``duration`` [s]."""
     plan = _plan(start, model)
     plan.control_interface = ControlInterface.Velocity
-    plan.max_acceleration, plan.max_jerk = model.acceleration, model.jerk
+    plan.max_acceleration, plan.max_jerk = model.limits.acceleration, model.limits.jerk
     return JerkLimitedMotion(_trajectory(plan, duration))
 
 
@@ -115,7 +115,7 @@ def _plan(start: MotionState, model: ArmModel) -> InputParameter:
     plan = InputParameter(JOINT_COUNT)
     plan.current_position, plan.current_velocity = start.position, start.velocity
     plan.current_acceleration = [
-        max(-most, min(most, value)) for value, most in zip(start.acceleration, model.acceleration, strict=True)
+        max(-most, min(most, value)) for value, most in zip(start.acceleration, model.limits.acceleration, strict=True)
     ]
     return plan
 

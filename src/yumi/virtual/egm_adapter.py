@@ -7,7 +7,7 @@ of the sensor, hand its reference to the arm. Which datagram is next, and what e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
 from math import degrees, isfinite
 from typing import cast
@@ -19,12 +19,11 @@ from yumi.robot.joints import Joints, joint_names
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO
 from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_feedback import RobotWare, feedback
+from yumi.virtual.arm_load import Overload
+from yumi.virtual.egm_feedback import feedback
+from yumi.virtual.egm_options import EgmOptions, InvalidReference
 from yumi.virtual.egm_session import EgmSession, in_bands
 from yumi.virtual.egm_settings import EgmActivation, EgmRun, ExternalMotionData, StopMode, law_settings
-
-CYCLE = 0.004032
-"""Period of the controller's motion control [s] (reference/egm.md §2.5)."""
 
 CLOCK_START = 28_800.0
 """What the controller's clock shows at the first cycle: that of one switched on in the morning [s]."""
@@ -48,7 +47,23 @@ class EgmOutcome(Enum):
     STOPPED = auto()
     COMM_TIMEOUT = auto()
     OUT_OF_BOUNDS = auto()
+    OVERLOADED = auto()
+    SYSTEM_FAILURE = auto()
+    MOTORS_OFF = auto()
     ABORTED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class EgmFailure:
+    """What ended a run so that the controller itself has to act, not only the program that waits for the end.
+
+    Attributes:
+        outcome: what became of the run.
+        sentence: why, for the event log.
+    """
+
+    outcome: EgmOutcome
+    sentence: str
 
 
 class EgmClient:
@@ -56,27 +71,26 @@ class EgmClient:
 
     Args:
         arm: the arm that EGM guides.
-        robotware: whose profile the datagrams have.
-        cycle_time: period of :meth:`cycle` [s].
+        options: what kind of controller it belongs to.
 
     Attributes:
         state: what EGMGetState returns.
         outcome: what became of the last :meth:`run_joint`; None before the first.
         fault: why the session ended by itself, a sentence for the event log; empty when it did not.
         rapid: RAPID's execution state as the datagrams tell it.
-        ignored_datagrams: how many datagrams of the sensor could not be decoded.
+        ignored_datagrams: how many datagrams of the sensor could not be decoded, or were rejected.
     """
 
-    def __init__(self, arm: VirtualArm, *, robotware: RobotWare = RobotWare.RW_6_09, cycle_time: float = CYCLE) -> None:
+    def __init__(self, arm: VirtualArm, options: EgmOptions | None = None) -> None:
         self.state = EgmState.DISCONNECTED
         self.outcome: EgmOutcome | None = None
         self.fault = ""
         self.rapid = RapidState.RUNNING
         self.ignored_datagrams = 0
         self._arm = arm
-        self._robotware = robotware
-        self._cycle_time = cycle_time
+        self._options = options or EgmOptions()
         self._cycles = 0
+        self._failure: EgmFailure | None = None
         self._codec = RobotCodec()
         self._bounds = _widened(arm.model.limits)
         self._session: EgmSession | None = None
@@ -141,7 +155,7 @@ class EgmClient:
         """
         if self._guided() is not None:
             self._arm.stop_egm(self._data.ramp_time)
-            self._end(EgmOutcome.ABORTED, MciState.STOPPED)
+            self._end(EgmOutcome.ABORTED if self._arm.motors_on else EgmOutcome.MOTORS_OFF, MciState.STOPPED)
         self.stream_stop()
 
     def stream_start(self, sample_rate_ms: int = 4) -> None:
@@ -165,6 +179,17 @@ class EgmClient:
         self.stream_stop()
         self.state = EgmState.DISCONNECTED
 
+    @property
+    def resumes(self) -> bool:
+        """Whether the run is going on, or will when the program that was interrupted does."""
+        survives = (EgmOutcome.RUNNING, EgmOutcome.ABORTED)
+        return self.outcome in survives or self._data.restarts_after_motors_off
+
+    def take_failure(self) -> EgmFailure | None:
+        """What the controller has to act on, once."""
+        failure, self._failure = self._failure, None
+        return failure
+
     # What motion control does
 
     def cycle(self, inbox: Sequence[bytes] = ()) -> bytes | None:
@@ -180,7 +205,7 @@ class EgmClient:
         session = self._session
         if session is None:
             return None
-        session.advance(self._cycle_time, inbox)
+        session.advance(self._options.cycle_time, inbox)
         self._supervise(session)
         if not session.is_due:
             return None
@@ -204,7 +229,12 @@ class EgmClient:
 
     def _begin(self, sample_rate_ms: int, *, is_guided: bool) -> None:
         mci = MciState.RUNNING if is_guided else MciState.STOPPED
-        self._session = EgmSession(is_guided, cycles_per_datagram=max(1, sample_rate_ms // 4), mci=mci)
+        self._session = EgmSession(
+            is_guided,
+            cycles_per_datagram=max(1, sample_rate_ms // 4),
+            queue_length=self._options.queue_length,
+            mci=mci,
+        )
         self.state = EgmState.RUNNING
 
     def _finish(self, outcome: EgmOutcome, mode: StopMode, ramp_out_time: float) -> None:
@@ -231,10 +261,14 @@ class EgmClient:
             return
         if egm is None or not self._arm.motors_on:
             self.fault = f"The {self._arm.side.word} arm was stopped while EGM was running."
-            self._end(EgmOutcome.ABORTED, MciState.STOPPED)
+            self.abort()
         elif session.silence > self._comm_timeout:
             sentence = f"No data from the UdpUc device for {self._comm_timeout:g} s (41822)."
             self._fail(EgmOutcome.COMM_TIMEOUT, sentence, self._data.ramp_time)
+            if not self._run.is_waited:
+                self._failure = EgmFailure(EgmOutcome.COMM_TIMEOUT, sentence)
+        elif self._arm.overload is not None:
+            self._shut_down(EgmOutcome.OVERLOADED, self._too_much(self._arm.overload))
         elif self._bounds.outside(self._arm.planned) is not None:
             self._leave_bounds(self._arm.planned)
         else:
@@ -243,7 +277,7 @@ class EgmClient:
     def _check_convergence(self, session: EgmSession, ordered: Joints) -> None:
         run = self._run
         is_in_band = in_bands(ordered, self._arm.position, self._activation.cond_min_max, run.axes)
-        session.dwell(self._cycle_time, is_in_band=is_in_band)
+        session.dwell(self._options.cycle_time, is_in_band=is_in_band)
         if session.has_converged(run.cond_time):
             self._finish(EgmOutcome.CONVERGED, run.stop_mode, run.ramp_out_time)
 
@@ -253,6 +287,10 @@ class EgmClient:
         try:
             message = self._codec.decode(session.queue.popleft())
         except ProtocolError:
+            self.ignored_datagrams += 1
+            return
+        rejects = self._options.invalid_reference is InvalidReference.REJECT
+        if rejects and not _is_finite(message.position, message.velocity):
             self.ignored_datagrams += 1
             return
         session.hear()
@@ -265,8 +303,11 @@ class EgmClient:
             return
         goal = None if position is None else _completed(position, egm.reference)
         speed = None if velocity is None else _completed(velocity, ZERO)
-        if not all(map(isfinite, (*(goal or ()), *(speed or ())))):
-            self._refuse_input("External Motion Interface input out of bounds: a reference is not a finite number.")
+        if not _is_finite(goal, speed):
+            self._shut_down(
+                EgmOutcome.SYSTEM_FAILURE,
+                f"The {self._arm.side.word} arm got an EGM reference that is no finite number.",
+            )
         elif goal is not None and self._run.pos_corr_gain > 0.0 and self._bounds.outside(goal) is not None:
             self._leave_bounds(goal)
         else:
@@ -276,18 +317,27 @@ class EgmClient:
         index = self._bounds.outside(position) or 0
         name, range_deg = joint_names(self._arm.side)[index], self._arm.model.limits.range_deg(index)
         at_deg = degrees(position[index])
-        self._refuse_input(
-            f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
+        sentence = f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
+        self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)
+
+    def _too_much(self, overload: Overload) -> str:
+        name = joint_names(self._arm.side)[overload.joint]
+        return (
+            f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives {overload.limit:.0f} N m: "
+            "limit the acceleration of the reference."
         )
 
-    def _refuse_input(self, sentence: str) -> None:
-        """The real controller switches the motors off (reference/egm.md §4.5); NaN even makes it fail altogether."""
-        self._fail(EgmOutcome.OUT_OF_BOUNDS, sentence)
+    def _shut_down(self, outcome: EgmOutcome, sentence: str) -> None:
+        """What the real controller answers with motors off, or with more (reference/egm.md §4.5)."""
+        self._fail(outcome, sentence)
         self._arm.switch_motors_off()
+        self._failure = EgmFailure(outcome, sentence)
 
     def _datagram(self, session: EgmSession) -> bytes:
-        now = CLOCK_START + self._cycles * self._cycle_time
-        message = feedback(self._arm, session, self._activation, self.rapid, now=now, robotware=self._robotware)
+        options = self._options
+        now = CLOCK_START + self._cycles * options.cycle_time
+        rapid = self.rapid if options.tells_rapid_state else RapidState.UNDEFINED
+        message = feedback(self._arm, session, self._activation, rapid, now=now, robotware=options.robotware)
         return self._codec.encode(message)
 
 
@@ -295,6 +345,10 @@ def _completed(values: PartialJoints, last: Joints) -> Joints:
     """Axes the sensor left out keep their last value (reference/egm.md §10 item 18)."""
     complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
     return cast("Joints", complete)
+
+
+def _is_finite(*parts: PartialJoints | None) -> bool:
+    return all(isfinite(value) for part in parts for value in part or () if value is not None)
 
 
 def _widened(limits: JointLimits) -> JointLimits:

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from enum import Enum, auto
-
 from yumi.egm.messages import MotorState, RapidState, RobotMessage
 from yumi.robot.joints import Joints, Side
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.robot.values import Pose
 from yumi.virtual.arm import VirtualArm
+from yumi.virtual.egm_options import RobotWare
 from yumi.virtual.egm_session import EgmSession
 from yumi.virtual.egm_settings import EgmActivation
 
 FEEDBACK_AGE = 0.0045
 """How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
-
-
-class RobotWare(Enum):
-    """Whose datagrams the arm sends (reference/egm.md §1.4)."""
-
-    RW_6_09 = auto()
-    RW_6_10 = auto()
 
 
 def feedback(

@@ -50,8 +50,9 @@ class EgmMotion:
 
     def advance(self, dt: float) -> None:
         self._filtered = self._low_pass(self._wanted_speed(self._fade(dt), dt), dt)
-        speed = self._capped(self._filtered)
-        self.state = MotionState(self._moved(speed, dt), speed)
+        before, position = self.state, self._moved(self._capped(self._filtered), dt)
+        velocity = _rate(before.position, position, dt)  # less than the law's where the deviation is bounded
+        self.state = MotionState(position, velocity, _rate(before.velocity, velocity, dt))
 
     def _fade(self, dt: float) -> float:
         """Mean of the linear ramp-in over the step; afterwards 1."""
@@ -96,3 +97,7 @@ class EgmMotion:
             for start, now, value in zip(self._start, self.state.position, speed, strict=True)
         )
         return cast("Joints", position)
+
+
+def _rate(before: Joints, now: Joints, dt: float) -> Joints:
+    return cast("Joints", tuple((new - old) / dt for old, new in zip(before, now, strict=True)))

@@ -10,9 +10,6 @@ from yumi.egm.messages import MciState
 from yumi.robot.joints import Joints
 from yumi.virtual.egm_settings import Axes, Bands
 
-QUEUE_LENGTH = 256
-"""Datagrams an operating system keeps for a reader that takes one per cycle; the newest beyond are lost."""
-
 
 @dataclass(slots=True)
 class EgmSession:
@@ -21,6 +18,7 @@ class EgmSession:
     Attributes:
         is_guided: whether EGMRun made it, so that replies move the arm; a position stream otherwise.
         cycles_per_datagram: SampleRate in cycles.
+        queue_length: how many datagrams can wait for their cycle; the newest beyond are lost.
         cycle: cycles since the session began.
         seqno: number of the next datagram.
         mci: state that the next datagram tells.
@@ -34,6 +32,7 @@ class EgmSession:
 
     is_guided: bool
     cycles_per_datagram: int = 1
+    queue_length: int = 256
     cycle: int = -1
     seqno: int = 0
     mci: MciState = MciState.STOPPED
@@ -54,7 +53,7 @@ class EgmSession:
         self.cycle += 1
         self.silence += dt if self.cycle else 0.0
         for datagram in inbox:
-            if len(self.queue) < QUEUE_LENGTH:
+            if len(self.queue) < self.queue_length:
                 self.queue.append(datagram)
 
     def next_seqno(self) -> int:

@@ -41,12 +41,14 @@ class ExternalMotionData:
         position_gain: default proportional position gain [1/s], 0 to 20.
         bandwidth: default low-pass bandwidth [Hz], 0 to 100.
         ramp_time: time in which EGM's speed goes to zero when the program stops [s].
+        restarts_after_motors_off: whether an interrupted run goes on when motors and program are on again.
     """
 
     level: int = 1
     position_gain: float = 5.0
     bandwidth: float = 20.0
     ramp_time: float = 0.5
+    restarts_after_motors_off: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,7 @@ class EgmRun:
         ramp_in_time: time in which EGM's contribution grows from nothing to all [s].
         ramp_out_time: time of the way back with RAMP_DOWN [s].
         pos_corr_gain: share of the position gain in use; 0 is pure velocity control.
+        is_waited: whether RAPID waits for the end; False with NoWaitCond, when a silent sensor stops the program.
     """
 
     stop_mode: StopMode = StopMode.HOLD
@@ -91,6 +94,7 @@ class EgmRun:
     ramp_in_time: float = 0.0
     ramp_out_time: float = 1.0
     pos_corr_gain: float = 1.0
+    is_waited: bool = True
 
 
 @dataclass(frozen=True, slots=True)

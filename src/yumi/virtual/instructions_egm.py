@@ -20,9 +20,10 @@ MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
 
 FATAL = "ERR_EGM"
-"""What the real controller stops with at once; RAPID has no name for it."""
+"""What the real controller stops with at once; not registered, so that no handler can take it."""
 
 _AXES = [f"J{axis}" for axis in range(1, 8)]
+_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _DEFAULT_BAND_DEG = (-0.5, 0.5)
 _OVER = (EgmOutcome.CONVERGED, EgmOutcome.STOPPED)
 
@@ -41,6 +42,7 @@ class EgmInstructions:
         self._client = station.egm
         self._configuration = configuration
         self._events = events
+        self._run: EgmRun | None = None
 
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
@@ -76,17 +78,26 @@ class EgmInstructions:
         if call.present("StreamStart"):
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
 
+    def refuse_pose(self, call: Call) -> None:
+        """EGMActPose, EGMRunPose: what EGMSetupUC has chosen is joint motion."""
+        self._events.append(41826, "EGM mode mismatch", type=EventType.ERROR)
+        raise RapidRuntimeError(
+            FATAL, "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not by poses (41826)."
+        )
+
     def run_joint(self, call: Call) -> Wait:
         """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
         self._check_start()
-        run = _run(call)
+        self._run = run = _run(call)
         self._guide(run)
-        if not call.present("NoWaitCond"):
+        if run.is_waited:
             yield from self._until_over(run)
 
     def wait_cond(self, call: Call) -> Wait:
         r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
-        yield from self._until_over(None)
+        if self._run is None:
+            raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
+        yield from self._until_over(self._run)
 
     def stop(self, call: Call) -> Wait:
         """EGMStop: done when the arm stands."""
@@ -106,20 +117,26 @@ class EgmInstructions:
         """EGMGetState."""
         return float(self._client.state)
 
-    def _until_over(self, run: EgmRun | None) -> Wait:
+    def _until_over(self, run: EgmRun) -> Wait:
         while True:
             yield None
             outcome = self._client.outcome
             if outcome is EgmOutcome.COMM_TIMEOUT:
-                self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
-                raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
-            if outcome in _OVER:
+                self._time_out(run)
+            if outcome in _OVER or not self._client.resumes:
                 break
-            if outcome is not EgmOutcome.RUNNING and run is not None and self._station.arm.is_stationary:
+            if outcome is not EgmOutcome.RUNNING and self._station.arm.is_stationary:
                 # The program had been stopped and goes on: the interrupted instruction guides the arm again.
                 self._guide(run)
         while not self._station.arm.is_stationary:
             yield None
+
+    def _time_out(self, run: EgmRun) -> None:
+        """A program that did not wait cannot handle the error; the controller logs it and stops the program."""
+        if not run.is_waited:
+            raise RapidRuntimeError(FATAL, self._client.fault)
+        self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
+        raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
 
     def _guide(self, run: EgmRun) -> None:
         self._do(lambda: self._client.run_joint(run))
@@ -157,6 +174,7 @@ class EgmInstructions:
             position_gain=float(attributes["ext_motion_Kp"]),
             bandwidth=float(attributes["ext_motion_filter_bandwidth"]),
             ramp_time=float(attributes["ramp_time"]),
+            restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
         )
 
 
@@ -182,13 +200,13 @@ def _run(call: Call) -> EgmRun:
         ramp_in_time=call.get("RampInTime", 0.0),
         ramp_out_time=call.get("RampOutTime", 1.0),
         pos_corr_gain=call.get("PosCorrGain", 1.0),
+        is_waited=not call.present("NoWaitCond"),
     )
 
 
 def add_egm(library: Library, station: Station, configuration: Configuration, events: EventLog) -> None:
     """Register the EGM instructions of one task."""
     egm = EgmInstructions(station, configuration, events)
-    library.error(FATAL)
     identity = "VAR egmident EGMid"
     bands = "".join(rf", \egm_minmax {axis}" for axis in _AXES)
     switches = "".join(rf", \switch {axis}" for axis in _AXES)
@@ -209,6 +227,19 @@ def add_egm(library: Library, station: Station, configuration: Configuration, ev
         rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
         r"\num RampOutTime, \num PosCorrGain",
     )(egm.run_joint)
+    bands = "".join(rf", \egm_minmax {direction}" for direction in _DIRECTIONS)
+    library.instruction(
+        "EGMActPose",
+        rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad, pose CorrFrame, "
+        rf"egmframetype CorrFrType, pose SensorFrame, egmframetype SensorFrType{bands}, \num LpFilter, "
+        r"\num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
+    )(egm.refuse_pose)
+    switches = "".join(rf", \switch {direction}" for direction in _DIRECTIONS)
+    library.instruction(
+        "EGMRunPose",
+        rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
+        r"\num RampOutTime, \pose Offset, \num PosCorrGain",
+    )(egm.refuse_pose)
     library.instruction("EGMWaitCond", identity)(egm.wait_cond)
     library.instruction("EGMStop", rf"{identity}, egmstopmode Mode, \num RampOutTime")(egm.stop)
     library.instruction("EGMStreamStart", rf"{identity}, \num SampleRate")(egm.stream_start)

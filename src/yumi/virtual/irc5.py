@@ -8,7 +8,7 @@ from enum import Enum
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
 from yumi.virtual.configuration import Configuration, Instance
-from yumi.virtual.egm_adapter import EgmOutcome
+from yumi.virtual.egm_adapter import EgmFailure, EgmOutcome
 from yumi.virtual.events import EventLog, EventType
 from yumi.virtual.execution import RapidExecution
 from yumi.virtual.identity import Identity
@@ -47,6 +47,16 @@ _STOPPED_BY_SAFETY = (
     ControllerState.EMERGENCY_STOP,
     ControllerState.SYSTEM_FAILURE,
 )
+# What the controller does when EGM fails: the state of its motors afterwards, if they go off, and what it logs.
+_EGM_FAILURES: Mapping[EgmOutcome, tuple[ControllerState | None, tuple[tuple[int, str], ...]]] = {
+    EgmOutcome.COMM_TIMEOUT: (None, ((41822, "No data from the UdpUc device"),)),
+    EgmOutcome.OUT_OF_BOUNDS: (ControllerState.MOTORS_OFF, ((50027, "EGM input out of bounds"),)),
+    EgmOutcome.OVERLOADED: (ControllerState.MOTORS_OFF, ((50375, "Dynamic load too high"),)),
+    EgmOutcome.SYSTEM_FAILURE: (
+        ControllerState.SYSTEM_FAILURE,
+        ((10014, "System failure state"), (20192, "EGM reference is not a number")),
+    ),
+}
 _MODE_EVENTS = {
     OperatingMode.AUTO: (10017, "Automatic mode confirmed"),
     OperatingMode.MANR: (10015, "Manual mode selected"),
@@ -221,12 +231,19 @@ class Irc5:
         for station in self._stations.values():
             self.signals.drive(f"OUTPUT_STATIONARY_{station.side.unit}", float(station.arm.is_stationary))
             self._copy_gripper(station)
-            if station.egm.outcome is EgmOutcome.OUT_OF_BOUNDS and self._motors_differ(station):
-                self.events.append(50027, "EGM input out of bounds", station.egm.fault, EventType.ERROR)
-                self._switch_motors_off(ControllerState.MOTORS_OFF, station.egm.fault)
+            failure = station.egm.take_failure()
+            if failure is not None:
+                self._stop_for(failure)
 
-    def _motors_differ(self, station: Station) -> bool:
-        return self.controller_state is ControllerState.MOTORS_ON and not station.arm.motors_on
+    def _stop_for(self, failure: EgmFailure) -> None:
+        """Log what EGM ended with, and stop what has to stop."""
+        state, events = _EGM_FAILURES[failure.outcome]
+        for code, title in events:
+            self.events.append(code, title, failure.sentence, EventType.ERROR)
+        if state is None:
+            self.execution.stop(failure.sentence)
+        else:
+            self._switch_motors_off(state, failure.sentence)
 
     def _copy_gripper(self, station: Station) -> None:
         """The gripper's inputs; most cycles bring nothing new."""

@@ -12,7 +12,8 @@ from yumi.robot.joints import Joints, Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.configuration import Configuration
-from yumi.virtual.egm_adapter import CYCLE, EgmClient
+from yumi.virtual.egm_adapter import EgmClient
+from yumi.virtual.egm_options import CYCLE, EgmOptions
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
 from yumi.virtual.irc5 import Irc5
@@ -34,6 +35,7 @@ class WorldSettings:
         arm_model: dynamics of both arms.
         egm_host: address the arms send their datagrams to.
         egm_ports: UDP ports of arms that do not use those of ``SIO.cfg`` (left 6511, right 6512).
+        egm: what kind of EGM clients the arms have; their cycle is that of the whole robot.
         grippers_are_calibrated: whether somebody has calibrated the grippers already.
         start_time: what the controller's clock shows at first [s]; seconds since 1970 where people shall read it.
     """
@@ -44,6 +46,7 @@ class WorldSettings:
     arm_model: ArmModel = field(default_factory=ArmModel)
     egm_host: str = "127.0.0.1"
     egm_ports: Mapping[Side, int] = field(default_factory=dict)
+    egm: EgmOptions = field(default_factory=EgmOptions)
     grippers_are_calibrated: bool = False
     start_time: float = 0.0
 
@@ -55,10 +58,12 @@ class World:
         controller: the IRC5.
         arms: the arms by side.
         grippers: the grippers by side.
+        cycle_time: how long a cycle is [s].
     """
 
     def __init__(self, settings: WorldSettings | None = None) -> None:
         settings = settings or WorldSettings()
+        self.cycle_time = settings.egm.cycle_time
         self._configuration = _configuration(settings)
         self._stations = {side: _station(side, settings) for side in Side}
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._stations.items()}
@@ -72,7 +77,7 @@ class World:
         )
 
     def cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> dict[Side, bytes]:
-        """One cycle of 4.032 ms.
+        """One cycle, of 4.032 ms unless the settings say otherwise.
 
         Args:
             inboxes: datagrams that came for each arm since the last cycle, oldest first.
@@ -80,14 +85,14 @@ class World:
         Returns:
             The datagram of each arm that has one to send.
         """
-        self.controller.advance(CYCLE)
+        self.controller.advance(self.cycle_time)
         datagrams = {}
         for side, station in self._stations.items():
             datagram = station.egm.cycle(inboxes.get(side, ()))
             if datagram is not None:
                 datagrams[side] = datagram
-            station.gripper.advance(CYCLE)
-            station.arm.advance(CYCLE)
+            station.gripper.advance(self.cycle_time)
+            station.arm.advance(self.cycle_time)
         self.controller.supervise()
         return datagrams
 
@@ -101,7 +106,7 @@ class World:
 def _station(side: Side, settings: WorldSettings) -> Station:
     arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
     gripper = VirtualGripper(settings.workpieces.get(side), is_calibrated=settings.grippers_are_calibrated)
-    return Station(arm, EgmClient(arm), gripper)
+    return Station(arm, EgmClient(arm, settings.egm), gripper)
 
 
 def _configuration(settings: WorldSettings) -> Configuration:

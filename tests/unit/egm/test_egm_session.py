@@ -4,92 +4,177 @@ from dataclasses import replace
 
 import pytest
 
-from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
-from yumi.egm.session import REORDERED, SensorSession
+from yumi.egm.codec import RobotCodec
+from yumi.egm.joint_codec import JointCodec
+from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.session import LARGEST_GAP, REORDERED, SILENCE, STRAGGLER, SensorSession, SessionCounters
 from yumi.robot.joints import Joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(
     0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False
 )
+CYCLE = 0.004
 
 
-def datagram(seqno: int) -> bytes:
-    return RobotCodec().encode(replace(MESSAGE, seqno=seqno))
+def datagram(seqno: int, time: float | None = None) -> bytes:
+    """By default of a robot that began at 1000 s."""
+    return RobotCodec().encode(
+        replace(MESSAGE, seqno=seqno, measured_time=1000.0 + seqno * CYCLE if time is None else time)
+    )
 
 
 @pytest.fixture
-def session() -> SensorSession:
-    return SensorSession(SensorCodec(), silence=0.05)
+def session() -> SensorSession[JointReport]:
+    return SensorSession(JointCodec())
 
 
-def reply_seqno(session: SensorSession) -> int | None:
+def accept(session: SensorSession[JointReport], *seqnos: int, now: float = 0.0) -> int | None:
+    message = session.accept([datagram(seqno) for seqno in seqnos], now)
+    return None if message is None else message.seqno
+
+
+def reply_seqno(session: SensorSession[JointReport]) -> int | None:
     return RobotCodec().decode(session.reply(HOME, None)).seqno
 
 
-def test_session_begins_with_its_first_datagram(session: SensorSession) -> None:
-    received = session.accept([datagram(0)], 0.0)
-    assert received is not None
-    assert (received.session, received.is_first) == (1, True)
+def test_session_begins_with_its_first_datagram(session: SensorSession[JointReport]) -> None:
+    assert accept(session, 0) == 0
+    assert (session.number, session.is_first, session.is_open) == (1, True, True)
+    assert accept(session, 1) == 1
+    assert (session.number, session.is_first) == (1, False)
 
 
-def test_session_begins_in_the_middle_when_we_come_late(session: SensorSession) -> None:
-    received = session.accept([datagram(352216)], 0.0)
-    assert received is not None
-    assert received.is_first
+def test_session_begins_in_the_middle_when_we_come_late(session: SensorSession[JointReport]) -> None:
+    assert accept(session, 352216) == 352216
+    assert session.is_first
+    assert session.counters == SessionCounters(received=1)
 
 
-def test_session_counts_its_replies_from_zero_in_every_session(session: SensorSession) -> None:
-    session.accept([datagram(0)], 0.0)
+def test_session_counts_its_replies_from_zero_in_every_session(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
     assert [reply_seqno(session), reply_seqno(session)] == [0, 1]
-    session.accept([datagram(0)], 10.0)
+    accept(session, 0, now=10.0)
     assert reply_seqno(session) == 0
 
 
-def test_session_answers_the_newest_datagram_and_counts_those_it_skipped(session: SensorSession) -> None:
-    session.accept([datagram(0)], 0.0)
-    received = session.accept([datagram(1), datagram(2), datagram(3)], 0.012)
-    assert received is not None
-    assert (received.message.seqno, session.counters.missed) == (3, 2)
+def test_session_answers_the_newest_datagram_and_counts_those_that_came_late(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 0)
+    assert accept(session, 1, 2, 3, now=0.012) == 3
+    assert session.counters == SessionCounters(received=4, late=2)
+    assert session.counters.missed == 2
 
 
-def test_session_answers_the_newest_good_datagram_when_the_newest_is_garbage(session: SensorSession) -> None:
-    received = session.accept([datagram(0), b"\xff\xff"], 0.0)
-    assert received is not None
-    assert (received.message.seqno, session.counters.malformed) == (0, 1)
+def test_session_counts_the_gaps_in_the_sequence_as_lost(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    assert accept(session, 4, now=0.016) == 4
+    assert session.counters == SessionCounters(received=2, lost=3)
+
+
+def test_session_answers_the_newest_of_a_batch_that_was_reordered(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    assert accept(session, 1, 3, 2, now=0.012) == 3
+    assert session.counters == SessionCounters(received=3, late=1, stale=1)
+
+
+def test_session_answers_the_newest_good_datagram_when_the_newest_is_garbage(
+    session: SensorSession[JointReport],
+) -> None:
+    assert session.accept([datagram(0), b"\xff\xff"], 0.0) is not None
+    assert session.counters.malformed == 1
     assert "cannot be decoded" in session.last_error
 
 
-@pytest.mark.parametrize("seqno", [100, 99, 100 - REORDERED])
-def test_session_leaves_repeated_and_old_datagrams_aside(session: SensorSession, seqno: int) -> None:
-    session.accept([datagram(100)], 0.0)
-    assert session.accept([datagram(seqno)], 0.004) is None
-    assert session.counters.stale == 1
+def test_session_tells_what_was_lost_from_what_was_only_overtaken(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    accept(session, 3)
+    assert session.counters.lost == 2
+    assert accept(session, 2) is None
+    assert (session.counters.lost, session.counters.stale, session.counters.missed) == (1, 1, 2)
 
 
-@pytest.mark.parametrize("seqno", [0, 3])
-def test_session_begins_anew_when_the_robot_counts_anew(session: SensorSession, seqno: int) -> None:
-    session.accept([datagram(100)], 0.0)
-    received = session.accept([datagram(seqno)], 0.004)
-    assert received is not None
-    assert (received.session, received.is_first) == (2, True)
+def test_session_counts_a_repeated_datagram_once_it_came(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    accept(session, 2)
+    for seqno in (2, 0, 1, 1):
+        assert accept(session, seqno) is None
+    assert session.counters == SessionCounters(received=2, stale=1, repeated=3)
 
 
-def test_session_begins_anew_after_a_silence(session: SensorSession) -> None:
-    session.accept([datagram(10)], 0.0)
-    received = session.accept([datagram(30)], 0.08)
-    assert received is not None
-    assert (received.session, received.is_first, session.counters.missed) == (2, True, 0)
+@pytest.mark.parametrize("behind", [1, REORDERED])
+def test_session_leaves_old_datagrams_from_before_its_beginning_aside(
+    session: SensorSession[JointReport], behind: int
+) -> None:
+    accept(session, 100)
+    assert accept(session, 100 - behind) is None
+    assert session.counters == SessionCounters(received=1, stale=1)
 
 
-def test_session_is_closed_once_when_the_robot_is_silent(session: SensorSession) -> None:
-    session.accept([datagram(0)], 0.0)
-    assert not session.close_if_silent(0.05)
-    assert session.close_if_silent(0.051)
-    assert not session.close_if_silent(0.06)
+@pytest.mark.parametrize("last", [1, 5, 16, 100, 5000])
+@pytest.mark.parametrize("first", [0, 1])
+def test_session_begins_anew_when_the_robot_counts_anew(
+    session: SensorSession[JointReport], last: int, first: int
+) -> None:
+    accept(session, last)
+    assert session.accept([datagram(first, 1000.0 + (last + 1) * CYCLE)], CYCLE) is not None
+    assert (session.number, session.is_first) == (2, True)
+
+
+def test_session_that_began_within_a_batch_is_first(session: SensorSession[JointReport]) -> None:
+    accept(session, 5)
+    later = [datagram(seqno, 1000.1 + seqno * CYCLE) for seqno in (0, 1)]
+    message = session.accept([datagram(6), *later], 3 * CYCLE)
+    assert message is not None
+    assert (message.seqno, session.number, session.is_first) == (1, 2, True)
+
+
+def test_session_leaves_stragglers_of_the_session_before_aside(session: SensorSession[JointReport]) -> None:
+    accept(session, 100)
+    session.accept([datagram(0, 1000.5)], CYCLE)
+    assert accept(session, 101, now=2 * CYCLE) is None
+    assert session.number == 2
+
+
+def test_session_begins_anew_after_a_leap_no_loss_explains(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    accept(session, LARGEST_GAP)
+    assert (session.number, session.counters.lost) == (1, LARGEST_GAP - 1)
+    accept(session, 2 * LARGEST_GAP + 1)
+    assert (session.number, session.counters.lost) == (2, LARGEST_GAP - 1)
+
+
+@pytest.mark.parametrize("leap", [-STRAGGLER - 1.0, -0.5, 0.0, 0.5, 1e6])
+def test_session_goes_on_when_the_robots_clock_is_set(session: SensorSession[JointReport], leap: float) -> None:
+    accept(session, 0)
+    assert session.accept([datagram(1, 1000.0 + leap)], CYCLE) is not None
+    assert session.number == 1
+
+
+def test_session_begins_anew_after_a_silence(session: SensorSession[JointReport]) -> None:
+    accept(session, 10)
+    assert accept(session, 30, now=0.08) == 30
+    assert (session.number, session.is_first, session.counters.missed) == (2, True, 0)
+
+
+def test_session_is_closed_once_when_the_robot_is_silent(session: SensorSession[JointReport]) -> None:
+    accept(session, 0)
+    assert not session.close_if_silent(SILENCE)
+    assert session.close_if_silent(SILENCE + 0.001)
+    assert not session.close_if_silent(SILENCE + 0.002)
     assert not session.is_open
 
 
-def test_session_that_never_began_is_not_silent(session: SensorSession) -> None:
+def test_session_that_never_began_is_not_silent(session: SensorSession[JointReport]) -> None:
     assert not session.close_if_silent(100.0)
+
+
+def test_session_takes_a_message_into_the_statistics_once(session: SensorSession[JointReport]) -> None:
+    accept(session, 0, now=0.0)
+    session.settle()
+    accept(session, 1, now=0.004)
+    accept(session, 3, now=0.012)
+    session.settle()
+    session.settle()
+    assert session.arrivals.cycle_time == pytest.approx(0.004)

@@ -40,7 +40,7 @@ def lost() -> RecordedEvent:
 
 
 def test_flight_record_gives_back_cycles_and_event(file: Path, frames: tuple[Frame, ...], lost: RecordedEvent) -> None:
-    write_flight_record(file, EPOCH, lost, frames)
+    write_flight_record(file, EPOCH, lost, {Side.RIGHT: frames})
     recording = read_recording(file)
     assert recording.frames == {Side.RIGHT: frames}
     assert recording.events == (lost,)
@@ -50,7 +50,7 @@ def test_flight_record_gives_back_cycles_and_event(file: Path, frames: tuple[Fra
 def test_flight_record_can_be_read_by_any_reader_of_mcap(
     file: Path, frames: tuple[Frame, ...], lost: RecordedEvent
 ) -> None:
-    write_flight_record(file, EPOCH, lost, frames)
+    write_flight_record(file, EPOCH, lost, {Side.RIGHT: frames})
     with file.open("rb") as stream:
         messages = list(make_reader(stream, validate_crcs=True).iter_messages(topics="r/cycle"))
     schema, channel, message = messages[-1]
@@ -109,7 +109,7 @@ def test_recording_without_a_stop_shows_its_end(file: Path, frames: tuple[Frame,
 
 def test_recording_that_was_cut_off_gives_what_is_whole(file: Path) -> None:
     frames = flown(2480).frames()
-    write_flight_record(file, EPOCH, recorded_event(LOST, frames[-1].time), frames)
+    write_flight_record(file, EPOCH, recorded_event(LOST, frames[-1].time), {Side.RIGHT: frames})
     content = file.read_bytes()
     file.write_bytes(content[: len(content) * 7 // 10])
     recording = read_recording(file)
@@ -121,7 +121,7 @@ def test_recording_that_was_cut_off_gives_what_is_whole(file: Path) -> None:
 @given(st.integers(8, 3000), st.integers(1, 255))
 def test_damaged_recording_is_refused_or_read_but_nothing_else(file: Path, place: int, change: int) -> None:
     frames = flown(20).frames()
-    write_flight_record(file, EPOCH, recorded_event(LOST, 0.1), frames)
+    write_flight_record(file, EPOCH, recorded_event(LOST, 0.1), {Side.RIGHT: frames})
     content = bytearray(file.read_bytes())
     content[place % len(content)] ^= change
     file.write_bytes(content)

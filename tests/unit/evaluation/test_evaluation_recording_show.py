@@ -19,7 +19,8 @@ PNG = b"\x89PNG\r\n"
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     frames = flown(100).frames()
-    write_flight_record(tmp_path / "flight.mcap", 0.0, recorded_event(LOST, frames[-1].time + 0.052), frames)
+    lost = recorded_event(LOST, frames[-1].time + 0.052)
+    write_flight_record(tmp_path / "flight.mcap", 0.0, lost, {Side.RIGHT: frames})
     return tmp_path / "flight.mcap"
 
 

@@ -35,6 +35,16 @@ def test_mailbox_refuses_letters_of_another_size() -> None:
         SharedMailbox(2).put((1.0, 2.0, 3.0))
 
 
+def test_mailbox_shows_the_letter_before_when_its_writer_died_in_the_middle_of_one() -> None:
+    box = SharedMailbox(1)
+    assert box.peek() is None
+    box.put((1.0,))
+    assert box.peek() == (1, (1.0,))
+    box._memory[0] = 2.0  # begun, never finished
+    box._memory[2] = 5.0
+    assert box.peek() == (1, (1.0,))
+
+
 def test_mailbox_never_shows_half_a_letter_of_another_process() -> None:
     box = SharedMailbox(30)
     child = ChildProcess("writer", fill, box)

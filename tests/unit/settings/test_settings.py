@@ -49,6 +49,7 @@ def test_settings_may_name_only_what_differs(file: Path) -> None:
         ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
         ("gripper: {force: 21}", "gripper: force is 21; allowed is 0.1 to 20 N."),
         ("egm_motion: {use_filtering: 1}", "use_filtering is 1; it must be of type bool."),
+        ("egm: {wake: now}", "egm: wake is 'now'; choose one of auto, blocking, hot, ahead."),
         ("robot: here", "mine.yaml: robot needs a mapping, it has 'here'."),
         ("- 1", "must hold a mapping of settings."),
         ("robot: [", "is no YAML:"),

@@ -10,7 +10,8 @@ from yumi.rapid.task import Task
 from yumi.robot.joints import Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.configuration import Configuration
-from yumi.virtual.egm_adapter import CYCLE, EgmClient
+from yumi.virtual.egm_adapter import EgmClient
+from yumi.virtual.egm_options import CYCLE
 from yumi.virtual.events import EventLog
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.instructions import robot_library

@@ -200,6 +200,15 @@ def test_egm_that_ends_holds_after_its_ramp(arm):
     assert arm.position[0] - before == pytest.approx(0.25, abs=0.02)
 
 
+def test_egm_that_ends_in_a_step_of_speed_does_not_speed_up_further(arm):
+    arm.start_egm(VELOCITY_MODE)
+    arm.set_reference(None, beside(ZERO, 0.2))
+    arm.advance(CYCLE)
+    arm.stop_egm()
+    arm.advance(0.02)
+    assert arm.velocity[0] < 0.2
+
+
 def test_egm_that_ramps_down_returns_to_where_it_began(arm):
     arm.start_egm(VELOCITY_MODE)
     arm.set_reference(None, beside(ZERO, 0.5))

@@ -17,8 +17,8 @@ from yumi.robot.kinematics import tool0_to_body
 from yumi.robot.poses import home
 from yumi.robot.values import Pose
 from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_adapter import CYCLE, EgmClient, EgmOutcome, EgmState
-from yumi.virtual.egm_feedback import RobotWare
+from yumi.virtual.egm_adapter import EgmClient, EgmOutcome, EgmState
+from yumi.virtual.egm_options import CYCLE, EgmOptions, InvalidReference, RobotWare
 from yumi.virtual.egm_settings import (
     EgmActivation,
     EgmRun,
@@ -35,10 +35,10 @@ FULL_SPEED = EgmActivation(lp_filter=0.0, max_speed_deviation=radians(400.0))
 class Bench:
     """A left arm with its EGM client, and a sensor that answers every datagram one cycle later."""
 
-    def __init__(self, robotware: RobotWare = RobotWare.RW_6_09) -> None:
+    def __init__(self, options: EgmOptions | None = None) -> None:
         self.arm = VirtualArm(Side.LEFT)
         self.arm.switch_motors_on()
-        self.egm = EgmClient(self.arm, robotware=robotware)
+        self.egm = EgmClient(self.arm, options)
         self.codec = SensorCodec()
         self.sent: list[RobotMessage] = []
         self.raw: list[bytes] = []
@@ -143,7 +143,7 @@ def test_clocks_of_a_datagram_agree(bench):
 
 @pytest.mark.parametrize(("robotware", "size"), [(RobotWare.RW_6_09, 381), (RobotWare.RW_6_10, 392)])
 def test_datagram_has_the_size_of_its_robotware(robotware, size):
-    bench = Bench(robotware).prepare().run()
+    bench = Bench(EgmOptions(robotware)).prepare().run()
     bench.cycle()
     assert len(bench.raw[0]) == pytest.approx(size, abs=2)  # varints of the clock
     assert (bench.sent[0].utilization is None) == (robotware is RobotWare.RW_6_09)
@@ -232,13 +232,21 @@ def test_nonsense_is_ignored_and_counted(bench):
 
 
 @pytest.mark.parametrize("value", [nan, inf])
-def test_reference_that_is_no_number_switches_the_motors_off(bench, value):
+def test_reference_that_is_no_number_makes_the_controller_fail(bench, value):
     bench.run()
     bench.cycle(in_axes((value, *HOME[1:])))
-    assert bench.egm.outcome is EgmOutcome.OUT_OF_BOUNDS
-    assert bench.egm.fault == "External Motion Interface input out of bounds: a reference is not a finite number."
+    assert bench.egm.outcome is EgmOutcome.SYSTEM_FAILURE
+    assert bench.egm.fault == "The left arm got an EGM reference that is no finite number."
     assert (bench.cycle().mci, bench.arm.motors_on) == (MciState.ERROR, False)
     assert bench.arm.planned == HOME
+
+
+@pytest.mark.parametrize("value", [nan, inf])
+def test_reference_that_is_no_number_can_be_rejected(value):
+    bench = Bench(EgmOptions(invalid_reference=InvalidReference.REJECT)).prepare().run()
+    bench.cycle(in_axes((value, *HOME[1:])))
+    assert (bench.egm.outcome, bench.egm.ignored_datagrams) == (EgmOutcome.RUNNING, 1)
+    assert bench.arm.egm.reference == HOME
 
 
 def test_reference_out_of_range_switches_the_motors_off(bench):
@@ -267,7 +275,7 @@ def test_speed_that_leaves_the_range_switches_the_motors_off(bench):
 
 
 def test_utilization_tells_that_the_motion_is_slowed_down():
-    bench = Bench(RobotWare.RW_6_10).prepare(EgmActivation(lp_filter=0.0)).run()
+    bench = Bench(EgmOptions(RobotWare.RW_6_10)).prepare(EgmActivation(lp_filter=0.0)).run()
     bench.converse(0.1, lambda _: bench.order(beside(0.2)))
     assert bench.sent[-1].utilization > 10.0
 
@@ -363,7 +371,7 @@ def test_motors_that_go_off_end_the_session(bench):
     bench.run().converse(0.1, lambda _: bench.order(HOME))
     bench.arm.switch_motors_off()
     assert bench.cycle().motors is MotorState.OFF
-    assert bench.egm.outcome is EgmOutcome.ABORTED
+    assert bench.egm.outcome is EgmOutcome.MOTORS_OFF
     assert bench.egm.fault == "The left arm was stopped while EGM was running."
     assert bench.cycle() is None
 

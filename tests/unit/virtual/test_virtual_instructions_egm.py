@@ -60,6 +60,29 @@ def test_run_without_waiting_goes_on_in_the_program(bench: InstructionBench) -> 
     assert bench.read("flag") == "TRUE"
 
 
+def test_wait_needs_a_run(bench: InstructionBench) -> None:
+    bench.run(SETUP + "EGMWaitCond egm;")
+    assert "EGMWaitCond: there was no EGMRunJoint to wait for" in bench.failure
+
+
+def test_silent_sensor_is_fatal_when_the_program_did_not_wait(bench: InstructionBench) -> None:
+    start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
+    bench.run(MOVE + SETUP + ACT + start + 'EGMWaitCond egm; ERROR text:="handled"; RETURN;')
+    assert "No data from the UdpUc device for 0.5 s" in bench.failure
+    assert bench.read("text") == '""'
+
+
+@pytest.mark.parametrize(
+    "instruction",
+    ["EGMActPose egm,identity,EGM_FRAME_BASE,identity,EGM_FRAME_BASE\\x:=[-1,1]", "EGMRunPose egm,EGM_STOP_HOLD\\x"],
+)
+def test_poses_are_not_for_a_seven_axis_arm(bench: InstructionBench, instruction: str) -> None:
+    bench.start(SETUP + instruction + ";", others="; CONST pose identity:=[[0,0,0],[1,0,0,0]]")
+    bench.finish()
+    assert "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint" in bench.failure
+    assert [event.code for event in bench.events.entries()] == [41826]
+
+
 def test_stop_ends_a_run(bench: InstructionBench) -> None:
     start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
     bench.start(MOVE + SETUP + ACT + start + "WaitTime 0.1; EGMStop egm,EGM_STOP_HOLD; number:=EGMGetState(egm);")
@@ -120,6 +143,30 @@ def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
     bench.run('EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","UCdevice:"\\Joint;')
     assert bench.failure == ""
     assert bench.station.egm_device == "UCdevice"
+
+
+@pytest.mark.parametrize(("do_not_restart", "state"), [("FALSE", EgmState.RUNNING), ("TRUE", EgmState.CONNECTED)])
+def test_interrupted_run_goes_on_after_motors_off_unless_configured_otherwise(
+    bench: InstructionBench, do_not_restart: str, state: EgmState
+) -> None:
+    attributes = {"do_not_restart_after_motors_off": do_not_restart}
+    bench.configuration.change("MOC", "EXT_MOTION_DATA", "ROB_R", attributes)
+    bench.start(MOVE + SETUP + ACT + RUN.replace("0.2", "9") + "WaitTime 9;")
+    guide(bench, limit=0.3)
+    bench.task.stop()
+    bench.station.arm.switch_motors_off()
+    bench.step()
+    bench.station.arm.switch_motors_on()
+    bench.task.start()
+    guide(bench, limit=0.6)
+    assert bench.station.egm.state is state
+    assert bench.task.is_running
+
+
+def test_activation_begins_a_stream_when_told_so(bench: InstructionBench) -> None:
+    bench.run(SETUP + "EGMActJoint egm\\StreamStart\\SampleRate:=8; WaitTime 0.2; EGMStreamStop egm; WaitTime 0.1;")
+    assert 20 <= len(bench.sent) <= 30
+    assert SensorCodec().decode(bench.sent[0]).seqno == 0
 
 
 def test_stream_sends_until_it_is_stopped(bench: InstructionBench) -> None:

@@ -1,0 +1,29 @@
+"""Swing the last axis of any ABB robot by 5 degrees, with EGM in joint mode.
+
+Start it, then run EGMRunJoint on the controller: `python examples/egm_joint.py [port]`.
+"""
+
+import sys
+from math import cos, pi, radians
+
+from yumi import EgmServer
+
+AMPLITUDE = radians(5.0)
+PERIOD = 4.0  # [s]
+
+
+def swing(server: EgmServer, duration: float) -> None:
+    """Swing for ``duration`` [s] of robot time."""
+    for state in server:
+        if state.is_first:
+            start, elapsed = state.joints, 0.0
+        elapsed += state.dt
+        swung = AMPLITUDE * (1.0 - cos(2.0 * pi * elapsed / PERIOD)) / 2.0
+        server.send(joints=[*start[:-1], start[-1] + swung])
+        if elapsed >= duration:
+            return
+
+
+if __name__ == "__main__":
+    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510) as server:
+        swing(server, duration=4 * PERIOD)

@@ -1,0 +1,130 @@
+"""Shapes the way to a wanted position so that no joint exceeds its speed, acceleration and jerk.
+
+What is smooth enough passes unchanged; what is not is approached as fast as the limits allow, by the online trajectory
+generator Ruckig. A joint never gets so fast that it could not stop before the end of its range.
+"""
+
+from __future__ import annotations
+
+from math import copysign, sqrt
+
+from ruckig import InputParameter, OutputParameter, Result, Ruckig, Synchronization
+
+from yumi.robot.joints import JOINT_COUNT, Joints, joints
+from yumi.robot.limits import JointLimits
+from yumi.robot.values import ZERO
+
+_PACE = 0.9  # a goal that moves nearly as fast as the joint cannot be caught up with
+_ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
+
+
+class MotionShaper:
+    """The motion of the commands admitted so far: position, velocity and acceleration of each joint.
+
+    Args:
+        limits: what the joints may do.
+    """
+
+    def __init__(self, limits: JointLimits) -> None:
+        self.position: Joints = ZERO
+        self._velocity: Joints = ZERO
+        self._acceleration: Joints = ZERO
+        self._wanted: Joints = ZERO
+        self._limits = limits
+        self._generator = Ruckig(JOINT_COUNT, 0.004)
+        self._input = InputParameter(JOINT_COUNT)
+        self._output = OutputParameter(JOINT_COUNT)
+        self._input.max_acceleration = list(limits.acceleration)
+        self._input.max_jerk = list(limits.jerk)
+        self._input.synchronization = Synchronization.No  # a joint that must wait does not make others wait
+
+    def rest_at(self, position: Joints) -> None:
+        """Begin again, at rest."""
+        self.position = self._wanted = position
+        self._velocity = self._acceleration = ZERO
+
+    def passes(self, wanted: Joints, dt: float) -> bool:
+        """Go to ``wanted`` within ``dt`` [s] if that is smooth enough; tells whether it was."""
+        velocity = joints([(new - old) / dt for old, new in zip(self.position, wanted, strict=True)])
+        acceleration = joints([(new - old) / dt for old, new in zip(self._velocity, velocity, strict=True)])
+        if not self._is_smooth(velocity, acceleration, dt) or not self._can_stop(wanted, velocity, acceleration):
+            return False
+        self.position = self._wanted = wanted
+        self._velocity, self._acceleration = velocity, acceleration
+        return True
+
+    def approach(self, wanted: Joints, dt: float) -> Joints:
+        """Go towards ``wanted`` for ``dt`` [s] as fast as the limits allow; the position reached.
+
+        A wanted position that moves is caught up with: the way is planned as seen by someone who moves with it.
+        """
+        steps = zip(self._wanted, wanted, strict=True)
+        frame = [self._speed_of_goal(index, (new - old) / dt) for index, (old, new) in enumerate(steps)]
+        self._wanted = wanted
+        self._plan(wanted, frame, dt)
+        if self._generator.update(self._input, self._output) not in (Result.Working, Result.Finished):
+            self.rest_at(self.position)
+            return self.position
+        self.position = joints(self._output.new_position)
+        self._velocity = joints([new + speed for new, speed in zip(self._output.new_velocity, frame, strict=True)])
+        self._acceleration = joints(self._output.new_acceleration)
+        self._keep_in_range()
+        return self.position
+
+    def _plan(self, wanted: Joints, frame: list[float], dt: float) -> None:
+        """The frame coincides with the room's at the end of this step."""
+        given, top = self._input, self._limits.velocity
+        given.current_position = [old + speed * dt for old, speed in zip(self.position, frame, strict=True)]
+        given.current_velocity = [old - speed for old, speed in zip(self._velocity, frame, strict=True)]
+        given.current_acceleration = list(self._acceleration)
+        given.target_position = list(wanted)
+        given.max_velocity = [limit - speed for limit, speed in zip(top, frame, strict=True)]
+        given.min_velocity = [-limit - speed for limit, speed in zip(top, frame, strict=True)]
+        self._generator.delta_time = dt
+
+    def _speed_of_goal(self, index: int, speed: float) -> float:
+        """How fast the wanted position itself moves [rad/s], as far as it may go on; a jump is no motion."""
+        top = _PACE * self._limits.velocity[index]
+        if abs(speed) > top:
+            return 0.0
+        end = self._limits.upper[index] if speed > 0.0 else self._limits.lower[index]
+        room = max(0.0, (end - self._wanted[index]) * copysign(1.0, speed))
+        return copysign(min(abs(speed), 0.5 * sqrt(self._limits.acceleration[index] * room)), speed)
+
+    def _is_smooth(self, velocity: Joints, acceleration: Joints, dt: float) -> bool:
+        limits = self._limits
+        for index, top in enumerate(limits.velocity):
+            now = acceleration[index]
+            if (
+                abs(velocity[index]) > top * _ROUNDING
+                or abs(now) > limits.acceleration[index] * _ROUNDING
+                or abs(now - self._acceleration[index]) > limits.jerk[index] * dt * _ROUNDING
+            ):
+                return False
+        return True
+
+    def _can_stop(self, position: Joints, velocity: Joints, acceleration: Joints) -> bool:
+        """Whether each joint could still brake before the end of its range."""
+        limits = self._limits
+        for index, speed in enumerate(velocity):
+            top, jerk = limits.acceleration[index], limits.jerk[index]
+            gain = max(0.0, copysign(acceleration[index], speed * acceleration[index])) ** 2 / (2.0 * jerk)
+            fastest = abs(speed) + gain
+            end = limits.upper[index] if speed > 0.0 else limits.lower[index]
+            if 0.5 * fastest * (fastest / top + 3.0 * top / jerk) > abs(end - position[index]) and fastest > 1e-3:
+                return False
+        return True
+
+    def _keep_in_range(self) -> None:
+        """The last resort, should the way to a target lead past the end of the range."""
+        outside = self._limits.outside(self.position)
+        while outside is not None:
+            low, high = self._limits.lower[outside], self._limits.upper[outside]
+            self.position = _replaced(self.position, outside, max(low, min(high, self.position[outside])))
+            self._velocity = _replaced(self._velocity, outside, 0.0)
+            self._acceleration = _replaced(self._acceleration, outside, 0.0)
+            outside = self._limits.outside(self.position)
+
+
+def _replaced(values: Joints, index: int, value: float) -> Joints:
+    return joints([*values[:index], value, *values[index + 1 :]])

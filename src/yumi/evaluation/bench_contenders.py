@@ -1,0 +1,119 @@
+"""Who takes part in the reply benchmark, and in which order: all cases of a round, shuffled anew in every round."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+WAKE_MODES = ("blocking", "auto")
+"""The settings of ``egm.wake`` that are measured; each adds our contenders once more."""
+
+GAIN = 0.1
+"""Every guided contender replies measured + GAIN · (goal - measured), by which its replies are checked."""
+
+GOAL_DEG = (-50.0, -60.0, 15.0, 30.0, 40.0, 50.0, 20.0)
+"""The goal of axes 1 to 6 and 7 [deg]; the load generator's robot moves about it."""
+
+
+class Runtime(Enum):
+    """What a contender's program runs in."""
+
+    COMPILED = "compiled"
+    OURS = "our Python"
+    PEERS = "the peers' Python"
+
+
+class Mode(Enum):
+    """How the load generator sends; the value is its name in the figures."""
+
+    PACED = "paced"
+    PING_PONG = "ping_pong"
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """A server of the benchmark.
+
+    Attributes:
+        name: in the figures.
+        title: in tables and pictures.
+        program: its file in ``benchmarks/egm_reply``.
+        runtime: what runs it.
+        options: further arguments.
+        arms: with how many arms it is measured.
+        modes: how the load generator sends.
+        gain: by which its replies are checked.
+        is_peer: whether it is one of those that ours is measured against.
+    """
+
+    name: str
+    title: str
+    program: str
+    runtime: Runtime
+    options: tuple[str, ...] = ()
+    arms: tuple[int, ...] = (1,)
+    modes: tuple[Mode, ...] = (Mode.PACED, Mode.PING_PONG)
+    gain: float = GAIN
+    is_peer: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run of a round: a contender, with one or two arms, paced or as fast as it replies."""
+
+    contender: Contender
+    mode: Mode
+    arms: int
+
+    @property
+    def name(self) -> str:
+        """E.g. ``c_echo/paced/1``, as in the figures."""
+        return f"{self.contender.name}/{self.mode.value}/{self.arms}"
+
+
+ECHO = Contender("c_echo", "C echo", "echo.c", Runtime.COMPILED, arms=(1, 2), gain=0.0)
+PEERS = (
+    Contender("abb_robot_client", "abb-robot-client", "abb_robot_client_loop.py", Runtime.PEERS, is_peer=True),
+    Contender("abb_robot_egm", "ABBRobotEGM", "abb_robot_egm_loop.py", Runtime.PEERS, is_peer=True),
+)
+
+
+def fast_line(wake: str) -> Contender:
+    """Our fast line alone, woken as the setting says."""
+    options = ("--wake", wake)
+    return Contender(
+        f"fast_line_{wake}", f"fast line, {wake}", "fast_line_alone.py", Runtime.OURS, options, arms=(1, 2)
+    )
+
+
+def ros_graph(wake: str) -> Contender:
+    """Our fast line under the whole ROS 2 graph with a subscriber on each topic."""
+    options, name = ("--wake", wake), f"ros_graph_{wake}"
+    return Contender(
+        name, f"ROS graph, {wake}", "ros_graph.py", Runtime.OURS, options, arms=(1, 2), modes=(Mode.PACED,)
+    )
+
+
+def busy_ros_graph(wake: str) -> Contender:
+    """The same with a callback in the ROS process that computes 10 ms in every 33 ms."""
+    options, name = ("--wake", wake, "--busy"), f"ros_graph_busy_{wake}"
+    return Contender(name, f"busy ROS graph, {wake}", "ros_graph.py", Runtime.OURS, options, modes=(Mode.PACED,))
+
+
+def contenders(wake_modes: Iterable[str] = WAKE_MODES) -> tuple[Contender, ...]:
+    """Everybody, with ours in each of ``wake_modes``."""
+    ours = [make(wake) for wake in wake_modes for make in (fast_line, ros_graph, busy_ros_graph)]
+    return (ECHO, *PEERS, *ours)
+
+
+def cases_of(chosen: Iterable[Contender]) -> list[Case]:
+    """Every run that one round has."""
+    return [Case(each, mode, arms) for each in chosen for mode in each.modes for arms in each.arms]
+
+
+def schedule(cases: Sequence[Case], rounds: int, seed: int) -> list[tuple[int, Case]]:
+    """All runs with the number of their round, from 1; the order within a round is drawn from ``seed``."""
+    draw = random.Random(seed)
+    return [(number, case) for number in range(1, rounds + 1) for case in draw.sample(cases, len(cases))]

@@ -1,0 +1,137 @@
+"""Datagrams that no robot sends: nothing but a refusal may come of them, and the next good one is answered.
+
+``YUMI_EGM_DATAGRAMS=1000000 pytest tests/property/test_egm_datagrams.py`` sends a million.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import islice
+from math import radians
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from yumi.egm.codec import LARGEST_DATAGRAM, RobotCodec, SensorCodec
+from yumi.egm.joint_codec import JointCodec
+from yumi.egm.messages import JointReport, MciState, MotorState, Pose, RapidState, RobotMessage
+from yumi.egm.session import SILENCE, SensorSession
+from yumi.errors import ProtocolError
+from yumi.robot.joints import Joints
+
+COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "20000"))
+CYCLE = 0.004
+HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
+POSE = Pose((0.3, 0.2, 0.1), (0.5, 0.5, 0.5, 0.5))
+MESSAGE = RobotMessage(
+    0, 0, HOME, HOME, POSE, POSE, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False, 0.5
+)
+
+
+def good_datagrams(count: int) -> list[bytes]:
+    codec = RobotCodec()
+    return [codec.encode(replace(MESSAGE, seqno=n, measured_time=1.0 + n * CYCLE)) for n in range(count)]
+
+
+def noise(chance: Random, good: bytes) -> bytes:
+    return chance.randbytes(chance.randrange(LARGEST_DATAGRAM))
+
+
+def truncated(chance: Random, good: bytes) -> bytes:
+    return good[: chance.randrange(len(good))]
+
+
+def oversized(chance: Random, good: bytes) -> bytes:
+    return good + chance.randbytes(LARGEST_DATAGRAM + 1 - len(good) + chance.randrange(1000))
+
+
+def flipped(chance: Random, good: bytes) -> bytes:
+    wrong = bytearray(good)
+    for _ in range(chance.randrange(1, 9)):
+        wrong[chance.randrange(len(wrong))] ^= 1 << chance.randrange(8)
+    return bytes(wrong)
+
+
+def spliced(chance: Random, good: bytes) -> bytes:
+    cut, paste = chance.randrange(len(good)), chance.randrange(len(good))
+    return good[:cut] + good[paste:]
+
+
+def stuffed(chance: Random, good: bytes) -> bytes:
+    place = chance.randrange(len(good))
+    return good[:place] + chance.randbytes(chance.randrange(1, 20)) + good[place:]
+
+
+KINDS: tuple[Callable[[Random, bytes], bytes], ...] = (noise, truncated, oversized, flipped, spliced, stuffed)
+
+
+def bad_datagrams(seed: int, good: list[bytes]) -> Iterator[bytes]:
+    chance = Random(seed)
+    while True:
+        yield chance.choice(KINDS)(chance, chance.choice(good))
+
+
+class Bystander:
+    """Our end of a wire that carries anything."""
+
+    def __init__(self) -> None:
+        self.session: SensorSession[JointReport] = SensorSession(JointCodec())
+        self.now = 0.0
+        self._robot = RobotCodec()
+
+    def answers(self, datagram: bytes) -> bool:
+        """Whether ``datagram`` is answered; the answer is where the arm is, whatever that is said to be."""
+        self.now += CYCLE
+        report = self.session.accept([datagram], self.now)
+        if report is None:
+            return False
+        told = self._robot.decode(self.session.reply(report.measured, None)).position
+        self.session.settle()
+        assert told == pytest.approx(report.measured, abs=1e-9)
+        assert all(abs(angle) < radians(1100.0) for angle in report.measured)
+        return True
+
+
+@pytest.mark.timeout(1200)
+def test_session_survives_any_datagram_and_answers_the_next_good_one() -> None:
+    good = good_datagrams(5000)
+    end, number, accepted = Bystander(), 0, 0
+    for bad in islice(bad_datagrams(20, good), COUNT):
+        was_accepted = end.answers(bad)
+        accepted += was_accepted
+        if was_accepted or number == len(good):  # what bits make of a datagram may be one; the robot begins anew
+            end.now += 2 * SILENCE
+            number = 0
+        assert end.answers(good[number])
+        assert end.session.is_first == (number == 0)
+        number += 1
+    assert end.session.counters.malformed + end.session.counters.received > COUNT
+    assert accepted < 0.3 * COUNT
+
+
+@pytest.mark.timeout(1200)
+def test_codecs_raise_nothing_but_protocol_errors_whatever_they_read() -> None:
+    robot = RobotCodec()
+    for bad in islice(bad_datagrams(21, good_datagrams(100)), COUNT):
+        for decode in (SensorCodec().decode, SensorCodec(axes=6).decode, robot.decode, robot.decode_correction):
+            refused_or_read(decode, bad)
+
+
+@given(st.lists(st.binary(max_size=1100), max_size=5), st.integers(0, 50))
+def test_session_answers_a_good_datagram_among_any_others(others: list[bytes], seqno: int) -> None:
+    session: SensorSession[JointReport] = SensorSession(JointCodec())
+    good = good_datagrams(seqno + 1)[seqno]
+    report = session.accept([*others, good], 0.0)
+    assert report is not None
+    assert report.seqno == seqno
+
+
+def refused_or_read(decode: Callable[[bytes], object], datagram: bytes) -> object:
+    try:
+        return decode(datagram)
+    except ProtocolError:
+        return None

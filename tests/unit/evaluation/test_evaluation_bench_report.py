@@ -1,0 +1,79 @@
+"""The benchmark's JSON keeps its names; its tables and its picture can be made of what was measured."""
+
+from __future__ import annotations
+
+import json
+from math import nan
+from pathlib import Path
+
+import pytest
+from bench_runs import LINE, figures, run
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from yumi.evaluation.bench_figures import Figures
+from yumi.evaluation.bench_histograms import draw_histograms, histogram
+from yumi.evaluation.bench_report import document, latency_table, ratio_table, target_table
+
+SPREAD = {"median", "lowest", "highest", "rounds"}
+COUNTERS = {"missed", "stale", "bad", "unparsed", "duplicates"}
+LATENCIES = {"p50_us", "p99_us", "p999_us", "max_us"}
+
+
+def shown(*tables: object) -> str:
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(*tables)
+    return capture.get()
+
+
+def test_document_keeps_its_names() -> None:
+    content = document(figures(), {}, {}, is_complete=True)
+    assert set(content) == {"format", "complete", "machine", "settings", "summary", "targets", "runs"}
+    assert content["format"] == "yumi-bench/1"
+    summary = content["summary"]["fast_line_blocking/paced/1"]
+    ratios = {f"{figure}_to_peer" for figure in LATENCIES}
+    spreads = LATENCIES | ratios | {"cycles_per_second", "cpu_percent", "cpu_all_percent"}
+    assert set(summary) == spreads | COUNTERS | {"cycles"}
+    assert all(set(summary[name]) == SPREAD for name in spreads)
+    assert set(content["targets"]["bad_replies"]) == {"bound", "holds"} | SPREAD
+
+
+def test_document_keeps_the_names_of_a_run() -> None:
+    (content,) = document(Figures((run(1, LINE, 80.0),)), {}, {}, is_complete=False)["runs"]
+    own = {"round", "contender", "mode", "cycles", "cycles_per_second", "cpu_percent", "cpu_all_percent"}
+    assert set(content) == own | {"generator_late_max_us", "arms", "heard"}
+    assert set(content["arms"][0]) == LATENCIES | COUNTERS
+
+
+def test_document_is_json_when_a_server_never_answered() -> None:
+    content = json.loads(json.dumps(document(Figures((run(1, LINE, nan),)), {}, {}, is_complete=True), allow_nan=False))
+    assert content["runs"][0]["arms"][0]["p50_us"] is None
+    assert content["summary"]["fast_line_blocking/paced/1"]["p50_us"] is None
+
+
+def test_tables_show_every_case_and_target() -> None:
+    text = shown(latency_table(figures()), ratio_table(figures()), target_table(figures()))
+    assert text.count("fast_line_blocking/paced/2") == 2
+    assert "0.70 (0.60-0.80)" in text
+    assert "ros_graph_busy_blocking/p99_us_to_calm" in text
+
+
+@given(st.lists(st.floats(0.0, 1e9), min_size=1, max_size=300))
+def test_histogram_has_a_place_for_every_latency(latencies: list[float]) -> None:
+    edges, shares = histogram(latencies)
+    assert len(edges) == len(shares) + 1
+    assert sum(shares) == pytest.approx(1.0)
+
+
+@given(st.floats(1.0, 99_000.0))
+def test_histogram_counts_a_latency_between_its_edges(latency: float) -> None:
+    edges, shares = histogram([latency])
+    index = shares.index(1.0)
+    assert edges[index] * (1 - 1e-9) <= latency <= edges[index + 1] * (1 + 1e-9)
+
+
+def test_picture_of_histograms_is_written(tmp_path: Path) -> None:
+    draw_histograms({"one arm, 250 Hz": {"C echo": [50.0, 60.0], "fast line": [90.0]}}, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 10_000

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.control.arrival import PERIOD
+from yumi.hardware import wake
+from yumi.hardware.wake import GLANCE, AheadWait, BlockingWait, HotWait, WakeMode, describe, way_to_wait
+from yumi.robot.joints import Side
+
+LOOK = 2e-6
+
+
+class ScriptedPoller:
+    """A poller on a clock moved by hand: datagrams arrive at given times."""
+
+    def __init__(self, clock: ManualClock, arrivals: list[float]) -> None:
+        self.looks = 0
+        self.dozed = 0.0
+        self._clock = clock
+        self._arrivals = arrivals
+        self.handler = lambda now: None
+
+    def wait(self, timeout: float) -> bool:
+        self.looks += 1
+        self._clock.advance(min(timeout, self._next() - self._clock.now()) if timeout else LOOK)
+        if self._clock.now() < self._next():
+            return False
+        self.handler(self._arrivals.pop(0))
+        return True
+
+    def doze(self, duration: float) -> None:
+        slept = max(0.0, min(duration, self._next() - self._clock.now()))
+        self.dozed += slept
+        self._clock.advance(slept)
+
+    def _next(self) -> float:
+        return self._arrivals[0] if self._arrivals else 1e9
+
+
+@pytest.fixture
+def ahead(clock: ManualClock) -> AheadWait:
+    return AheadWait(clock)
+
+
+def run(ahead: AheadWait, clock: ManualClock, arrivals: list[float], until: float) -> ScriptedPoller:
+    poller = ScriptedPoller(clock, arrivals)
+    poller.handler = lambda now: ahead.note_arrival(Side.LEFT, clock.now())  # type: ignore[assignment]
+    while clock.now() < until:
+        ahead.wait(poller, is_streaming=True)  # type: ignore[arg-type]
+    return poller
+
+
+def test_waiting_ahead_sleeps_most_of_the_period(ahead: AheadWait, clock: ManualClock) -> None:
+    arrivals = [count * PERIOD for count in range(1, 501)]
+    poller = run(ahead, clock, arrivals, 500 * PERIOD)
+    assert poller.dozed > 0.9 * 499 * PERIOD
+
+
+def test_waiting_ahead_only_glances_when_nobody_streams(ahead: AheadWait, clock: ManualClock) -> None:
+    poller = ScriptedPoller(clock, [])
+    ahead.wait(poller, is_streaming=False)  # type: ignore[arg-type]
+    assert (poller.looks, clock.now()) == (1, GLANCE)
+
+
+def test_waiting_ahead_stops_looking_when_a_datagram_stays_away(ahead: AheadWait, clock: ManualClock) -> None:
+    poller = run(ahead, clock, [PERIOD, 2 * PERIOD], 20 * PERIOD)
+    assert poller.looks * LOOK < 2 * PERIOD
+
+
+@pytest.mark.parametrize(
+    ("mode", "is_permitted", "kind"),
+    [
+        (WakeMode.AUTO, True, HotWait),
+        (WakeMode.AUTO, False, AheadWait),
+        (WakeMode.HOT, True, HotWait),
+        (WakeMode.HOT, False, BlockingWait),
+        (WakeMode.AHEAD, True, AheadWait),
+        (WakeMode.BLOCKING, True, BlockingWait),
+    ],
+)
+def test_mode_takes_what_is_permitted(
+    monkeypatch: pytest.MonkeyPatch, clock: ManualClock, mode: WakeMode, is_permitted: bool, kind: type
+) -> None:
+    monkeypatch.setattr(wake.AwakeProcessors, "are_permitted", staticmethod(lambda: is_permitted))
+    wait = way_to_wait(mode, clock)
+    assert type(wait) is kind
+    assert describe(wait)
