@@ -23,6 +23,9 @@ from yumi.control.stations import AFTER_REPLY, StationClock
 from yumi.robot.joints import Side
 from yumi.robot.values import ZERO, ArmState
 
+INTERRUPTION = 0.020
+"""Feedback that has not come for five cycles is interrupted [s]; later, by the session's own limit, it is lost."""
+
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
@@ -59,6 +62,8 @@ class ArmLine:
         self._stations = stations or StationClock()
         self._last: Cycle | None = None
         self._cycles = 0
+        self._interruptions = 0
+        self._is_interrupted = False
         self._position = ZERO
         self._events: list[Event] = []
 
@@ -93,9 +98,18 @@ class ArmLine:
         """Notice that the robot has fallen silent; to be called every few milliseconds."""
         silence = self._arm.lost_after(now)
         if silence is None:
+            self._watch_interruption(now)
             return
         self._last = None
         self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
+        self._publish(now)
+
+    def _watch_interruption(self, now: float) -> None:
+        """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
+        if self._last is None or self._is_interrupted or self._arm.silence(now) <= INTERRUPTION:
+            return
+        self._is_interrupted = True
+        self._interruptions += 1
         self._publish(now)
 
     def take_events(self) -> Sequence[Event]:
@@ -108,6 +122,7 @@ class ArmLine:
     def _after_reply(self, cycle: Cycle) -> None:
         before, self._last, self._position = self._last, cycle, cycle.state.position
         self._cycles += 1
+        self._is_interrupted = False
         self.manager.watch(cycle.state)
         self._note_changes(before.state if before else None, cycle.state)
         self._publish(cycle.state.time)
@@ -134,7 +149,7 @@ class ArmLine:
             Snapshot(
                 time=now,
                 session=wire.session,
-                is_streaming=last is not None,
+                is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activation=self.manager.activations if self.manager.is_commanding else 0,
                 position=self._position,
@@ -151,6 +166,7 @@ class ArmLine:
                 refused=guard.refused,
                 position_limited=guard.position_limited,
                 slowed=guard.slowed,
+                interruptions=self._interruptions,
                 jitter=wire.jitter,
                 worst_jitter=wire.worst_jitter,
                 drift_ppm=wire.drift_ppm,

@@ -73,6 +73,9 @@ class EgmArm:
         self._stations.note(SEND)
         self._session.settle()
 
+    def silence(self, now: float) -> float:
+        return self._session.silence(now)
+
     def lost_after(self, now: float) -> float | None:
         return self._session.silence(now) if self._session.close_if_silent(now) else None
 
