@@ -147,7 +147,7 @@ def _install_beside_ros(clone: Clone) -> None:
     pins = (clone.root / "constraints.txt").read_text().splitlines()
     kept = clone.logs / "constraints_beside_ros.txt"
     kept.write_text("\n".join(pin for pin in pins if not pin.startswith(("ros-", "numpy=="))) + "\n")
-    wanted = ["--constraint", str(kept), "--editable", f"{clone.root}[plot,dev]"]
+    wanted = ["--constraint", str(kept), "--editable", f"{clone.root}[plot,record,dev]"]
     pip_install(clone.python, wanted, clone.logs / "packages.log")
 
 

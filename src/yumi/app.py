@@ -3,7 +3,8 @@
 ::
 
     yumi up          process 1   RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events
+                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events,
+                                            flight-records (when something stops), full-recorder (--record)
                      process 2   the fast line: both arms' cycles, one thread
     yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
@@ -16,6 +17,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -23,13 +25,17 @@ from typing import TYPE_CHECKING
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
+from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
+from yumi.control.requests import Event
+from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
+from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
@@ -114,10 +120,18 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
         manager.configure(entry.name, entry.values)
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
-    return WiredArm(ArmLine(side, EgmArm(socket, session), manager, Guard(YUMI_LIMITS), boxes.snapshots), socket)
+    recorder, stations = FlightRecorder(boxes.flight), StationClock(time.monotonic)
+    arm = EgmArm(socket, session, stations)
+    return WiredArm(ArmLine(side, arm, manager, Guard(YUMI_LIMITS), boxes.snapshots, recorder, stations), socket)
 
 
-def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_ready: Callable[[], None]) -> None:
+def run_driver(
+    settings: Settings,
+    controllers: Controllers,
+    is_over: Flag,
+    on_ready: Callable[[], None],
+    record: Path | None = None,
+) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
     Args:
@@ -125,6 +139,7 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         controllers: what runs on each arm.
         is_over: set when it shall end.
         on_ready: called when ROS is served and the robot was brought to ready, or said why not.
+        record: file for every cycle of both arms.
 
     Raises:
         YumiError: the robot cannot be reached or used; nothing was started.
@@ -140,7 +155,12 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
         bringup.check_controller()
         plan = plan_egm(settings, controllers)
-        fast_line = FastLineProcess(partial(build_arms, plan), lambda event: ros.tell(event), settings.egm.wake)  # noqa: PLW0108 - ros comes next
+
+        def on_event(event: Event) -> None:
+            records.note(event, clock.now(), time.time())
+            ros.tell(event)
+
+        fast_line = FastLineProcess(partial(build_arms, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_line, clock)
         grippers = _grippers(client, clock, settings)
         with ExitStack() as stack:
@@ -151,6 +171,10 @@ def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_r
             stack.callback(close_ros)
             ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
             stack.callback(ros.stop)
+            records = Records(settings.recorder, fast_line.recorders, ros.say)
+            stack.callback(records.close)
+            if record:
+                records.record_all(record, time.time() - clock.now())
             fast_line.start()
             stack.callback(fast_line.stop)
             stack.callback(_end_motion, manager, ros.say)

@@ -19,6 +19,7 @@ import click
 
 from yumi import __version__
 from yumi.cli_bench import bench
+from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
 from yumi.robot.gripper import TRAVEL
@@ -135,8 +136,11 @@ def controller(
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
+@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
 @_UNTIL
-def up(config: Path | None, controllers: Path | None, until_stdin_closes: bool, **options: Any) -> None:
+def up(
+    config: Path | None, controllers: Path | None, record: Path | None, until_stdin_closes: bool, **options: Any
+) -> None:
     """Run the driver: bring the robot to ready and serve ROS 2.
 
     \b
@@ -151,7 +155,8 @@ def up(config: Path | None, controllers: Path | None, until_stdin_closes: bool, 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
-    run_driver(settings, chosen, _end_flag(until_stdin_closes), lambda: _say_ready(f"driving the robot at {address}"))
+    is_over = _end_flag(until_stdin_closes)
+    run_driver(settings, chosen, is_over, lambda: _say_ready(f"driving the robot at {address}"), record)
 
 
 @main.command()
@@ -215,6 +220,7 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
 
 
 main.add_command(bench)
+main.add_command(record_commands)
 
 
 def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:

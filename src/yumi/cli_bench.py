@@ -77,7 +77,7 @@ def bench(
       yumi bench --quick
       yumi bench --rounds 5 --cycles 15000 --json figures.json
       yumi bench --soak 10
-    """  # noqa: D301 - \\b keeps click from joining the lines of the example
+    """
     workshop = find_workshop()
     console = Console(highlight=False)
     console.width = max(console.width, _TABLE_WIDTH)

@@ -92,6 +92,19 @@ class RosSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class RecorderSettings:
+    """Flight records: the last ten seconds of an arm, written when something stops its motion.
+
+    Attributes:
+        folder: where they go, from where the driver was started.
+        keep: how many stay; the oldest ones make room.
+    """
+
+    folder: str = "build/flight_records"
+    keep: int = bounded(50, 1, 10_000)
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerSettings:
     """One controller of ``controllers.yaml``.
 
@@ -115,6 +128,7 @@ class Settings:
     egm_motion: EgmMotionSettings = field(default_factory=EgmMotionSettings)
     gripper: GripperSettings = field(default_factory=GripperSettings)
     ros: RosSettings = field(default_factory=RosSettings)
+    recorder: RecorderSettings = field(default_factory=RecorderSettings)
 
 
 def config_folder() -> Path:

@@ -14,6 +14,7 @@ from yumi.control.goals import put_goal
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
+from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.hardware.perfect_arm import PerfectArm
 from yumi.robot.cycle import CYCLE
@@ -34,12 +35,12 @@ def move_perfect_arm(goal: Joints, duration: float) -> list[Joints]:
     manager = ControllerManager(joint_names(Side.RIGHT))
     manager.load("controller", JointPositionController(goals))
     manager.configure("controller", {"p": 1.0})
-    arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
-    first = run_cycle(arm, manager, guard, 0.0)
+    arm, guard, stations = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS), StationClock()
+    first = run_cycle(arm, manager, guard, 0.0, stations)
     assert first is not None
     manager.switch(["controller"], [], first.state)
     put_goal(goals, 1, goal)
-    cycles = [run_cycle(arm, manager, guard, count * CYCLE) for count in range(round(duration / CYCLE))]
+    cycles = [run_cycle(arm, manager, guard, count * CYCLE, stations) for count in range(round(duration / CYCLE))]
     return [cycle.state.position for cycle in cycles if cycle is not None]
 
 

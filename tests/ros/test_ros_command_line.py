@@ -167,7 +167,9 @@ def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
     assert (code, error.split(";")[0]) == (2, "Error: mine.yaml: robot has no setting 'adress'")
 
 
-@pytest.mark.parametrize("command", [[], ["demo"], ["up"], ["controller"]])
+@pytest.mark.parametrize(
+    "command", [[], ["demo"], ["up"], ["controller"], ["record"], ["record", "show"], ["record", "list"]]
+)
 def test_every_command_has_help_with_an_example(command: list[str]) -> None:
     done = subprocess.run([*YUMI, *command, "--help"], capture_output=True, text=True, check=True)
     assert "Example" in done.stdout

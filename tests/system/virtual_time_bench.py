@@ -6,12 +6,14 @@ from collections.abc import Callable
 
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.goals import put_goal
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
@@ -61,7 +63,11 @@ class DriverArm:
         manager.load(CONTROLLER, JointPositionController(self.goals))
         manager.configure(CONTROLLER)
         session = SensorSession(JointCodec())
-        self.line = ArmLine(side, EgmArm(link, session), manager, Guard(YUMI_LIMITS), self.snapshots)
+        self.recorder = FlightRecorder(flight_memory())
+        stations = StationClock()
+        self.line = ArmLine(
+            side, EgmArm(link, session, stations), manager, Guard(YUMI_LIMITS), self.snapshots, self.recorder, stations
+        )
 
     def advance(self, now: float) -> None:
         cycle = self.line.run(now)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.guard import Guard
 from yumi.control.mailbox import Mailbox
 from yumi.control.manager import ControllerManager
@@ -18,8 +19,12 @@ from yumi.control.requests import (
     SessionStarted,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.control.stations import AFTER_REPLY, StationClock
 from yumi.robot.joints import Side
 from yumi.robot.values import ZERO, ArmState
+
+INTERRUPTION = 0.020
+"""Feedback that has not come for five cycles is interrupted [s]; later, by the session's own limit, it is lost."""
 
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
@@ -34,16 +39,31 @@ class ArmLine:
         manager: its controllers.
         guard: what its commands must pass.
         snapshots: where the outside world looks.
+        recorder: what remembers the cycles; without one it has its own, which nobody reads.
+        stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
     """
 
-    def __init__(self, side: Side, arm: ArmPort, manager: ControllerManager, guard: Guard, snapshots: Mailbox) -> None:
+    def __init__(
+        self,
+        side: Side,
+        arm: ArmPort,
+        manager: ControllerManager,
+        guard: Guard,
+        snapshots: Mailbox,
+        recorder: FlightRecorder | None = None,
+        stations: StationClock | None = None,
+    ) -> None:
         self.manager = manager
         self._side = side
         self._arm = arm
         self._guard = guard
         self._snapshots = snapshots
+        self._recorder = recorder or FlightRecorder(flight_memory())
+        self._stations = stations or StationClock()
         self._last: Cycle | None = None
         self._cycles = 0
+        self._interruptions = 0
+        self._is_interrupted = False
         self._position = ZERO
         self._events: list[Event] = []
 
@@ -59,7 +79,8 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        cycle = run_cycle(self._arm, self.manager, self._guard, now)
+        self._stations.begin(now)
+        cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)
         return cycle
@@ -77,9 +98,18 @@ class ArmLine:
         """Notice that the robot has fallen silent; to be called every few milliseconds."""
         silence = self._arm.lost_after(now)
         if silence is None:
+            self._watch_interruption(now)
             return
         self._last = None
         self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
+        self._publish(now)
+
+    def _watch_interruption(self, now: float) -> None:
+        """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
+        if self._last is None or self._is_interrupted or self._arm.silence(now) <= INTERRUPTION:
+            return
+        self._is_interrupted = True
+        self._interruptions += 1
         self._publish(now)
 
     def take_events(self) -> Sequence[Event]:
@@ -92,9 +122,12 @@ class ArmLine:
     def _after_reply(self, cycle: Cycle) -> None:
         before, self._last, self._position = self._last, cycle, cycle.state.position
         self._cycles += 1
+        self._is_interrupted = False
         self.manager.watch(cycle.state)
         self._note_changes(before.state if before else None, cycle.state)
         self._publish(cycle.state.time)
+        self._stations.note(AFTER_REPLY)
+        self._recorder.record(cycle, self.manager.reference, self._stations)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if before is None or before.session != state.session:
@@ -116,7 +149,7 @@ class ArmLine:
             Snapshot(
                 time=now,
                 session=wire.session,
-                is_streaming=last is not None,
+                is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activation=self.manager.activations if self.manager.is_commanding else 0,
                 position=self._position,
@@ -133,6 +166,7 @@ class ArmLine:
                 refused=guard.refused,
                 position_limited=guard.position_limited,
                 slowed=guard.slowed,
+                interruptions=self._interruptions,
                 jitter=wire.jitter,
                 worst_jitter=wire.worst_jitter,
                 drift_ppm=wire.drift_ppm,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.port import ArmPort
+from yumi.control.stations import ADMIT, DECODE, UPDATE, StationClock
 from yumi.robot.values import ArmCommand, ArmState
 
 
@@ -25,12 +26,14 @@ class Cycle:
     admitted: ArmCommand
 
 
-def run_cycle(arm: ArmPort, manager: ControllerManager, guard: Guard, now: float) -> Cycle | None:
-    """Answer the newest state of ``arm``; None when there is no new one."""
-    state = arm.read(now)
+def run_cycle(
+    arm: ArmPort, manager: ControllerManager, guard: Guard, now: float, stations: StationClock
+) -> Cycle | None:
+    """Answer the newest state of ``arm``; None when there is no new one. ``stations`` only looks on."""
+    state = stations.timed(DECODE, arm.read(now))
     if state is None:
         return None
-    wanted = manager.update(state)
-    admitted = guard.admit(state, wanted)
+    wanted = stations.timed(UPDATE, manager.update(state))
+    admitted = stations.timed(ADMIT, guard.admit(state, wanted))
     arm.write(admitted)
     return Cycle(state, wanted, admitted)

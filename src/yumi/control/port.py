@@ -52,6 +52,9 @@ class ArmPort(Protocol):
     def write(self, command: ArmCommand) -> None:
         """Answer the state read last; to be called once after each state."""
 
+    def silence(self, now: float) -> float:
+        """Time since the newest state [s]."""
+
     def lost_after(self, now: float) -> float | None:
         """How long the robot has been silent [s], told once when it has become too long; else None."""
 

@@ -9,7 +9,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 19
+_SCALARS = 20
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -38,6 +38,7 @@ class Snapshot:
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
+        interruptions: how often feedback stayed away for more than five cycles.
         jitter: mean difference of two datagrams' delays, in this session [s].
         worst_jitter: the largest such difference [s].
         drift_ppm: by how much the robot's clock is faster than ours [ppm].
@@ -63,6 +64,7 @@ class Snapshot:
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
+    interruptions: int = 0
     jitter: float = 0.0
     worst_jitter: float = 0.0
     drift_ppm: float = 0.0
@@ -96,6 +98,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.refused,
             snapshot.position_limited,
             snapshot.slowed,
+            snapshot.interruptions,
             snapshot.jitter,
             snapshot.worst_jitter,
             snapshot.drift_ppm,
@@ -118,7 +121,7 @@ def _from_values(values: Values) -> Snapshot:
     time, session, streaming, running, activation, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = (int(number) for number in numbers[:-4])
-    cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed = counts
+    cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed, interruptions = counts
     position, velocity, admitted, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
@@ -142,6 +145,7 @@ def _from_values(values: Values) -> Snapshot:
         refused=refused,
         position_limited=position_limited,
         slowed=slowed,
+        interruptions=interruptions,
         jitter=jitter,
         worst_jitter=worst_jitter,
         drift_ppm=drift_ppm,

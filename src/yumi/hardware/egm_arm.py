@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.control.port import WireCounters
+from yumi.control.stations import ENCODE, RECEIVE, SEND, StationClock
 from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import Counted, Message, SensorSession
 from yumi.robot.cycle import CYCLE
@@ -32,15 +33,19 @@ class EgmArm:
     Args:
         link: where its datagrams come from.
         session: its conversation.
+        stations: what notes where a cycle's time goes.
     """
 
-    def __init__(self, link: DatagramLink, session: SensorSession[JointReport]) -> None:
+    def __init__(
+        self, link: DatagramLink, session: SensorSession[JointReport], stations: StationClock | None = None
+    ) -> None:
         self._link = link
         self._session = session
+        self._stations = stations or StationClock()
         self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:
-        datagrams = self._link.receive()
+        datagrams = self._stations.timed(RECEIVE, self._link.receive())
         if not datagrams:
             return None
         session = self._session
@@ -62,8 +67,12 @@ class EgmArm:
 
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._session.reply(command.position, velocity))
+        self._link.send(self._stations.timed(ENCODE, self._session.reply(command.position, velocity)))
+        self._stations.note(SEND)
         self._session.settle()
+
+    def silence(self, now: float) -> float:
+        return self._session.silence(now)
 
     def lost_after(self, now: float) -> float | None:
         return self._session.silence(now) if self._session.close_if_silent(now) else None

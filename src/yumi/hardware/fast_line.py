@@ -15,6 +15,7 @@ from threading import Lock, Thread
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
+from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.goals import GOAL_SIZE
 from yumi.control.requests import (
     CycleFailed,
@@ -35,7 +36,7 @@ from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
-from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell
+from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell, shared_numbers
 from yumi.robot.joints import JOINT_COUNT, Side
 
 LAST_HOLD = 2.0
@@ -53,6 +54,7 @@ class ArmBoxes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
         goals: where it shall go.
+        flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
 
@@ -60,6 +62,7 @@ class ArmBoxes:
         self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
+        self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 
 
@@ -91,6 +94,7 @@ class FastLineProcess:
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
+        self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
         self.started_as = ""
         self._is_wanted = True
         self._child = ChildProcess("yumi-fast-line", run_fast_line, build, self.boxes, wake)

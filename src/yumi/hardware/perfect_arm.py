@@ -36,6 +36,9 @@ class PerfectArm:
         self._velocity = joints([(new - old) / CYCLE for old, new in way])
         self._position = command.position
 
+    def silence(self, now: float) -> float:
+        return 0.0
+
     def lost_after(self, now: float) -> float | None:
         return None
 

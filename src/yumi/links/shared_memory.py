@@ -6,6 +6,7 @@ again, a few times, and takes the letter it read before if the writer has died i
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 from multiprocessing.context import SpawnContext
 from multiprocessing.sharedctypes import RawArray
@@ -16,6 +17,15 @@ PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 
 _LOOKS = 1000  # a letter takes some microseconds to write, a look as long to read
 _HEAD = 2  # begun, finished: equal and not 0 when the letter is whole
+
+
+SharedNumbers = ctypes.Array[ctypes.c_double]
+"""A block of numbers that two processes see."""
+
+
+def shared_numbers(count: int) -> SharedNumbers:
+    """``count`` zeros of 8 bytes; hand them to the child when it is spawned. Who writes and reads how is theirs."""
+    return RawArray(ctypes.c_double, count)
 
 
 class SharedMailbox:

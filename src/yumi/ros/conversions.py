@@ -76,6 +76,7 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         "refused": snapshot.refused,
         "position_limited": snapshot.position_limited,
         "slowed": snapshot.slowed,
+        "interruptions": snapshot.interruptions,
         "jitter": snapshot.jitter,
         "worst_jitter": snapshot.worst_jitter,
         "drift_ppm": snapshot.drift_ppm,
@@ -88,6 +89,8 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
 
 
 def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
+    if snapshot.is_running and not snapshot.is_streaming:
+        return DiagnosticStatus.WARN, "running, feedback is interrupted"
     if snapshot.is_running:
         return DiagnosticStatus.OK, "running"
     if snapshot.is_streaming:

@@ -21,7 +21,8 @@ class ScriptedArm:
     def __init__(self) -> None:
         self.next: ArmState | None = None
         self.told: list[ArmCommand] = []
-        self.silence: float | None = None
+        self.lost: float | None = None
+        self.age = 0.0
 
     def read(self, now: float) -> ArmState | None:
         state, self.next = self.next, None
@@ -30,9 +31,12 @@ class ScriptedArm:
     def write(self, command: ArmCommand) -> None:
         self.told.append(command)
 
+    def silence(self, now: float) -> float:
+        return self.age
+
     def lost_after(self, now: float) -> float | None:
-        silence, self.silence = self.silence, None
-        return silence
+        lost, self.lost = self.lost, None
+        return lost
 
     def wire_counters(self) -> WireCounters:
         return WireCounters(session=1, missed=3)
@@ -117,7 +121,7 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
     feed(line, arm, middle)
     line.manager.switch(["pusher"], [], line.state)
     line.take_events()
-    arm.silence = 0.062
+    arm.lost = 0.062
     line.watch_silence(1.062)
     (event,) = line.take_events()
     assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
@@ -128,6 +132,23 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
     assert peek_snapshot(snapshots) == Snapshot(
         time=1.062, session=1, position=middle, admitted=middle, cycles=1, missed=3
     )
+
+
+def test_line_bears_an_interruption_and_goes_on(
+    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+) -> None:
+    feed(line, arm, middle)
+    line.switch(["pusher"], [], 1.0)
+    line.take_events()
+    arm.age = 0.021
+    for now in (1.021, 1.03, 1.04):
+        line.watch_silence(now)
+    snapshot = peek_snapshot(snapshots)
+    assert (snapshot.is_streaming, snapshot.is_running, snapshot.interruptions) == (False, True, 1)
+    feed(line, arm, middle)
+    assert peek_snapshot(snapshots).is_streaming
+    assert peek_snapshot(snapshots).is_commanded
+    assert line.take_events() == ()
 
 
 def test_line_deactivates_controllers_when_the_robot_stops_following(

@@ -1,0 +1,88 @@
+"""Flight records: what the flight recorder remembers, written out when something stops a motion.
+
+The fast line only tells what happened; this end reads the memory it shares and writes the file, on a thread of its
+own, so that neither a cycle nor an answer waits for a disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
+from pathlib import Path
+
+from yumi.control.flight_recorder import FlightRecorder, Frame
+from yumi.control.requests import Event, FastLineEnded, is_fault
+from yumi.errors import YumiError
+from yumi.evaluation.recorded_messages import RecordedEvent
+from yumi.evaluation.recording import BEFORE, recorded_event, write_flight_record
+from yumi.robot.joints import Side
+
+_NAME = "flight_"
+
+
+class FlightRecords:
+    """A folder of flight records.
+
+    Args:
+        folder: where they go; made when the first one is written.
+        keep: how many stay; the oldest ones make room.
+        recorders: the memory of each arm.
+        say: told one sentence for each record.
+    """
+
+    def __init__(
+        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
+    ) -> None:
+        self._folder = folder
+        self._keep = keep
+        self._recorders = recorders
+        self._say = say
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
+
+    def note(self, event: Event, now: float, time_of_day: float) -> None:
+        """Write a record when ``event`` stopped a motion.
+
+        Args:
+            event: what the fast line told.
+            now: monotonic clock [s].
+            time_of_day: at the same moment [s since 1970].
+        """
+        if is_fault(event):
+            memories = {side: self._recorders[side].copy() for side in _concerned(event)}
+            self._thread.submit(self._write, recorded_event(event, now), memories, time_of_day)
+
+    def close(self) -> None:
+        """Wait until everything is written."""
+        self._thread.shutdown()
+
+    def _write(self, event: RecordedEvent, memories: Mapping[Side, FlightRecorder], time_of_day: float) -> None:
+        file = self._folder / _file_name(tuple(memories), time_of_day)
+        frames = {side: _recent(memory, event.time) for side, memory in memories.items()}
+        try:
+            write_flight_record(file, time_of_day - event.time, event, frames)
+            self._make_room()
+        except (YumiError, OSError) as error:
+            self._say(f"The flight record could not be written to {file}: {error}")
+            return
+        seconds = max(each[-1].time - each[0].time if each else 0.0 for each in frames.values())
+        arms = " and the ".join(f"{side.word} arm" for side in frames)
+        self._say(f"The last {seconds:.1f} s of the {arms} are in {file}: yumi record show {file}")
+
+    def _make_room(self) -> None:
+        for file in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
+            file.unlink()
+
+
+def _concerned(event: Event) -> tuple[Side, ...]:
+    return tuple(Side) if isinstance(event, FastLineEnded) else (event.side,)
+
+
+def _recent(memory: FlightRecorder, now: float) -> tuple[Frame, ...]:
+    """The cycles that led to an event; not those of an earlier session."""
+    return tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)
+
+
+def _file_name(sides: tuple[Side, ...], time_of_day: float) -> str:
+    moment, arm = datetime.fromtimestamp(time_of_day), sides[0].word if len(sides) == 1 else "both"
+    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{arm}.mcap"

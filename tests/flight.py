@@ -1,0 +1,43 @@
+"""Frames and events of a motion that was stopped, for tests of recordings."""
+
+from __future__ import annotations
+
+from math import sin
+
+from yumi.control.cycle import Cycle
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.requests import SessionLost
+from yumi.control.stations import AFTER_REPLY, SEND, StationClock
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.values import ArmCommand, ArmState
+
+CYCLE = 0.004
+LOST = SessionLost(Side.RIGHT, 0.052, ("joint_position_controller",))
+SENTENCE = "Right arm: EGM feedback lost, the robot has been silent for 52 ms; joint_position_controller deactivated."
+
+
+def swinging(time: float) -> Joints:
+    return joints([0.1 * axis * sin(time) for axis in range(7)])
+
+
+def record_motion(recorder: FlightRecorder, count: int) -> float:
+    """Record ``count`` more cycles of a motion, the first of them held; returns the time of the last one [s]."""
+    times = iter([80e-6, 100e-6] * count)
+    stations = StationClock(lambda: next(times))
+    for number in range(recorder.newest + 1, recorder.newest + count + 1):
+        time = number * CYCLE
+        state = ArmState(time, CYCLE, 1, swinging(time), swinging(0.1), swinging(time), is_running=True)
+        command = ArmCommand(swinging(time + 0.02))
+        stations.begin(0.0)
+        stations.note(SEND)
+        stations.note(AFTER_REPLY)
+        wanted = None if number == 1 else command
+        recorder.record(Cycle(state, wanted, command), swinging(1.0), stations)
+    return recorder.newest * CYCLE
+
+
+def flown(count: int) -> FlightRecorder:
+    """A recorder that has seen ``count`` cycles of a motion."""
+    recorder = FlightRecorder(flight_memory())
+    record_motion(recorder, count)
+    return recorder

@@ -1,0 +1,180 @@
+"""What stops a motion leaves its last ten seconds: in virtual time for every fault, and with processes and sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from queue import Queue
+
+import pytest
+
+from system.test_fast_line_process import ELSEWHERE, MESSAGE, POSITION, Robot
+from system.virtual_time_bench import System
+from yumi.app import EgmPlan, build_arms
+from yumi.clock import SystemClock
+from yumi.control.cycle import Cycle
+from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
+from yumi.control.goals import put_goal
+from yumi.control.requests import Event, SwitchControllers, is_fault
+from yumi.control.stations import StationClock
+from yumi.evaluation.recording import Recording, read_recording
+from yumi.evaluation.records import Records
+from yumi.hardware.fast_line import FastLineProcess
+from yumi.links.pipe import ChildProcess, PipeEnd
+from yumi.links.shared_memory import SharedNumbers, shared_numbers
+from yumi.links.udp import free_port
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.values import ArmCommand, ArmState
+from yumi.settings import RecorderSettings, read_controllers
+
+RIGHT = Side.RIGHT
+GOAL: Joints = (1.0, -2.0, -1.0, 0.5, 0.0, 0.7, 0.0)
+EPOCH = 1_800_000_000.0
+
+
+def cut_power(system: System) -> None:
+    system.is_powered = False
+
+
+def stop_rapid(system: System) -> None:
+    system.client.stop_rapid()
+
+
+def break_controller(system: System) -> None:
+    arm = system.arms[RIGHT]
+    arm.goals.put((float(arm.snapshot.session),))  # a goal without positions
+
+
+@pytest.fixture
+def system() -> System:
+    system = System()
+    system.start_egm()
+    return system
+
+
+def records_of(system: System, folder: Path) -> Recording:
+    """What the driver would have written for the faults of the right arm."""
+    arm = system.arms[RIGHT]
+    records = Records(RecorderSettings(str(folder)), {RIGHT: arm.recorder}, lambda sentence: None)
+    for event in arm.events:
+        if event.side is RIGHT:
+            records.note(event, system.now(), EPOCH)
+    records.close()
+    (file,) = folder.glob("*.mcap")
+    return read_recording(file)
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind"),
+    [
+        (cut_power, "SessionLost"),
+        (stop_rapid, "RobotStoppedFollowing"),
+        (break_controller, "ControllerFailed"),
+    ],
+)
+def test_fault_in_motion_leaves_the_last_ten_seconds(
+    system: System, tmp_path: Path, fault: Callable[[System], None], kind: str
+) -> None:
+    arm = system.arms[RIGHT]
+    system.wait(11.0)
+    arm.go(GOAL)
+    system.wait(0.5)
+    arm.events.clear()
+    fault(system)
+    system.until(lambda: any(map(is_fault, arm.events)), 0.5)
+    recording = records_of(system, tmp_path)
+    assert recording.stop is not None
+    assert recording.stop.kind == kind
+    frames = recording.frames[RIGHT]
+    assert len(frames) >= 2470
+    assert frames[-1].time - frames[0].time == pytest.approx(10.0, abs=0.1)
+    assert frames[-1].admitted == arm.admitted[-1]
+    assert [frame.number for frame in frames] == list(range(frames[0].number, frames[-1].number + 1))
+    assert frames[-30].reference == GOAL
+
+
+def test_flight_recorder_follows_both_arms_without_a_gap(system: System) -> None:
+    system.wait(1.0)
+    for arm in system.arms.values():
+        frames = arm.recorder.frames()
+        assert [frame.admitted for frame in frames] == arm.admitted[-len(frames) :]
+        assert all(frame.dt == pytest.approx(CYCLE) for frame in frames[1:])
+
+
+@pytest.fixture
+def events() -> Queue[Event]:
+    return Queue()
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture
+def fast_line(port: int, events: Queue[Event]) -> Iterator[FastLineProcess]:
+    controllers = {side: read_controllers(side) for side in Side}
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, controllers)
+    process = FastLineProcess(partial(build_arms, plan), events.put)
+    process.start()
+    yield process
+    process.stop()
+
+
+def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
+    fast_line: FastLineProcess, port: int, events: Queue[Event], tmp_path: Path
+) -> None:
+    records = Records(RecorderSettings(str(tmp_path)), fast_line.recorders, lambda sentence: None)
+    with closing(Robot(port)) as robot:
+        robot.exchange(MESSAGE)
+        fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+        put_goal(fast_line.boxes[RIGHT].goals, 1, ELSEWHERE)
+        for seqno in range(1, 6):
+            robot.exchange(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
+    while not is_fault(event := events.get(timeout=5.0)):
+        continue
+    records.note(event, SystemClock().now(), EPOCH)
+    records.close()
+    recording = read_recording(next(tmp_path.glob("*_right.mcap")))
+    assert recording.stop is not None
+    assert recording.stop.sentence == str(event)
+    frames = recording.frames[RIGHT]
+    assert [frame.number for frame in frames] == [1, 2, 3, 4, 5, 6]
+    assert frames[-1].reference == ELSEWHERE
+    assert 0.0 < frames[-1].admitted[0] < ELSEWHERE[0]
+    assert all(0.0 < frame.stations.reply < 0.1 and frame.stations.after_reply > 0.0 for frame in frames)
+    assert 0.04 < recording.stop.time - frames[-1].time < 0.2
+
+
+def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
+    """In a process of its own: cycles whose numbers are all the same."""
+    recorder, stations = FlightRecorder(memory), StationClock()
+    for number in range(1, count + 1):
+        all_same = joints([float(number)] * 7)
+        command = ArmCommand(all_same, all_same)
+        state = ArmState(float(number), 0.004, 1, all_same, all_same, all_same, is_running=True)
+        recorder.record(Cycle(state, command, command), all_same, stations)
+    pipe.send(count)
+
+
+def is_whole(frame: Frame) -> bool:
+    vectors = (frame.position, frame.velocity, frame.planned, frame.wanted, frame.admitted, frame.reference)
+    return {frame.time, *(value for vector in vectors for value in vector or ())} == {float(frame.number)}
+
+
+def test_cycles_read_while_another_process_records_flat_out_are_whole() -> None:
+    memory = shared_numbers(FLIGHT_SIZE)
+    child = ChildProcess("recording", record_flat_out, memory, 100_000)
+    reader, frames = FlightRecorder(memory), 0
+    child.start()
+    while not child.pipe.has_value():
+        seen = (*reader.since(reader.newest - 100), *reader.copy().since(reader.newest - 1000))
+        frames += len(seen)
+        assert all(map(is_whole, seen))
+    assert child.join(5.0)
+    assert frames > 0
+    assert len(reader.frames()) == RECORDED_CYCLES
