@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from contract.rws_bench import PASSWORD, PlainController, serving
+from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply
@@ -210,7 +211,7 @@ def test_building_a_client_does_nothing() -> None:
 
 
 def test_client_logs_in_once_and_uses_one_session(address: str, controller: PlainController) -> None:
-    with RwsClient(address) as client:
+    with RwsClient(address, clock=ManualClock()) as client:
         for _ in range(100):
             client.operating_mode()
     logins = [request for request in controller.requests if request.header("Authorization")]
@@ -252,7 +253,7 @@ def test_client_closes_when_the_controller_is_gone(controller: PlainController) 
 
 def test_client_serves_several_threads(address: str) -> None:
     ratios: list[int] = []
-    with RwsClient(address) as client:
+    with RwsClient(address, clock=ManualClock()) as client:
 
         def read() -> None:
             ratios.extend(client.speed_ratio() for _ in range(20))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from yumi.robot.cycle import CYCLE
 from yumi.robot.dynamics import HAND
 from yumi.robot.joints import Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
@@ -33,7 +34,7 @@ class ArmModel:
     lag: float = 0.010
     filtering_delay: float = 0.016
     brake_deceleration: float = 60.0
-    step: float = 0.004032
+    step: float = CYCLE
     supervises_load: bool = True
     # ABB publishes no torques. These are of the order of strain-wave gears of the joints' sizes: a tenth more than any
     # motion within the limits can need, all joints at once in the worst pose with 0.5 kg in the hand; and less than
