@@ -22,8 +22,8 @@ FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
 
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
-LONGEST_STEP = 0.020
-"""A gap in the feedback gives no more room to move than this [s]."""
+LONGEST_STEP = 0.005
+"""A gap in the feedback gives no more room to move than a late cycle [s]: the robot takes it within one of its own."""
 
 
 @dataclass(slots=True)

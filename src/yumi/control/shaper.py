@@ -6,7 +6,7 @@ generator Ruckig. A joint never gets so fast that it could not stop before the e
 
 from __future__ import annotations
 
-from math import copysign, sqrt
+from math import copysign
 
 from ruckig import InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
@@ -59,7 +59,7 @@ class MotionShaper:
         A wanted position that moves is caught up with: the way is planned as seen by someone who moves with it.
         """
         steps = zip(self._wanted, wanted, strict=True)
-        frame = [self._speed_of_goal(index, (new - old) / dt) for index, (old, new) in enumerate(steps)]
+        frame = [self._speed_of_goal(index, (new - old) / dt, dt) for index, (old, new) in enumerate(steps)]
         self._wanted = wanted
         self._plan(wanted, frame, dt)
         if self._generator.update(self._input, self._output) not in (Result.Working, Result.Finished):
@@ -82,14 +82,19 @@ class MotionShaper:
         given.min_velocity = [-limit - speed for limit, speed in zip(top, frame, strict=True)]
         self._generator.delta_time = dt
 
-    def _speed_of_goal(self, index: int, speed: float) -> float:
-        """How fast the wanted position itself moves [rad/s], as far as it may go on; a jump is no motion."""
-        top = _PACE * self._limits.velocity[index]
-        if abs(speed) > top:
+    def _speed_of_goal(self, index: int, speed: float, dt: float) -> float:
+        """How fast the wanted position itself moves [rad/s]; a jump is no motion, nor is what must soon end.
+
+        Towards the end of its range a goal is not followed at its speed unless the joint could still brake after it,
+        with its jerk and the length of a step taken into account.
+        """
+        top, gain, jerk = self._limits.velocity[index], self._limits.acceleration[index], self._limits.jerk[index]
+        pace = abs(speed)
+        if pace > _PACE * top:
             return 0.0
         end = self._limits.upper[index] if speed > 0.0 else self._limits.lower[index]
-        room = max(0.0, (end - self._wanted[index]) * copysign(1.0, speed))
-        return copysign(min(abs(speed), 0.5 * sqrt(self._limits.acceleration[index] * room)), speed)
+        room = (end - self._wanted[index]) * copysign(1.0, speed)
+        return speed if pace * (pace / gain + 2.0 * gain / jerk + 2.0 * dt) < room else 0.0
 
     def _is_smooth(self, velocity: Joints, acceleration: Joints, dt: float) -> bool:
         limits = self._limits
