@@ -92,6 +92,7 @@ class ArmLine:
     def _after_reply(self, cycle: Cycle) -> None:
         before, self._last, self._position = self._last, cycle, cycle.state.position
         self._cycles += 1
+        self._guard.settle(cycle.state)
         self.manager.watch(cycle.state)
         self._note_changes(before.state if before else None, cycle.state)
         self._publish(cycle.state.time)

@@ -2,11 +2,15 @@
 
 What is smooth enough passes unchanged; what is not is approached as fast as the limits allow, by the online trajectory
 generator Ruckig. A joint never gets so fast that it could not stop before the end of its range.
+
+Most positions are smooth by far. An outlook, made after the reply, tells so by three distances before the next one;
+only what it does not vouch for is looked at joint by joint.
 """
 
 from __future__ import annotations
 
-from math import copysign, sqrt
+from math import copysign, dist, sqrt
+from typing import NamedTuple
 
 from ruckig import InputParameter, OutputParameter, Result, Ruckig, Synchronization
 
@@ -16,6 +20,28 @@ from yumi.robot.values import ZERO
 
 _PACE = 0.9  # a goal that moves nearly as fast as the joint cannot be caught up with
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
+_CAUTION = 0.99  # an outlook is for one period, a robot's clock tells another by its last digits
+_SAME_PERIOD = 1e-8  # [s] by so much; at full speed the command moves less by it than the caution allows
+
+
+class _Outlook(NamedTuple):
+    """Where the next position is smooth beyond doubt: near three points. Distances are over all joints together.
+
+    Attributes:
+        period: the time until then [s].
+        free: distance from the last position at which no joint is too fast, or cannot stop in its range [rad].
+        coasting: the position at constant speed [rad].
+        accelerated: distance from it at which no joint accelerates too much [rad].
+        steady: the position at constant acceleration [rad].
+        jerked: distance from it at which no joint jerks too much [rad].
+    """
+
+    period: float
+    free: float
+    coasting: Joints
+    accelerated: float
+    steady: Joints
+    jerked: float
 
 
 class MotionShaper:
@@ -30,6 +56,8 @@ class MotionShaper:
         self._velocity: Joints = ZERO
         self._acceleration: Joints = ZERO
         self._wanted: Joints = ZERO
+        self._outlook: _Outlook | None = None
+        self._glided: tuple[Joints, float] | None = None  # from where and for how long, not yet in the speeds
         self._limits = limits
         self._generator = Ruckig(JOINT_COUNT, 0.004)
         self._input = InputParameter(JOINT_COUNT)
@@ -42,15 +70,48 @@ class MotionShaper:
         """Begin again, at rest."""
         self.position = self._wanted = position
         self._velocity = self._acceleration = ZERO
+        self._outlook = self._glided = None
+
+    def glides(self, wanted: Joints, dt: float) -> bool:
+        """Go to ``wanted`` within ``dt`` [s] if that is smooth by far; tells whether it was. Needs an outlook."""
+        view = self._outlook
+        if (
+            view is None
+            or not -_SAME_PERIOD < dt - view.period < _SAME_PERIOD
+            or not dist(wanted, self.position) <= view.free
+            or not dist(wanted, view.coasting) <= view.accelerated
+            or not dist(wanted, view.steady) <= view.jerked
+        ):
+            return False
+        self._outlook, self._glided = None, (self.position, dt)
+        self.position = self._wanted = wanted
+        return True
+
+    def look_ahead(self, dt: float) -> None:
+        """Make the outlook on the position that comes ``dt`` [s] after the last; when there is time for it."""
+        self._settle()
+        limits, now, speed, acceleration = self._limits, self.position, self._velocity, self._acceleration
+        jerk = _CAUTION * min(limits.jerk)
+        coasting = joints([p + v * dt for p, v in zip(now, speed, strict=True)])
+        steady = joints([p + a * dt * dt for p, a in zip(coasting, acceleration, strict=True)])
+        self._outlook = _Outlook(
+            period=dt,
+            free=min(_CAUTION * min(limits.velocity) * dt, self._room(jerk * dt, dt)),
+            coasting=coasting,
+            accelerated=_CAUTION * min(limits.acceleration) * dt * dt,
+            steady=steady,
+            jerked=jerk * dt**3,
+        )
 
     def passes(self, wanted: Joints, dt: float) -> bool:
         """Go to ``wanted`` within ``dt`` [s] if that is smooth enough; tells whether it was."""
+        self._settle()
         velocity = joints([(new - old) / dt for old, new in zip(self.position, wanted, strict=True)])
         acceleration = joints([(new - old) / dt for old, new in zip(self._velocity, velocity, strict=True)])
         if not self._is_smooth(velocity, acceleration, dt) or not self._can_stop(wanted, velocity, acceleration):
             return False
         self.position = self._wanted = wanted
-        self._velocity, self._acceleration = velocity, acceleration
+        self._velocity, self._acceleration, self._outlook = velocity, acceleration, None
         return True
 
     def approach(self, wanted: Joints, dt: float) -> Joints:
@@ -58,9 +119,10 @@ class MotionShaper:
 
         A wanted position that moves is caught up with: the way is planned as seen by someone who moves with it.
         """
+        self._settle()
         steps = zip(self._wanted, wanted, strict=True)
         frame = [self._speed_of_goal(index, (new - old) / dt) for index, (old, new) in enumerate(steps)]
-        self._wanted = wanted
+        self._wanted, self._outlook = wanted, None
         self._plan(wanted, frame, dt)
         if self._generator.update(self._input, self._output) not in (Result.Working, Result.Finished):
             self.rest_at(self.position)
@@ -70,6 +132,33 @@ class MotionShaper:
         self._acceleration = joints(self._output.new_acceleration)
         self._keep_in_range()
         return self.position
+
+    def _settle(self) -> None:
+        """Take the last glide into the speeds."""
+        if self._glided is None:
+            return
+        before, dt = self._glided
+        self._glided = None
+        velocity = joints([(new - old) / dt for old, new in zip(before, self.position, strict=True)])
+        steps = zip(self._velocity, velocity, strict=True)
+        self._acceleration = joints([(new - old) / dt for old, new in steps])
+        self._velocity = velocity
+
+    def _room(self, most: float, dt: float) -> float:
+        """How far any joint may go on [rad] and still stop in its range, if its acceleration grows by ``most``."""
+        limits, rooms = self._limits, []
+        motion = zip(self.position, self._velocity, self._acceleration, strict=True)
+        for index, (position, speed, acceleration) in enumerate(motion):
+            strongest = abs(acceleration) + most
+            fastest = abs(speed) + strongest * dt + strongest * strongest / (2.0 * limits.jerk[index])
+            nearest = min(position - limits.lower[index], limits.upper[index] - position)
+            rooms.append(nearest - self._way_to_stop(index, fastest))
+        return min(rooms)
+
+    def _way_to_stop(self, index: int, speed: float) -> float:
+        """How far a joint goes on that brakes at ``speed`` [rad/s], at most [rad]."""
+        top, jerk = self._limits.acceleration[index], self._limits.jerk[index]
+        return 0.5 * speed * (speed / top + 3.0 * top / jerk)
 
     def _plan(self, wanted: Joints, frame: list[float], dt: float) -> None:
         """The frame coincides with the room's at the end of this step."""
@@ -107,11 +196,10 @@ class MotionShaper:
         """Whether each joint could still brake before the end of its range."""
         limits = self._limits
         for index, speed in enumerate(velocity):
-            top, jerk = limits.acceleration[index], limits.jerk[index]
-            gain = max(0.0, copysign(acceleration[index], speed * acceleration[index])) ** 2 / (2.0 * jerk)
+            gain = max(0.0, copysign(acceleration[index], speed * acceleration[index])) ** 2 / (2.0 * limits.jerk[index])
             fastest = abs(speed) + gain
             end = limits.upper[index] if speed > 0.0 else limits.lower[index]
-            if 0.5 * fastest * (fastest / top + 3.0 * top / jerk) > abs(end - position[index]) and fastest > 1e-3:
+            if self._way_to_stop(index, fastest) > abs(end - position[index]) and fastest > 1e-3:
                 return False
         return True
 

@@ -28,6 +28,7 @@ class UdpServer:
         self._remote = remote
         self._peer: tuple[str, int] | None = None
         self._socket = _bound(host, port)
+        self._receive = self._socket.recvfrom
 
     def __enter__(self) -> UdpServer:
         return self
@@ -47,12 +48,24 @@ class UdpServer:
     def fileno(self) -> int:
         return self._socket.fileno()
 
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits; None when there is none, or what waits counts for nothing."""
+        try:
+            datagram, peer = self._receive(_BUFFER_SIZE)
+        except OSError:  # nothing waits, or an ICMP error of an earlier send
+            return None
+        if self._remote is not None and peer[0] != self._remote:
+            self.foreign += 1
+            return None
+        self._peer = peer
+        return datagram
+
     def receive(self) -> list[bytes]:
         """All datagrams that wait, oldest first."""
         datagrams: list[bytes] = []
         while True:
             try:
-                datagram, peer = self._socket.recvfrom(_BUFFER_SIZE)
+                datagram, peer = self._receive(_BUFFER_SIZE)
             except BlockingIOError:
                 return datagrams
             except OSError:  # an ICMP error of an earlier send; it says nothing about what waits here
