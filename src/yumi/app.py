@@ -34,6 +34,7 @@ from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import CYCLE, EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
@@ -105,7 +106,20 @@ def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, Wire
 
 def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    session = SensorSession(JointCodec(), silence=plan.silence)
+    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket)
+    rehearsal = _rehearsal_of(side, plan, socket)
+    return WiredArm(ArmLine(side, arm, manager, guard, boxes.snapshots), socket, rehearsal.run)
+
+
+def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
+    """The stand-in has boxes of its own: nobody looks into them."""
+    socket = UdpServer("127.0.0.1", 0)
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), socket), SystemClock())
+
+
+def _parts_of_arm(
+    side: Side, plan: EgmPlan, boxes: ArmBoxes, socket: UdpServer
+) -> tuple[EgmArm, ControllerManager, Guard]:
     manager = ControllerManager(joint_names(side))
     for entry in plan.controllers[side]:
         controller = CONTROLLER_KINDS[entry.kind](boxes)
@@ -113,7 +127,8 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
         manager.configure(entry.name, entry.values)
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
-    return WiredArm(ArmLine(side, EgmArm(socket, session), manager, Guard(YUMI_LIMITS), boxes.snapshots), socket)
+    session = SensorSession(JointCodec(), silence=plan.silence)
+    return EgmArm(socket, session), manager, Guard(YUMI_LIMITS)
 
 
 def run_driver(settings: Settings, controllers: Controllers, is_over: Flag, on_ready: Callable[[], None]) -> None:

@@ -48,9 +48,13 @@ class Poller:
             self._handlers[descriptor]()
         return bool(ready)
 
-    def doze(self, duration: float) -> None:
-        """Sleep for ``duration`` [s], to the microsecond, or until something is readable; calls no handler."""
-        select.select(tuple(self._handlers), (), (), duration)
+    def doze(self, duration: float) -> bool:
+        """Sleep for ``duration`` [s], to the microsecond, or until something is readable; calls no handler.
+
+        Returns:
+            Whether something is readable.
+        """
+        return bool(select.select(tuple(self._handlers), (), (), duration)[0])
 
     def _forget(self, descriptor: int) -> None:
         self._poll.unregister(descriptor)

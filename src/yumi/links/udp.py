@@ -14,6 +14,10 @@ _BUFFER_SIZE = 2048
 class UdpServer:
     """Listens on one port and answers whoever spoke last; never waits.
 
+    Attributes:
+        foreign: datagrams of other addresses than the remote's.
+        newest: the datagram received last.
+
     Args:
         host: local address to listen on.
         port: local port, 0 for any free one.
@@ -25,6 +29,7 @@ class UdpServer:
 
     def __init__(self, host: str, port: int, *, remote: str | None = None) -> None:
         self.foreign = 0
+        self.newest: bytes | None = None
         self._remote = remote
         self._peer: tuple[str, int] | None = None
         self._socket = _bound(host, port)
@@ -57,7 +62,7 @@ class UdpServer:
         if self._remote is not None and peer[0] != self._remote:
             self.foreign += 1
             return None
-        self._peer = peer
+        self._peer, self.newest = peer, datagram
         return datagram
 
     def receive(self) -> list[bytes]:
@@ -73,7 +78,7 @@ class UdpServer:
             if self._remote is not None and peer[0] != self._remote:
                 self.foreign += 1
                 continue
-            self._peer = peer
+            self._peer, self.newest = peer, datagram
             datagrams.append(datagram)
 
     def send(self, datagram: bytes) -> None:
