@@ -59,6 +59,8 @@ class MotionShaper:
         self._outlook: _Outlook | None = None
         self._glided: tuple[Joints, float] | None = None  # from where and for how long, not yet in the speeds
         self._limits = limits
+        self._bounds = (limits.lower, limits.upper, limits.acceleration, limits.jerk)
+        self._least = tuple(_CAUTION * min(each) for each in (limits.velocity, limits.acceleration, limits.jerk))
         self._generator = Ruckig(JOINT_COUNT, 0.004)
         self._input = InputParameter(JOINT_COUNT)
         self._output = OutputParameter(JOINT_COUNT)
@@ -90,17 +92,23 @@ class MotionShaper:
     def look_ahead(self, dt: float) -> None:
         """Make the outlook on the position that comes ``dt`` [s] after the last; when there is time for it."""
         self._settle()
-        limits, now, speed, acceleration = self._limits, self.position, self._velocity, self._acceleration
-        jerk = _CAUTION * min(limits.jerk)
-        coasting = joints([p + v * dt for p, v in zip(now, speed, strict=True)])
-        steady = joints([p + a * dt * dt for p, a in zip(coasting, acceleration, strict=True)])
+        slowest, weakest, gentlest = self._least
+        coasting, steady, rooms = [], [], []
+        for p, v, a, low, high, top, jerk in zip(
+            self.position, self._velocity, self._acceleration, *self._bounds, strict=True
+        ):
+            coasting.append(p + v * dt)
+            steady.append(p + v * dt + a * dt * dt)
+            strongest = abs(a) + gentlest * dt
+            fastest = abs(v) + strongest * dt + strongest * strongest / (2.0 * jerk)
+            rooms.append(min(p - low, high - p) - _way_to_stop(fastest, top, jerk))
         self._outlook = _Outlook(
             period=dt,
-            free=min(_CAUTION * min(limits.velocity) * dt, self._room(jerk * dt, dt)),
-            coasting=coasting,
-            accelerated=_CAUTION * min(limits.acceleration) * dt * dt,
-            steady=steady,
-            jerked=jerk * dt**3,
+            free=min(slowest * dt, *rooms),
+            coasting=joints(coasting),
+            accelerated=weakest * dt * dt,
+            steady=joints(steady),
+            jerked=gentlest * dt * dt * dt,
         )
 
     def passes(self, wanted: Joints, dt: float) -> bool:
@@ -144,22 +152,6 @@ class MotionShaper:
         self._acceleration = joints([(new - old) / dt for old, new in steps])
         self._velocity = velocity
 
-    def _room(self, most: float, dt: float) -> float:
-        """How far any joint may go on [rad] and still stop in its range, if its acceleration grows by ``most``."""
-        limits, rooms = self._limits, []
-        motion = zip(self.position, self._velocity, self._acceleration, strict=True)
-        for index, (position, speed, acceleration) in enumerate(motion):
-            strongest = abs(acceleration) + most
-            fastest = abs(speed) + strongest * dt + strongest * strongest / (2.0 * limits.jerk[index])
-            nearest = min(position - limits.lower[index], limits.upper[index] - position)
-            rooms.append(nearest - self._way_to_stop(index, fastest))
-        return min(rooms)
-
-    def _way_to_stop(self, index: int, speed: float) -> float:
-        """How far a joint goes on that brakes at ``speed`` [rad/s], at most [rad]."""
-        top, jerk = self._limits.acceleration[index], self._limits.jerk[index]
-        return 0.5 * speed * (speed / top + 3.0 * top / jerk)
-
     def _plan(self, wanted: Joints, frame: list[float], dt: float) -> None:
         """The frame coincides with the room's at the end of this step."""
         given, top = self._input, self._limits.velocity
@@ -196,10 +188,11 @@ class MotionShaper:
         """Whether each joint could still brake before the end of its range."""
         limits = self._limits
         for index, speed in enumerate(velocity):
-            gain = max(0.0, copysign(acceleration[index], speed * acceleration[index])) ** 2 / (2.0 * limits.jerk[index])
+            top, jerk = limits.acceleration[index], limits.jerk[index]
+            gain = max(0.0, copysign(acceleration[index], speed * acceleration[index])) ** 2 / (2.0 * jerk)
             fastest = abs(speed) + gain
             end = limits.upper[index] if speed > 0.0 else limits.lower[index]
-            if self._way_to_stop(index, fastest) > abs(end - position[index]) and fastest > 1e-3:
+            if _way_to_stop(fastest, top, jerk) > abs(end - position[index]) and fastest > 1e-3:
                 return False
         return True
 
@@ -212,6 +205,11 @@ class MotionShaper:
             self._velocity = _replaced(self._velocity, outside, 0.0)
             self._acceleration = _replaced(self._acceleration, outside, 0.0)
             outside = self._limits.outside(self.position)
+
+
+def _way_to_stop(speed: float, acceleration: float, jerk: float) -> float:
+    """How far a joint goes on that brakes at ``speed`` [rad/s], at most [rad]."""
+    return 0.5 * speed * (speed / acceleration + 3.0 * acceleration / jerk)
 
 
 def _replaced(values: Joints, index: int, value: float) -> Joints:

@@ -55,6 +55,11 @@ class Rehearsal:
         self._poller.wait(0.0)
         self._robot.receive()
 
+    def close(self) -> None:
+        """Give back its end of the stand-in's wire."""
+        self._poller.close()
+        self._robot.close()
+
     def _run(self) -> None:
         cycle = run_cycle(self._arm, self._manager, self._guard, self._clock.now())
         if cycle is not None:
