@@ -40,6 +40,7 @@ from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
@@ -112,7 +113,21 @@ def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, Wire
 
 def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    session = SensorSession(JointCodec(), silence=plan.silence)
+    stations = StationClock(time.monotonic)
+    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
+    line = ArmLine(side, arm, manager, guard, boxes.snapshots, FlightRecorder(boxes.flight), stations)
+    return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
+
+
+def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
+    """The stand-in has boxes of its own: nobody looks into them."""
+    socket = UdpServer("127.0.0.1", 0)
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), socket), SystemClock())
+
+
+def _parts_of_arm(
+    side: Side, plan: EgmPlan, boxes: ArmBoxes, socket: UdpServer, stations: StationClock | None = None
+) -> tuple[EgmArm, ControllerManager, Guard]:
     manager = ControllerManager(joint_names(side))
     for entry in plan.controllers[side]:
         controller = CONTROLLER_KINDS[entry.kind](boxes)
@@ -120,9 +135,8 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
         manager.configure(entry.name, entry.values)
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
-    recorder, stations = FlightRecorder(boxes.flight), StationClock(time.monotonic)
-    arm = EgmArm(socket, session, stations)
-    return WiredArm(ArmLine(side, arm, manager, Guard(YUMI_LIMITS), boxes.snapshots, recorder, stations), socket)
+    session = SensorSession(JointCodec(), silence=plan.silence)
+    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS)
 
 
 def run_driver(

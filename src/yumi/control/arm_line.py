@@ -123,6 +123,7 @@ class ArmLine:
         before, self._last, self._position = self._last, cycle, cycle.state.position
         self._cycles += 1
         self._is_interrupted = False
+        self._guard.settle(cycle.state)
         self.manager.watch(cycle.state)
         self._note_changes(before.state if before else None, cycle.state)
         self._publish(cycle.state.time)

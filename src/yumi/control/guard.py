@@ -62,6 +62,8 @@ class Guard:
         The first command of a session, and every command while the robot does not follow, equals the measured
         position: a robot that begins to follow finds no step.
         """
+        if wanted is not None and self._passes_at_once(state, wanted):
+            return wanted
         dt = min(state.dt, LONGEST_STEP)
         if state.session != self._session or not state.is_running:
             self._session = state.session
@@ -75,6 +77,22 @@ class Guard:
             return self._hold(state, dt)
         self._is_at_rest = False
         return ArmCommand(self._shape(self._inside(wanted.position), dt), self._slow(wanted.velocity, dt))
+
+    def settle(self, state: ArmState) -> None:
+        """After the reply to ``state``: prepare what makes the next one fast."""
+        if not self._is_at_rest and state.dt > 0.0:
+            self._shaper.look_ahead(min(state.dt, LONGEST_STEP))
+
+    def _passes_at_once(self, state: ArmState, wanted: ArmCommand) -> bool:
+        """Whether there is nothing to do about ``wanted``: what most commands are."""
+        return (
+            not self._is_at_rest
+            and state.session == self._session
+            and state.is_running
+            and wanted.velocity is ZERO
+            and self._velocity is ZERO
+            and self._shaper.glides(wanted.position, state.dt)
+        )
 
     def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from yumi.robot.values import ArmCommand, ArmState
 
 
-@dataclass(frozen=True, slots=True)
-class WireCounters:
+class WireCounters(NamedTuple):
     """What an arm's connection has seen: counts since the start, the rest of the session.
 
     Attributes:

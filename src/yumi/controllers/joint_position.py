@@ -38,9 +38,9 @@ class JointPositionController(Controller):
         self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        number, goal = peek_goal(self._goals, state.session)
-        if goal is not None and number != self._letter:
-            self._letter, self._goal = number, goal
+        letter = self._goals.peek()
+        if letter is not None and letter[0] != self._letter:
+            self._take(state.session)
         if self._goal is None:
             return None
         p = self._gain
@@ -57,6 +57,11 @@ class JointPositionController(Controller):
                 g + p * (gg - g),
             )
         )
+
+    def _take(self, session: int) -> None:
+        number, goal = peek_goal(self._goals, session)
+        if goal is not None:
+            self._letter, self._goal = number, goal
 
     @property
     def reference(self) -> Joints | None:

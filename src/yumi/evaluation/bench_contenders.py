@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-WAKE_MODES = ("blocking", "auto")
+WAKE_MODES = ("blocking", "ahead", "auto")
 """The settings of ``egm.wake`` that are measured; each adds our contenders once more."""
 
 GAIN = 0.1

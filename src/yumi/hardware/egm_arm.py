@@ -17,8 +17,17 @@ LONGEST_PERIOD = 0.100
 """The robot's clock is not believed beyond this [s]."""
 
 
+PUNCTUAL = 0.5 * CYCLE, 1.25 * CYCLE
+"""Times between two datagrams at which nothing else can wait behind the second [s]."""
+
+_ON, _RUNNING, _STOPPED = MotorState.ON, MciState.RUNNING, RapidState.STOPPED  # the enumerations are slow to look into
+
+
 class DatagramLink(Protocol):
     """A socket that talks to one robot, or anything that behaves like one."""
+
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits, if any; never waits."""
 
     def receive(self) -> Sequence[bytes]:
         """All datagrams that wait, oldest first; never waits."""
@@ -45,7 +54,7 @@ class EgmArm:
         self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:
-        datagrams = self._stations.timed(RECEIVE, self._link.receive())
+        datagrams = self._stations.timed(RECEIVE, self._datagrams(now))
         if not datagrams:
             return None
         session = self._session
@@ -65,6 +74,14 @@ class EgmArm:
             is_running(message),
         )
 
+    def _datagrams(self, now: float) -> Sequence[bytes]:
+        """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
+        earliest, latest = PUNCTUAL
+        if not earliest < self._session.silence(now) < latest:
+            return self._link.receive()
+        datagram = self._link.receive_next()
+        return () if datagram is None else (datagram,)
+
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity
         self._link.send(self._stations.timed(ENCODE, self._session.reply(command.position, velocity)))
@@ -83,9 +100,7 @@ class EgmArm:
 
 def is_running(message: JointReport | RobotMessage) -> bool:
     """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
-    return (
-        message.motors is MotorState.ON and message.mci is MciState.RUNNING and message.rapid is not RapidState.STOPPED
-    )
+    return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
 
 
 def period(before: Counted | None, message: Counted) -> float:

@@ -73,10 +73,12 @@ class WiredArm:
     Attributes:
         line: its cycle.
         socket: what becomes readable when its robot speaks.
+        rehearse: runs a cycle that reaches nobody, see :mod:`yumi.hardware.rehearsal`.
     """
 
     line: ArmLine
     socket: HasFileno
+    rehearse: Callable[[], None] = lambda: None
 
 
 Build = Callable[[Mapping[Side, ArmBoxes]], Mapping[Side, WiredArm]]
@@ -213,6 +215,7 @@ class FastLine:
         self._stop_at: float | None = None
         self._failures: dict[str, float] = {}
         self._poller = Poller()
+        wait.prepare({side: self._rehearsal_of(side, arm) for side, arm in arms.items()})
         for side, arm in arms.items():
             self._poller.watch(arm.socket, self._cycle_of(side, arm.line, boxes[side].bell))
         self._poller.watch(pipe, self._serve)
@@ -241,6 +244,15 @@ class FastLine:
                 self._note_failure(side, error)
 
         return run_cycle
+
+    def _rehearsal_of(self, side: Side, arm: WiredArm) -> Callable[[], None]:
+        def rehearse() -> None:
+            try:
+                arm.rehearse()
+            except Exception as error:
+                self._note_failure(side, error)
+
+        return rehearse
 
     def _note_failure(self, side: Side, error: Exception) -> None:
         """Tell a fault now and again; at 250 Hz each telling would only bury the first."""

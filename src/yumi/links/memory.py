@@ -15,6 +15,10 @@ class MemoryLink:
     def send(self, datagram: bytes) -> None:
         self._outbox.append(datagram)
 
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits."""
+        return self._inbox.popleft() if self._inbox else None
+
     def receive(self) -> list[bytes]:
         """All datagrams that wait, oldest first."""
         datagrams = list(self._inbox)

@@ -48,7 +48,9 @@ class SharedMailbox:
 
     def peek(self) -> tuple[int, tuple[float, ...]] | None:
         """The number of the letter, from 1, and its values; None while nothing was ever put."""
-        memory = self._memory
+        memory, before = self._memory, self._read_last
+        if before is not None and memory[0] == memory[1] == before[0]:
+            return before  # the fast line looks in every cycle; a new letter is rare
         for _ in range(_LOOKS):
             finished = memory[1]
             values = tuple(memory[_HEAD:])

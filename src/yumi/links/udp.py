@@ -14,6 +14,10 @@ _BUFFER_SIZE = 2048
 class UdpServer:
     """Listens on one port and answers whoever spoke last; never waits.
 
+    Attributes:
+        foreign: datagrams of other addresses than the remote's.
+        newest: the datagram received last.
+
     Args:
         host: local address to listen on.
         port: local port, 0 for any free one.
@@ -25,9 +29,11 @@ class UdpServer:
 
     def __init__(self, host: str, port: int, *, remote: str | None = None) -> None:
         self.foreign = 0
+        self.newest: bytes | None = None
         self._remote = remote
         self._peer: tuple[str, int] | None = None
         self._socket = _bound(host, port)
+        self._receive = self._socket.recvfrom
 
     def __enter__(self) -> UdpServer:
         return self
@@ -47,12 +53,24 @@ class UdpServer:
     def fileno(self) -> int:
         return self._socket.fileno()
 
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits; None when there is none, or what waits counts for nothing."""
+        try:
+            datagram, peer = self._receive(_BUFFER_SIZE)
+        except OSError:  # nothing waits, or an ICMP error of an earlier send
+            return None
+        if self._remote is not None and peer[0] != self._remote:
+            self.foreign += 1
+            return None
+        self._peer, self.newest = peer, datagram
+        return datagram
+
     def receive(self) -> list[bytes]:
         """All datagrams that wait, oldest first."""
         datagrams: list[bytes] = []
         while True:
             try:
-                datagram, peer = self._socket.recvfrom(_BUFFER_SIZE)
+                datagram, peer = self._receive(_BUFFER_SIZE)
             except BlockingIOError:
                 return datagrams
             except OSError:  # an ICMP error of an earlier send; it says nothing about what waits here
@@ -60,7 +78,7 @@ class UdpServer:
             if self._remote is not None and peer[0] != self._remote:
                 self.foreign += 1
                 continue
-            self._peer = peer
+            self._peer, self.newest = peer, datagram
             datagrams.append(datagram)
 
     def send(self, datagram: bytes) -> None:

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.control.guard import EGM_GAIN, LONGEST_STEP, Guard
+from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -128,6 +129,37 @@ def test_guard_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints | 
         for old, new, speed in zip(last, now, YUMI_LIMITS.velocity, strict=True):
             assert abs(new - old) <= speed * min(dt, LONGEST_STEP) * 1.001 + 1e-9
         last = now
+
+
+SMALL_STEPS = st.lists(st.tuples(*[st.floats(-1e-3, 1e-3)] * 7), min_size=1, max_size=8)
+
+
+@given(SMALL_STEPS, st.integers(1, 40), st.floats(0.002, 0.02), st.sampled_from((ZERO, YUMI_LIMITS.upper)))
+def test_outlook_changes_nothing_but_the_time_it_takes(
+    speeds: list[Joints], hold: int, dt: float, start: Joints
+) -> None:
+    """Speeds that change often and seldom [rad per cycle], at the end of the range, too."""
+    looking, plain, wanted = Guard(YUMI_LIMITS), Guard(YUMI_LIMITS), start
+    for guard in (looking, plain):
+        guard.admit(state(start), None)
+    for speed in (each for each in speeds for _ in range(hold)):
+        wanted = joints([old + step for old, step in zip(wanted, speed, strict=True)])
+        (admitted,) = follow(looking, [wanted], dt=dt)
+        assert [admitted] == follow(plain, [wanted], dt=dt)
+        looking.settle(state(ZERO, dt=dt))
+    assert looking.counters == plain.counters
+
+
+def test_guard_does_not_look_at_each_joint_of_a_smooth_motion(
+    guard: Guard, middle: Joints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guard.admit(state(middle), None)
+    first, *rest = smooth_path(middle, 1, 0.1, 2.0)
+    follow(guard, [first])
+    monkeypatch.delattr(MotionShaper, "passes")
+    for wanted in rest:
+        guard.settle(state(ZERO))
+        assert follow(guard, [wanted]) == [wanted]
 
 
 def test_guard_arrives_at_a_step_without_overshoot_and_stays(guard: Guard, middle: Joints) -> None:

@@ -125,3 +125,15 @@ def test_arm_is_lost_once_when_the_robot_is_silent(wire: tuple[EgmArm, Robot]) -
     assert arm.lost_after(1.019) is None
     assert arm.lost_after(1.021) == pytest.approx(0.021)
     assert arm.lost_after(1.03) is None
+
+
+@pytest.mark.parametrize(("pause", "left"), [(CYCLE, 1), (0.1 * CYCLE, 0), (2.0 * CYCLE, 0)])
+def test_arm_looks_for_a_newer_datagram_unless_the_robot_is_on_time(pause: float, left: int) -> None:
+    ours, theirs = memory_links()
+    arm, robot = EgmArm(ours, SensorSession(JointCodec())), Robot(theirs)
+    robot.say(MESSAGE)
+    arm.read(0.0)
+    for seqno in (1, 2):
+        robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
+    arm.read(pause)
+    assert len(ours.receive()) == left

@@ -29,10 +29,11 @@ class ScriptedPoller:
         self.handler(self._arrivals.pop(0))
         return True
 
-    def doze(self, duration: float) -> None:
+    def doze(self, duration: float) -> bool:
         slept = max(0.0, min(duration, self._next() - self._clock.now()))
         self.dozed += slept
         self._clock.advance(slept)
+        return self._clock.now() >= self._next()
 
     def _next(self) -> float:
         return self._arrivals[0] if self._arrivals else 1e9
@@ -66,6 +67,21 @@ def test_waiting_ahead_only_glances_when_nobody_streams(ahead: AheadWait, clock:
 def test_waiting_ahead_stops_looking_when_a_datagram_stays_away(ahead: AheadWait, clock: ManualClock) -> None:
     poller = run(ahead, clock, [CYCLE, 2 * CYCLE], 20 * CYCLE)
     assert poller.looks * LOOK < 2 * CYCLE
+
+
+def test_waiting_ahead_rehearses_before_each_datagram_that_is_due(ahead: AheadWait, clock: ManualClock) -> None:
+    rehearsed: list[float] = []
+    ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
+    run(ahead, clock, [count * PERIOD for count in range(1, 101)], 100 * PERIOD)
+    assert len(rehearsed) > 90
+    assert all(PERIOD * 0.85 < moment % PERIOD < PERIOD for moment in rehearsed)
+
+
+def test_rehearsal_is_left_out_when_something_came_already(ahead: AheadWait, clock: ManualClock) -> None:
+    rehearsed: list[float] = []
+    ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
+    run(ahead, clock, [PERIOD, 1.5 * PERIOD], 1.5 * PERIOD)
+    assert not rehearsed
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,24 @@ def test_server_hands_out_what_has_queued_up_oldest_first() -> None:
         client.close()
 
 
+def test_server_hands_out_the_next_datagram_only() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        client = UdpClient("127.0.0.1", server.port)
+        assert server.receive_next() is None
+        for each in (b"1", b"2"):
+            client.send(each)
+        assert (server.receive_next(), server.newest, server.receive()) == (b"1", b"1", [b"2"])
+        client.close()
+
+
+def test_server_hands_out_no_datagram_of_a_stranger() -> None:
+    with UdpServer("127.0.0.1", 0, remote="192.0.2.1") as server:
+        client = UdpClient("127.0.0.1", server.port)
+        client.send(b"state")
+        assert (server.receive_next(), server.newest, server.foreign) == (None, None, 1)
+        client.close()
+
+
 def test_server_leaves_datagrams_of_strangers_aside() -> None:
     with UdpServer("127.0.0.1", 0, remote="192.0.2.1") as server:
         client = UdpClient("127.0.0.1", server.port)
