@@ -43,6 +43,7 @@ class ArmLine:
         self._guard = guard
         self._snapshots = snapshots
         self._last: Cycle | None = None
+        self._answered: Cycle | None = None
         self._cycles = 0
         self._position = ZERO
         self._events: list[Event] = []
@@ -59,7 +60,18 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        cycle = run_cycle(self._arm, self.manager, self._guard, now)
+        self.answer(now)
+        return self.finish()
+
+    def answer(self, now: float) -> bool:
+        """Answer the newest datagram; tells whether there was one. What can wait is left to :meth:`finish`."""
+        self.finish()
+        self._answered = run_cycle(self._arm, self.manager, self._guard, now)
+        return self._answered is not None
+
+    def finish(self) -> Cycle | None:
+        """Do what the answered cycle has left; the cycle, or None when there was nothing left to do."""
+        cycle, self._answered = self._answered, None
         if cycle is not None:
             self._after_reply(cycle)
         return cycle
