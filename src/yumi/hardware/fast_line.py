@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from threading import Event as Flag
 from threading import Lock, Thread
@@ -213,6 +214,7 @@ class FastLine:
         self._arms = {side: arm.line for side, arm in arms.items()}
         self._clock = clock
         self._stop_at: float | None = None
+        self._unfinished: list[tuple[Side, Callable[[], None]]] = []
         self._failures: dict[str, float] = {}
         self._poller = Poller()
         wait.prepare({side: self._rehearsal_of(side, arm) for side, arm in arms.items()})
@@ -225,6 +227,7 @@ class FastLine:
         lines = tuple(self._arms.values())
         while not self._may_end():
             self._wait.wait(self._poller, any(line.state is not None for line in lines))
+            self._finish_cycles()
             for line in lines:
                 line.watch_silence(self._clock.now())
                 self._tell(line)
@@ -232,18 +235,33 @@ class FastLine:
         self._poller.close()
 
     def _cycle_of(self, side: Side, line: ArmLine, bell: Bell) -> Callable[[], None]:
-        clock, wait = self._clock, self._wait
+        now, note_arrival = self._clock.now, self._wait.note_arrival
 
-        def run_cycle() -> None:
-            now = clock.now()
+        def finish(arrival: float) -> None:
+            line.finish()
+            bell.release()
+            note_arrival(side, arrival)
+
+        def answer() -> None:
+            arrival = now()
             try:
-                if line.run(now) is not None:
-                    bell.release()
-                    wait.note_arrival(side, now)
+                if line.answer(arrival):
+                    self._unfinished.append((side, partial(finish, arrival)))
             except Exception as error:
                 self._note_failure(side, error)
 
-        return run_cycle
+        return answer
+
+    def _finish_cycles(self) -> None:
+        """What can wait until after the replies, of both arms: their datagrams often come at the same time."""
+        if self._unfinished:
+            self._poller.wait(0.0)
+        for side, finish in self._unfinished:
+            try:
+                finish()
+            except Exception as error:
+                self._note_failure(side, error)
+        self._unfinished.clear()
 
     def _rehearsal_of(self, side: Side, arm: WiredArm) -> Callable[[], None]:
         def rehearse() -> None:

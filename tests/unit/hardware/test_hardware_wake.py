@@ -72,15 +72,15 @@ def test_waiting_ahead_stops_looking_when_a_datagram_stays_away(ahead: AheadWait
 def test_waiting_ahead_rehearses_before_each_datagram_that_is_due(ahead: AheadWait, clock: ManualClock) -> None:
     rehearsed: list[float] = []
     ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
-    run(ahead, clock, [count * PERIOD for count in range(1, 101)], 100 * PERIOD)
+    run(ahead, clock, [count * CYCLE for count in range(1, 101)], 100 * CYCLE)
     assert len(rehearsed) > 90
-    assert all(PERIOD * 0.85 < moment % PERIOD < PERIOD for moment in rehearsed)
+    assert all(CYCLE * 0.85 < moment % CYCLE < CYCLE for moment in rehearsed)
 
 
 def test_rehearsal_is_left_out_when_something_came_already(ahead: AheadWait, clock: ManualClock) -> None:
     rehearsed: list[float] = []
     ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
-    run(ahead, clock, [PERIOD, 1.5 * PERIOD], 1.5 * PERIOD)
+    run(ahead, clock, [CYCLE, 1.5 * CYCLE], 1.5 * CYCLE)
     assert not rehearsed
 
 
