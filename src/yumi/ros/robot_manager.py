@@ -9,7 +9,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from yumi.clock import Clock
-from yumi.control.requests import SwitchControllers
+from yumi.control.requests import HoldArm, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
@@ -63,7 +63,7 @@ class RobotManager:
         return "EGM runs on both arms, the position controllers are active"
 
     def stop_egm(self) -> str:
-        """Deactivate the position controllers and stop EGM; both arms come to rest.
+        """Deactivate whatever commands the arms and stop EGM; both arms come to rest.
 
         Raises:
             YumiError: a step failed; the message says which.
@@ -79,7 +79,7 @@ class RobotManager:
         """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                self._fast_line.ask(SwitchControllers(side, deactivate=(POSITION_CONTROLLER,)))
+                self._fast_line.ask(HoldArm(side))
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.

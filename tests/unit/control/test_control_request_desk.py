@@ -17,6 +17,7 @@ from yumi.control.requests import (
     ConfigureController,
     ControllerNotice,
     Done,
+    HoldArm,
     ListControllerKinds,
     ListControllers,
     ListHardware,
@@ -108,6 +109,12 @@ def test_desk_switches_by_the_strictness_asked_for(arms: Arms) -> None:
     assert "There is no controller 'nobody'" in arms.refusal(SwitchControllers(LEFT, ("nobody",)))
 
 
+def test_desk_has_an_arm_hold_whoever_commands_it(arms: Arms) -> None:
+    arms.ask(HoldArm(LEFT))
+    assert [arms.state(side, "double") for side in (LEFT, RIGHT)] == [State.INACTIVE, State.ACTIVE]
+    arms.ask(HoldArm(LEFT))
+
+
 def test_desk_sets_and_lists_parameters(arms: Arms) -> None:
     arms.ask(SetParameters(RIGHT, "double", {"p": 0.25}))
     infos = arms.ask(ListParameters(RIGHT, "double")).parameters
@@ -128,6 +135,7 @@ def test_desk_leads_the_hardware(arms: Arms) -> None:
         CleanupController(LEFT, "spare"),
         UnloadController(LEFT, "spare"),
         SwitchControllers(LEFT, deactivate=("double",)),
+        HoldArm(LEFT),
         SetHardwareState(LEFT, "ROB_L", State.INACTIVE),
     ],
     ids=lambda request: type(request).__name__,
