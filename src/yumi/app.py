@@ -76,6 +76,7 @@ class EgmPlan:
         remote: the robot's address; datagrams from elsewhere are left aside.
         ports: UDP port per arm.
         silence: the robot is lost after this time [s].
+        period: time between two datagrams of an arm [s].
         controllers: what runs on each arm.
     """
 
@@ -83,6 +84,7 @@ class EgmPlan:
     remote: str
     ports: Mapping[Side, int]
     silence: float
+    period: float
     controllers: Controllers
 
 
@@ -103,7 +105,8 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    return EgmPlan(listen, remote, ports, settings.egm.silence, controllers)
+    period = settings.egm_motion.sample_rate * 1e-3
+    return EgmPlan(listen, remote, ports, settings.egm.silence, period, controllers)
 
 
 def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
@@ -115,7 +118,8 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
     arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
-    line = ArmLine(side, arm, manager, guard, boxes.snapshots, FlightRecorder(boxes.flight), stations)
+    recorder = FlightRecorder(boxes.flight)
+    line = ArmLine(side, arm, manager, guard, boxes.snapshots, recorder, stations, plan.period)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
 
@@ -136,7 +140,7 @@ def _parts_of_arm(
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS)
+    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.period)
 
 
 def run_driver(

@@ -20,6 +20,7 @@ from yumi.errors import CommandRefused, NoConnection
 from yumi.hardware.fast_line import FastLineProcess
 from yumi.links.poller import Poller
 from yumi.links.udp import UdpClient, UdpServer, free_port
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side
 from yumi.settings import read_controllers
 
@@ -65,7 +66,7 @@ def events() -> Queue[Event]:
 @pytest.fixture
 def fast_line(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[FastLineProcess]:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
     process = FastLineProcess(partial(build_arms, plan), events.put)
     process.start()
     yield process
@@ -128,7 +129,7 @@ def test_fast_line_tells_that_the_robot_is_lost_within_100_ms(
 
 def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
     process = FastLineProcess(partial(build_arms, plan), events.put)
     with (
         UdpServer("127.0.0.1", ports[RIGHT]),

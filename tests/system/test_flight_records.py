@@ -118,7 +118,7 @@ def port() -> int:
 @pytest.fixture
 def fast_line(port: int, events: Queue[Event]) -> Iterator[FastLineProcess]:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, controllers)
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, CYCLE, controllers)
     process = FastLineProcess(partial(build_arms, plan), events.put)
     process.start()
     yield process

@@ -16,15 +16,17 @@ from yumi.control.requests import (
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
+    SessionResumed,
     SessionStarted,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
 from yumi.control.stations import AFTER_REPLY, StationClock
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 from yumi.robot.values import ZERO, ArmState
 
-INTERRUPTION = 0.020
-"""Feedback that has not come for five cycles is interrupted [s]; later, by the session's own limit, it is lost."""
+INTERRUPTION = 5
+"""Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
 
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
@@ -41,6 +43,7 @@ class ArmLine:
         snapshots: where the outside world looks.
         recorder: what remembers the cycles; without one it has its own, which nobody reads.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
+        period: time between two datagrams of the arm [s].
     """
 
     def __init__(
@@ -52,6 +55,7 @@ class ArmLine:
         snapshots: Mailbox,
         recorder: FlightRecorder | None = None,
         stations: StationClock | None = None,
+        period: float = CYCLE,
     ) -> None:
         self.manager = manager
         self._side = side
@@ -62,6 +66,9 @@ class ArmLine:
         self._stations = stations or StationClock()
         self._last: Cycle | None = None
         self._answered: Cycle | None = None
+        self._interruption = INTERRUPTION * period
+        self._session = 0
+        self._foreign = 0
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
@@ -118,11 +125,21 @@ class ArmLine:
 
     def _watch_interruption(self, now: float) -> None:
         """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
-        if self._last is None or self._is_interrupted or self._arm.silence(now) <= INTERRUPTION:
+        if self._last is None:
+            self._watch_strangers(now)
+            return
+        if self._is_interrupted or self._arm.silence(now) <= self._interruption:
             return
         self._is_interrupted = True
         self._interruptions += 1
         self._publish(now)
+
+    def _watch_strangers(self, now: float) -> None:
+        """Who waits for a robot wants to know that somebody else is speaking."""
+        foreign = self._arm.wire_counters().foreign
+        if foreign != self._foreign:
+            self._foreign = foreign
+            self._publish(now)
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
@@ -143,9 +160,11 @@ class ArmLine:
         self._recorder.record(cycle, self.manager.reference, self._stations)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
-        if before is None or before.session != state.session:
+        if state.session != self._session:
+            self._session, before = state.session, None
             self._events.append(SessionStarted(self._side, state.session, self.manager.deactivate_commanding()))
-            before = None
+        elif before is None:
+            self._events.append(SessionResumed(self._side, state.session))
         was_running = before is not None and before.is_running
         if state.is_running and not was_running:
             self._events.append(RobotFollows(self._side))
@@ -176,6 +195,7 @@ class ArmLine:
                 stale=wire.stale,
                 repeated=wire.repeated,
                 malformed=wire.malformed,
+                foreign=wire.foreign,
                 refused=guard.refused,
                 position_limited=guard.position_limited,
                 slowed=guard.slowed,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import copysign, isfinite
 
 from yumi.control.shaper import MotionShaper
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -22,8 +23,8 @@ FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
 
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
-LONGEST_STEP = 0.005
-"""A gap in the feedback gives no more room to move than a late cycle [s]: the robot takes it within one of its own."""
+LATE_CYCLE = 1.25
+"""A gap in the feedback gives no more room to move than a cycle late by a quarter: the robot takes it at once."""
 
 
 @dataclass(slots=True)
@@ -44,12 +45,18 @@ class GuardCounters:
 class Guard:
     """Admits commands of one arm.
 
+    Attributes:
+        counters: what it changed so far.
+        longest_step: no command moves further than the joints may within this time [s].
+
     Args:
         limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves.
+        period: time between two states of the arm [s].
     """
 
-    def __init__(self, limits: JointLimits) -> None:
+    def __init__(self, limits: JointLimits, period: float = CYCLE) -> None:
         self.counters = GuardCounters()
+        self.longest_step = LATE_CYCLE * period
         self._limits = limits
         self._session = 0
         self._shaper = MotionShaper(limits)
@@ -64,7 +71,7 @@ class Guard:
         """
         if wanted is not None and self._passes_at_once(state, wanted):
             return wanted
-        dt = min(state.dt, LONGEST_STEP)
+        dt = min(state.dt, self.longest_step)
         if state.session != self._session or not state.is_running:
             self._session = state.session
             return self._begin(state.position)
@@ -81,7 +88,7 @@ class Guard:
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
         if not self._is_at_rest and state.dt > 0.0:
-            self._shaper.look_ahead(min(state.dt, LONGEST_STEP))
+            self._shaper.look_ahead(min(state.dt, self.longest_step))
 
     def _passes_at_once(self, state: ArmState, wanted: ArmCommand) -> bool:
         """Whether there is nothing to do about ``wanted``: what most commands are."""

@@ -86,6 +86,18 @@ class SessionStarted:
 
 
 @dataclass(frozen=True, slots=True)
+class SessionResumed:
+    """The robot's datagrams arrive again after a silence during which it went on with its session."""
+
+    side: Side
+    session: int
+
+    def __str__(self) -> str:
+        arm = self.side.word.capitalize()
+        return f"{arm} arm: EGM feedback is back, session {self.session} goes on and the arm holds."
+
+
+@dataclass(frozen=True, slots=True)
 class SessionLost:
     """No datagram came for too long.
 
@@ -181,5 +193,13 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-ArmEvent = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed
+ArmEvent = (
+    SessionStarted
+    | SessionResumed
+    | SessionLost
+    | RobotFollows
+    | RobotStoppedFollowing
+    | ControllerFailed
+    | CycleFailed
+)
 Event = ArmEvent | FastLineEnded

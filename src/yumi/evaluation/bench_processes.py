@@ -186,6 +186,7 @@ def arm_runs(load: Load) -> tuple[ArmRun, ...]:
             missed=arm["missed"],
             stale=arm["stale"],
             bad=arm["bad"],
+            recovering=arm["recovering"],
             unparsed=arm["unparsed"],
             duplicates=arm["duplicates"],
         )

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.guard import EGM_GAIN, LONGEST_STEP, Guard
+from yumi.control.guard import EGM_GAIN, Guard
 from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
@@ -127,7 +127,7 @@ def test_guard_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints | 
     for position in wanted:
         now = guard.admit(state(ZERO, dt=dt), None if position is None else ArmCommand(position)).position
         for old, new, speed in zip(last, now, YUMI_LIMITS.velocity, strict=True):
-            assert abs(new - old) <= speed * min(dt, LONGEST_STEP) * 1.001 + 1e-9
+            assert abs(new - old) <= speed * min(dt, guard.longest_step) * 1.001 + 1e-9
         last = now
 
 
