@@ -3,11 +3,11 @@
 ========== ==================================================== =================================================
 mode       how it waits                                         what it costs
 ========== ==================================================== =================================================
-blocking   asleep until a datagram comes                        nothing; a halted processor wakes up late
-hot        with processors that never halt; awake shortly       idle processors draw power; needs permission
-           before a datagram is due, for a rehearsal
-ahead      the same without permission: after the rehearsal it  at most 15 % of one processor per arm
-           looks for the datagram without pause
+blocking   asleep until a datagram comes; awake shortly before  a rehearsal each cycle; a processor that is halted
+           it is due, for a rehearsal                           wakes up late
+hot        the same beside processors that never halt           idle processors draw power; needs permission
+ahead      after the rehearsal it looks for the datagram        at most 15 % of one processor per arm
+           without pause
 auto       ``hot`` where it is permitted, else ``ahead``
 ========== ==================================================== =================================================
 """
@@ -30,6 +30,7 @@ GLANCE = 0.010
 """How often the silence of the robot is looked at when nothing arrives [s]."""
 
 
+_TOGETHER = 0.5e-3  # [s] arms whose datagrams are due so soon after each other are rehearsed together
 _STEADINESS = 1.0 / 16.0  # weight of one rehearsal in what the next is expected to take
 
 
@@ -63,22 +64,6 @@ class Wait(Protocol):
         """Give back what it holds."""
 
 
-class BlockingWait:
-    """Sleeps until something comes."""
-
-    def wait(self, poller: Poller, is_streaming: bool) -> None:
-        poller.wait(GLANCE)
-
-    def prepare(self, rehearsals: Mapping[Side, Callable[[], None]]) -> None:
-        """It never wakes up ahead."""
-
-    def note_arrival(self, side: Side, now: float) -> None:
-        """Nothing is learned from it."""
-
-    def close(self) -> None:
-        """It holds nothing."""
-
-
 class RehearsingWait(ABC):
     """Sleeps until shortly before a datagram is due, then has the reply rehearsed: the real one finds warm caches.
 
@@ -104,9 +89,11 @@ class RehearsingWait(ABC):
             poller.wait(GLANCE)
             return
         wake_at, side = min(upcoming, key=itemgetter(0))
-        pause = wake_at - self._rehearsal_time - now
+        due = [side for at, side in upcoming if at - wake_at < _TOGETHER]
+        pause = wake_at - len(due) * self._rehearsal_time - now
         if pause > 0.0 and not poller.doze(pause):
-            self._rehearse(side)
+            for each in due:
+                self._rehearse(each)
         self._await(poller, self._forecasts[side])
 
     def note_arrival(self, side: Side, now: float) -> None:
@@ -125,7 +112,16 @@ class RehearsingWait(ABC):
         self._rehearsal_time += _STEADINESS * (self._clock.now() - begin - self._rehearsal_time)
 
 
-class HotWait(RehearsingWait):
+class BlockingWait(RehearsingWait):
+    """Sleeps until a datagram comes."""
+
+    def _await(self, poller: Poller, forecast: ArrivalForecast) -> None:
+        if not poller.wait(0.0):
+            self._was_asleep = False
+            poller.wait(GLANCE)
+
+
+class HotWait(BlockingWait):
     """Sleeps, while a robot streams beside processors that stay awake."""
 
     def __init__(self, clock: Clock) -> None:
@@ -141,11 +137,6 @@ class HotWait(RehearsingWait):
 
     def close(self) -> None:
         self._processors.release()
-
-    def _await(self, poller: Poller, forecast: ArrivalForecast) -> None:
-        if not poller.wait(0.0):
-            self._was_asleep = False
-            poller.wait(GLANCE)
 
 
 class AheadWait(RehearsingWait):
@@ -166,10 +157,10 @@ def _nothing() -> None:
 def way_to_wait(mode: WakeMode, clock: Clock) -> Wait:
     """How to wait in ``mode``; ``auto`` and ``hot`` take what is permitted."""
     if mode is WakeMode.BLOCKING:
-        return BlockingWait()
+        return BlockingWait(clock)
     if mode is not WakeMode.AHEAD and AwakeProcessors.are_permitted():
         return HotWait(clock)
-    return BlockingWait() if mode is WakeMode.HOT else AheadWait(clock)
+    return BlockingWait(clock) if mode is WakeMode.HOT else AheadWait(clock)
 
 
 def describe(wait: Wait) -> str:
