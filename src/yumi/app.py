@@ -2,10 +2,10 @@
 
 ::
 
-    yumi up          process 1   RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events,
+    yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
+                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events (two),
                                             flight-records (when something stops), full-recorder (--record)
-                     process 2   the fast line: both arms' cycles, one thread
+                     process 2, 3  the fast lines: one arm's cycles each, one thread
     yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
 
@@ -38,7 +38,8 @@ from yumi.errors import SettingsError, YumiError
 from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
-from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
+from yumi.hardware.fast_line import ArmBoxes, WiredArm
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.rws_client import RwsClient
@@ -109,12 +110,8 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     return EgmPlan(listen, remote, ports, settings.egm.silence, period, controllers)
 
 
-def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
-    """Both arms of the fast line, with the controllers that only watch already active."""
-    return {side: _build_arm(side, plan, boxes[side]) for side in Side}
-
-
-def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
+def build_arm(plan: EgmPlan, side: Side, boxes: ArmBoxes) -> WiredArm:
+    """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
     arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
@@ -178,8 +175,8 @@ def run_driver(
             records.note(event, clock.now(), time.time())
             ros.tell(event)
 
-        fast_line = FastLineProcess(partial(build_arms, plan), on_event, settings.egm.wake)
-        manager = RobotManager(bringup, fast_line, clock)
+        fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
+        manager = RobotManager(bringup, fast_lines, clock)
         grippers = _grippers(client, clock, settings)
         with ExitStack() as stack:
             only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
@@ -187,17 +184,17 @@ def run_driver(
             stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
-            ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            ros = RosDriver(fast_lines, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
             stack.callback(ros.stop)
-            records = Records(settings.recorder, fast_line.recorders, ros.say)
+            records = Records(settings.recorder, fast_lines.recorders, ros.say)
             stack.callback(records.close)
             if record:
                 records.record_all(record, time.time() - clock.now())
-            fast_line.start()
-            stack.callback(fast_line.stop)
+            fast_lines.start()
+            stack.callback(fast_lines.stop)
             stack.callback(_end_motion, manager, ros.say)
             ros.start()
-            ros.say(f"Connected to {client.address}. {fast_line.started_as}")
+            ros.say(f"Connected to {client.address}. {fast_lines.started_as}")
             ros.make_ready()
             on_ready()
             is_over.wait()

@@ -65,7 +65,6 @@ class ArmLine:
         self._recorder = recorder or FlightRecorder(flight_memory())
         self._stations = stations or StationClock()
         self._last: Cycle | None = None
-        self._answered: Cycle | None = None
         self._interruption = INTERRUPTION * period
         self._session = 0
         self._foreign = 0
@@ -87,19 +86,8 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        self.answer(now)
-        return self.finish()
-
-    def answer(self, now: float) -> bool:
-        """Answer the newest datagram; tells whether there was one. What can wait is left to :meth:`finish`."""
-        self.finish()
         self._stations.begin(now)
-        self._answered = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
-        return self._answered is not None
-
-    def finish(self) -> Cycle | None:
-        """Do what the answered cycle has left; the cycle, or None when there was nothing left to do."""
-        cycle, self._answered = self._answered, None
+        cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)
         return cycle

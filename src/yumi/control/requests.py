@@ -35,10 +35,10 @@ class ListControllers:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """End the fast line; every arm holds until its robot has been told to stop."""
+    """End the fast line when its arm stands."""
 
 
-Request = SwitchControllers | SetParameters | ListControllers | Stop
+Request = SwitchControllers | SetParameters | ListControllers
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,14 +175,15 @@ class CycleFailed:
 
 @dataclass(frozen=True, slots=True)
 class FastLineEnded:
-    """The fast-line process has ended by itself."""
+    """An arm's fast-line process has ended by itself."""
 
+    side: Side
     exit_code: int | None
 
     def __str__(self) -> str:
         return (
-            f"The fast-line process has ended (exit code {self.exit_code}); the robot gets no answers any more and "
-            "keeps its last references. Stop EGM and restart the driver."
+            f"{self.side.word.capitalize()} arm: its fast-line process has ended (exit code {self.exit_code}); the "
+            "robot gets no answers any more and keeps its last references. Stop EGM and restart the driver."
         )
 
 
@@ -193,7 +194,7 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-ArmEvent = (
+Event = (
     SessionStarted
     | SessionResumed
     | SessionLost
@@ -201,5 +202,5 @@ ArmEvent = (
     | RobotStoppedFollowing
     | ControllerFailed
     | CycleFailed
+    | FastLineEnded
 )
-Event = ArmEvent | FastLineEnded

@@ -173,7 +173,7 @@ class SensorSession(Generic[Message]):
     def _is_newest(self, message: Message, now: float) -> bool:
         ahead = message.seqno - self._last_seqno
         is_heard = self._is_open and now - self._last_arrival <= self._silence
-        if self._goes_on(message, ahead, is_heard=is_heard):
+        if self._goes_on(message, ahead, now, is_heard=is_heard):
             self._go_on(ahead)
         elif is_heard and self._is_old(ahead, message.measured_time):
             self._count_old(-ahead)
@@ -184,19 +184,20 @@ class SensorSession(Generic[Message]):
         self._last_seqno, self._last_time, self._last_arrival = message.seqno, message.measured_time, now
         return True
 
-    def _goes_on(self, message: Message, ahead: int, *, is_heard: bool) -> bool:
+    def _goes_on(self, message: Message, ahead: int, now: float, *, is_heard: bool) -> bool:
         if ahead == 1 and self._is_open:
             return True  # after a long time: not the robot was silent, we were
         if is_heard:
             return 0 < ahead <= LARGEST_GAP
-        return ahead > 0 and self.number > 0 and self._has_counted_on(message, ahead)
+        return ahead > 0 and self.number > 0 and self._has_counted_on(message, ahead, now)
 
-    def _has_counted_on(self, message: Message, ahead: int) -> bool:
-        """Whether a robot that was silent has sent, by its own clock, as many datagrams as its number says."""
+    def _has_counted_on(self, message: Message, ahead: int, now: float) -> bool:
+        """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours."""
         since = self._last_time - self._first_time
         cycle = since / (self._last_seqno - self._first_seqno) if since > 0.0 else CYCLE
         passed = message.measured_time - self._last_time
-        return abs(passed - ahead * cycle) <= cycle + _CLOCK_TOLERANCE * passed
+        tolerance = cycle + _CLOCK_TOLERANCE * passed
+        return abs(passed - ahead * cycle) <= tolerance and abs(passed - self.silence(now)) <= tolerance + self._silence
 
     def _go_on(self, ahead: int) -> None:
         self.is_resumed = self.is_resumed or not self._is_open

@@ -164,6 +164,14 @@ def test_session_goes_on_after_a_silence_when_the_robot_has_counted_on(
     assert (session.counters.lost, reply_seqno(session)) == (999, 1)
 
 
+def test_session_begins_anew_after_a_silence_when_the_robot_had_stopped_its_clock(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert accept(session, 12, now=2.0) == 12
+    assert (session.number, session.is_first) == (2, True)
+
+
 @pytest.mark.parametrize("seqno", [0, 10, 29, 300])
 def test_session_begins_anew_after_a_silence_when_the_robot_has_not(
     session: SensorSession[JointReport], seqno: int
