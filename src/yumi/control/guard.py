@@ -77,17 +77,14 @@ class Guard:
             return self._begin(state.position)
         if dt <= 0.0:
             return ArmCommand(self._shaper.position, self._velocity)
-        if wanted is None:
-            return self._hold(state, dt)
-        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
-            self.counters.refused += 1
+        if wanted is None or not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self._is_at_rest = False
         return ArmCommand(self._shape(self._inside(wanted.position), dt), self._slow(wanted.velocity, dt))
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
-        if not self._is_at_rest and state.dt > 0.0:
+        if not self._is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
             self._shaper.look_ahead(min(state.dt, self.longest_step))
 
     def _passes_at_once(self, state: ArmState, wanted: ArmCommand) -> bool:
@@ -132,6 +129,23 @@ class Guard:
         self.counters.slowed += 1
         return self._shaper.approach(position, dt)
 
+    def _may_go_on(self, state: ArmState, wanted: ArmCommand) -> bool:
+        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
+            self.counters.refused += 1
+            return False
+        if not self._is_near(state, 1.0):
+            self.counters.slowed += 1
+            return False
+        return True
+
+    def _is_near(self, state: ArmState, share: float) -> bool:
+        """Whether the robot's speed, and a ``share`` of what its acceleration can add, explain how far we are ahead.
+
+        Else the robot does not get what we say, and all that piles up would reach it as one blow.
+        """
+        leads = zip(self._shaper.position, state.planned, state.velocity, self._limits.acceleration, strict=True)
+        return all(abs(last - now) < share * _useful_lead(speed, gain) for last, now, speed, gain in leads)
+
     def _inside(self, position: Joints) -> Joints:
         """Cut at the range; an arm that stands outside of it may come back but not go further."""
         lower, upper, last = self._limits.lower, self._limits.upper, self._shaper.position
@@ -152,7 +166,11 @@ class Guard:
         return self._velocity
 
 
+def _useful_lead(speed: float, acceleration: float) -> float:
+    """The lead [rad] at which a robot seen at ``speed`` [rad/s] may have come to move; more does not move it faster."""
+    return (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
+
+
 def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:
-    """A lead [rad] after one step of braking; what exceeds the robot's speed [rad/s] does not move it any faster."""
-    useful = (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
-    return copysign(max(0.0, min(abs(lead), useful) - acceleration / EGM_GAIN * dt), lead)
+    """A lead [rad] after one step of braking."""
+    return copysign(max(0.0, min(abs(lead), _useful_lead(speed, acceleration)) - acceleration / EGM_GAIN * dt), lead)
