@@ -47,7 +47,7 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     settings = replace(settings, robot=replace(settings.robot, address="127.0.0.1"), egm=egm)
     controllers = {
         side: tuple(
-            replace(entry, values={**entry.values, "p": arguments.gain}) if entry.name == POSITION else entry
+            entry.with_value("p", arguments.gain, "--gain") if entry.name == POSITION else entry
             for entry in read_controllers(side)
         )
         for side in Side
