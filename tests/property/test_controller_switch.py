@@ -11,6 +11,7 @@ import pytest
 from egm_loop import EgmLoop
 from yumi.control.controller import Controller
 from yumi.control.goals import put_goal
+from yumi.control.lifecycle import State
 from yumi.control.mailbox import Mailbox, MemoryMailbox
 from yumi.control.parameter import Values
 from yumi.controllers.joint_position import JointPositionController
@@ -61,6 +62,14 @@ def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
             loop.cycle()
 
 
+def assert_within_limits(loop: SwitchedLoop) -> None:
+    for before, after in pairwise(loop.cycles):
+        room = after.state.dt * 1.001
+        steps = zip(before.admitted.position, after.admitted.position, YUMI_LIMITS.velocity, strict=True)
+        assert all(abs(new - old) <= speed * room + 1e-9 for old, new, speed in steps)
+        assert all(map(float.__le__, map(abs, after.admitted.velocity), YUMI_LIMITS.velocity))
+
+
 @pytest.fixture(scope="module")
 def loop() -> SwitchedLoop:
     """After a thousand switches."""
@@ -73,11 +82,7 @@ def loop() -> SwitchedLoop:
 
 
 def test_no_switch_makes_the_admitted_command_jump(loop: SwitchedLoop) -> None:
-    for before, after in pairwise(loop.cycles):
-        room = after.state.dt * 1.001
-        steps = zip(before.admitted.position, after.admitted.position, YUMI_LIMITS.velocity, strict=True)
-        assert all(abs(new - old) <= speed * room + 1e-9 for old, new, speed in steps)
-        assert all(map(float.__le__, map(abs, after.admitted.velocity), YUMI_LIMITS.velocity))
+    assert_within_limits(loop)
 
 
 def test_no_switch_overloads_the_robot(loop: SwitchedLoop) -> None:
@@ -89,3 +94,19 @@ def test_no_switch_overloads_the_robot(loop: SwitchedLoop) -> None:
 def test_no_switch_makes_a_controller_fail(loop: SwitchedLoop) -> None:
     assert loop.manager.failures == []
     assert loop.snapshot.refused == 0
+
+
+@pytest.mark.parametrize("state", [State.INACTIVE, State.UNCONFIGURED])
+def test_hardware_that_leaves_in_mid_motion_brings_the_arm_to_rest_within_its_limits(state: State) -> None:
+    loop = SwitchedLoop()
+    loop.begin()
+    loop.go(YUMI_LIMITS.upper)
+    loop.run(0.3)
+    loop.manager.set_hardware_state("arm", state)
+    loop.run(0.7)
+    assert_within_limits(loop)
+    assert (loop.line.is_still, loop.snapshot.is_running, loop.snapshot.is_commanded) == (True, True, False)
+    place = loop.snapshot.admitted
+    loop.manager.set_hardware_state("arm", State.ACTIVE)
+    loop.run(0.1)
+    assert loop.snapshot.admitted == place

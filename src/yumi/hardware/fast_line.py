@@ -10,6 +10,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
@@ -20,6 +21,7 @@ from yumi.control.requests import (
     CycleFailed,
     Event,
     Refusal,
+    Reply,
     Request,
     Stop,
 )
@@ -73,6 +75,20 @@ class WiredArm:
     rehearse: Callable[[], None] = lambda: None
 
 
+class Question(NamedTuple):
+    """A request on its way through the pipe, with a number that its answer bears, too."""
+
+    number: int
+    request: Request
+
+
+class Answer(NamedTuple):
+    """What became of the request of that number."""
+
+    number: int
+    reply: Reply
+
+
 Build = Callable[[Side, ArmBoxes], WiredArm]
 """Builds an arm inside its process; must be picklable."""
 
@@ -105,7 +121,7 @@ class FastLine:
         self._wait = wait
         self._stop_at: float | None = None
         self._desk = RequestDesk({side: arm.line})
-        self._requests: list[Request] = []
+        self._questions: list[Question] = []
         self._failures: dict[str, float] = {}
         self._poller = Poller()
         self._poller.watch(arm.socket, self._answer)
@@ -117,8 +133,8 @@ class FastLine:
         line = self._line
         while not self._may_end():
             self._wait.wait(self._poller, line.state is not None)
-            if self._requests and not line.is_datagram_due(self._clock.now()):
-                self._serve_requests()
+            if self._questions and not line.is_datagram_due(self._clock.now()):
+                self._answer_questions()
             line.watch_silence(self._clock.now())
             for event in line.take_events():
                 self._tell(event)
@@ -156,21 +172,21 @@ class FastLine:
 
     def _receive(self) -> None:
         try:
-            request = self._pipe.receive()
+            question = self._pipe.receive()
         except PipeClosed:
             self._poller.forget(self._pipe)
             self._begin_to_end()
             return
-        if isinstance(request, Stop):
+        if isinstance(question, Stop):
             self._begin_to_end()
         else:
-            self._requests.append(request)
+            self._questions.append(question)
 
-    def _serve_requests(self) -> None:
+    def _answer_questions(self) -> None:
         """A list of many controllers takes as long as a reply: no datagram should have to wait for it."""
-        for request in self._requests:
-            self._send(self._desk.serve(request, self._clock.now()))
-        self._requests.clear()
+        for number, request in self._questions:
+            self._send(Answer(number, self._desk.serve(request, self._clock.now())))
+        self._questions.clear()
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD

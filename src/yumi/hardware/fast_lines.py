@@ -21,7 +21,7 @@ from yumi.control.requests import (
 )
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.hardware.fast_line import LAST_HOLD, ArmBoxes, Build, run_fast_line
+from yumi.hardware.fast_line import LAST_HOLD, Answer, ArmBoxes, Build, Question, run_fast_line
 from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
 from yumi.robot.joints import Side
@@ -57,6 +57,7 @@ class FastLineProcess:
         self._on_event = on_event
         self._lock = Lock()
         self._answers: list[Reply] = []
+        self._number = 0
         self._answered = Flag()
         self._reader = Thread(target=self._read, name="fast-line-events", daemon=True)
 
@@ -119,8 +120,9 @@ class FastLineProcess:
 
     def _exchange(self, request: Request) -> Reply:
         self._answered.clear()
+        self._number += 1  # an answer that comes too late is not taken for that of the next request
         try:
-            self._child.pipe.send(request)
+            self._child.pipe.send(Question(self._number, request))
         except PipeClosed as error:
             raise RobotNotReady(ended(self._side)) from error
         if not self._answered.wait(_ANSWER_TIMEOUT):
@@ -136,11 +138,15 @@ class FastLineProcess:
                     self._child.join(_ANSWER_TIMEOUT)
                     self._on_event(FastLineEnded(self._side, self._child.exit_code))
                 return
-            if isinstance(value, Done | Refusal):
-                self._answers.append(value)
-                self._answered.set()
+            if isinstance(value, Answer):
+                self._take_answer(value)
             else:
                 self._on_event(value)
+
+    def _take_answer(self, answer: Answer) -> None:
+        if answer.number == self._number:
+            self._answers.append(answer.reply)
+            self._answered.set()
 
 
 class FastLines:
