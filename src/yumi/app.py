@@ -34,7 +34,7 @@ from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import SettingsError, YumiError
+from yumi.errors import YumiError
 from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
@@ -43,6 +43,7 @@ from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.rws_client import RwsClient
+from yumi.initial_controllers import start_controllers
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
 from yumi.links.only import Only
@@ -61,11 +62,29 @@ if TYPE_CHECKING:
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
-CONTROLLER_KINDS: Mapping[str, Callable[[ArmBoxes], Controller]] = {
-    JointStateBroadcaster.kind: lambda boxes: JointStateBroadcaster(boxes.states),
-    JointPositionController.kind: lambda boxes: JointPositionController(boxes.goals),
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a controller is made, in the fast line: what it may be given.
+
+    Attributes:
+        name: the controller's name.
+        side: its arm.
+        boxes: what its arm shares with the other processes.
+        partner: what the other arm shares with them.
+    """
+
+    name: str
+    side: Side
+    boxes: ArmBoxes
+    partner: ArmBoxes
+
+
+CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
+    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
+    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
 }
-"""How a controller of ``controllers.yaml`` is made."""
+"""How a controller of each type is made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,48 +113,59 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
 
     Raises:
         NoConnection: there is no way to the robot's address.
-        SettingsError: a controller has an unknown type.
+        SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
-    for side, entries in controllers.items():
-        for entry in entries:
-            if entry.kind not in CONTROLLER_KINDS:
-                known = ", ".join(CONTROLLER_KINDS)
-                raise SettingsError(
-                    f"Controller {entry.name!r} of {side.value} has type {entry.kind!r}; known are: {known}."
-                )
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
     period = settings.egm_motion.sample_rate * 1e-3
-    return EgmPlan(listen, remote, ports, settings.egm.silence, period, controllers)
+    return EgmPlan(listen, remote, ports, settings.egm.silence, period, check_controllers(controllers))
 
 
-def build_arm(plan: EgmPlan, side: Side, boxes: ArmBoxes) -> WiredArm:
+def check_controllers(controllers: Controllers) -> Controllers:
+    """``controllers`` as the fast line can start them: tried out, and without what stands under a wildcard for others.
+
+    Raises:
+        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
+    """
+    boxes = {side: ArmBoxes() for side in Side}
+    return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
+
+
+def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes]) -> ControllerManager:
+    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other]))
+
+    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
+    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
+
+
+def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> WiredArm:
     """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
     arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
-    recorder = FlightRecorder(boxes.flight)
-    line = ArmLine(side, arm, manager, guard, boxes.snapshots, recorder, stations, plan.period)
+    own = boxes[side]
+    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
 
 def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
     """The stand-in has boxes of its own: nobody looks into them."""
     socket = UdpServer("127.0.0.1", 0)
-    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), socket), SystemClock())
+    boxes = {each: ArmBoxes() for each in Side}
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, boxes, socket), SystemClock())
 
 
 def _parts_of_arm(
-    side: Side, plan: EgmPlan, boxes: ArmBoxes, socket: UdpServer, stations: StationClock | None = None
+    side: Side,
+    plan: EgmPlan,
+    boxes: Mapping[Side, ArmBoxes],
+    socket: UdpServer,
+    stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = ControllerManager(joint_names(side))
-    for entry in plan.controllers[side]:
-        controller = CONTROLLER_KINDS[entry.kind](boxes)
-        manager.load(entry.name, controller)
-        manager.configure(entry.name, entry.values)
-        if not controller.is_command:
-            manager.switch((entry.name,), (), None)
+    manager = _manager_of(side, boxes)
+    start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
     return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.period)
 

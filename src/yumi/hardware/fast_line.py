@@ -6,7 +6,7 @@ Requests are served between two cycles. When the parent dies the arm holds until
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -14,19 +14,14 @@ from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FLIGHT_SIZE
 from yumi.control.goals import GOAL_SIZE
+from yumi.control.request_desk import RequestDesk
 from yumi.control.requests import (
     CycleFailed,
-    Done,
-    ListControllers,
     Refusal,
-    Reply,
-    Request,
-    SetParameters,
     Stop,
-    SwitchControllers,
 )
 from yumi.control.snapshot import SNAPSHOT_SIZE
-from yumi.errors import CommandRefused, YumiError
+from yumi.errors import YumiError
 from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
@@ -75,11 +70,11 @@ class WiredArm:
     rehearse: Callable[[], None] = lambda: None
 
 
-Build = Callable[[Side, ArmBoxes], WiredArm]
-"""Builds an arm inside its process; must be picklable."""
+Build = Callable[[Side, Mapping[Side, ArmBoxes]], WiredArm]
+"""Builds an arm inside its process, with the boxes of both arms; must be picklable."""
 
 
-def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: ArmBoxes, wake: WakeMode) -> None:
+def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the process."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
@@ -91,7 +86,7 @@ def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: ArmBoxes, wake
     clock = SystemClock()
     wait = way_to_wait(wake, clock)
     pipe.send(f"Fast line: {prepare_process()}, {describe(wait)}.")
-    FastLine(pipe, side, arm, boxes.bell, clock, wait).run()
+    FastLine(pipe, side, arm, boxes[side].bell, clock, wait).run()
 
 
 class FastLine:
@@ -103,6 +98,7 @@ class FastLine:
         self._line = arm.line
         self._rehearsal = arm.rehearse
         self._bell = bell
+        self._desk = RequestDesk({side: arm.line})
         self._clock = clock
         self._wait = wait
         self._stop_at: float | None = None
@@ -162,29 +158,11 @@ class FastLine:
         if isinstance(request, Stop):
             self._begin_to_end()
         else:
-            self._send(self._reply_to(request))
+            self._send(self._desk.serve(request, self._clock.now()))
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
         self._line.manager.deactivate_commanding()
-
-    def _reply_to(self, request: Request) -> Reply:
-        try:
-            return self._carry_out(request)
-        except CommandRefused as error:
-            return Refusal(str(error))
-        except Exception as error:
-            return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
-
-    def _carry_out(self, request: Request) -> Done:
-        line = self._line
-        if isinstance(request, SwitchControllers):
-            line.switch(request.activate, request.deactivate, self._clock.now())
-        elif isinstance(request, SetParameters):
-            line.manager.set_parameters(request.controller, request.values)
-        elif isinstance(request, ListControllers):
-            return Done(line.manager.controllers())
-        return Done()
 
     def _send(self, value: object) -> None:
         try:

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from threading import Event as Flag
 from threading import Lock, Thread
 
 from yumi.control.flight_recorder import FlightRecorder
-from yumi.control.requests import Done, Event, FastLineEnded, Refusal, Reply, Request, Stop
+from yumi.control.requests import (
+    CheckOrders,
+    Done,
+    Event,
+    FastLineEnded,
+    Refusal,
+    Reply,
+    Request,
+    SendOrders,
+    Stop,
+)
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.hardware.fast_line import LAST_HOLD, ArmBoxes, Build, run_fast_line
@@ -29,20 +39,27 @@ class FastLineProcess:
     Args:
         side: the arm.
         build: how to build it in the child.
+        boxes: what both arms share with their parent, and with each other.
         on_event: called on a thread of its own for everything the fast line tells.
         wake: how it waits for datagrams.
 
     Attributes:
-        boxes: what it shares with its parent.
         started_as: what the operating system permitted it, in a sentence.
     """
 
-    def __init__(self, side: Side, build: Build, on_event: Callable[[Event], None], wake: WakeMode) -> None:
-        self.boxes = ArmBoxes()
+    def __init__(
+        self,
+        side: Side,
+        build: Build,
+        boxes: Mapping[Side, ArmBoxes],
+        on_event: Callable[[Event], None],
+        wake: WakeMode,
+    ) -> None:
+        self._snapshots = boxes[side].snapshots
         self.started_as = ""
         self._side = side
         self._is_wanted = True
-        self._child = ChildProcess(f"yumi-fast-line-{side.value}", run_fast_line, build, side, self.boxes, wake)
+        self._child = ChildProcess(f"yumi-fast-line-{side.value}", run_fast_line, build, side, boxes, wake)
         self._on_event = on_event
         self._lock = Lock()
         self._answers: list[Reply] = []
@@ -76,7 +93,7 @@ class FastLineProcess:
 
     def snapshot(self) -> Snapshot:
         """What is known of the arm; nothing when the process is gone."""
-        return peek_snapshot(self.boxes.snapshots) if self.is_alive else Snapshot()
+        return peek_snapshot(self._snapshots) if self.is_alive else Snapshot()
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
@@ -146,8 +163,8 @@ class FastLines:
     """
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
-        self._lines = {side: FastLineProcess(side, build, on_event, wake) for side in Side}
-        self.boxes = {side: line.boxes for side, line in self._lines.items()}
+        self.boxes = {side: ArmBoxes() for side in Side}
+        self._lines = {side: FastLineProcess(side, build, self.boxes, on_event, wake) for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
 
     def start(self) -> None:
@@ -187,11 +204,20 @@ class FastLines:
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles of its arm.
 
+        Orders for both arms are checked on both before any is sent: what stands against one stands against all.
+
         Raises:
             CommandRefused: a rule stands against it; nothing was changed.
             RobotNotReady: the arm's fast line is gone.
         """
-        return self._lines[request.side].ask(request)
+        if not isinstance(request, CheckOrders | SendOrders):
+            return self._lines[request.side].ask(request)
+        parts = {side: tuple(order for order in request.orders if order.side is side) for side in Side}
+        for step in (CheckOrders, type(request)):
+            for side, orders in parts.items():
+                if orders:
+                    self._lines[side].ask(step(orders))
+        return Done()
 
     def stop(self) -> None:
         """End both processes; the arms hold as long as they move."""
