@@ -46,7 +46,7 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     settings = read_settings()
     egm = replace(settings.egm, wake=WakeMode(arguments.wake), left_port=left, right_port=right)
     settings = replace(settings, robot=replace(settings.robot, address="127.0.0.1"), egm=egm)
-    gain = Entry(arguments.gain, "--gain")
+    gain = Entry(arguments.gain, "--gain", is_general=False)
     controllers = {
         side: tuple(
             replace(entry, entries={**entry.entries, "p": gain}) if entry.name == POSITION else entry
