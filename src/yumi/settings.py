@@ -14,7 +14,7 @@ from typing import Any, TypeVar, get_type_hints
 import yaml
 
 from yumi.bounds import bounded
-from yumi.control.parameter import Value, Values
+from yumi.control.parameter import Values
 from yumi.errors import SettingsError
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
@@ -140,10 +140,6 @@ class ControllerSettings:
     def values(self) -> Values:
         """Its parameters' values."""
         return {key: entry.value for key, entry in self.entries.items()}
-
-    def with_value(self, key: str, value: Value, place: str) -> ControllerSettings:
-        """These settings with one parameter set to what ``place`` says."""
-        return replace(self, entries={**self.entries, key: Entry(value, place, is_general=False)})
 
 
 @dataclass(frozen=True, slots=True)

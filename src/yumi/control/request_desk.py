@@ -61,7 +61,7 @@ class RequestDesk:
         return _SERVED[type(request)](self._lines[request.side], request, now)
 
     def _check_orders(self, orders: tuple[Order, ...]) -> Done:
-        """All are checked before any is taken; a second one for a controller could rest on what the first changes."""
+        """A second order for a controller could rest on what the first changes."""
         addressees = Counter((order.side, order.controller) for order in orders)
         for (side, name), count in addressees.items():
             if count > 1:
@@ -72,6 +72,7 @@ class RequestDesk:
         return Done()
 
     def _send_orders(self, orders: tuple[Order, ...]) -> Done:
+        """All are checked before any is taken."""
         self._check_orders(orders)
         for order in orders:
             line = self._lines[order.side]

@@ -189,7 +189,9 @@ ArmRequest = (
 )
 """What concerns one arm."""
 
-Request = ArmRequest | CheckOrders | SendOrders
+Orders = CheckOrders | SendOrders
+
+Request = ArmRequest | Orders
 
 
 @dataclass(frozen=True, slots=True)

@@ -115,13 +115,6 @@ def test_controllers_take_what_their_own_section_and_the_wildcards_say(file: Pat
     assert checked(file, LISTED + "/**/position: {ros__parameters: {p: 1}}").values == {"p": 1}
 
 
-def test_controllers_may_be_given_another_value_whose_refusal_names_where_it_is_from(file: Path) -> None:
-    file.write_text(LISTED)
-    (settings,) = (settings.with_value("p", 9.0, "--gain") for settings in read_controllers(RIGHT, file))
-    with pytest.raises(SettingsError, match=r"^--gain: Parameter 'p' of controller 'position' is 9"):
-        check_controllers({RIGHT: (settings,)})
-
-
 @pytest.mark.parametrize("state", [None, *InitialState])
 def test_controllers_have_an_initial_state(file: Path, state: InitialState | None) -> None:
     file.write_text(LISTED + (f"      initial_state: {state.value}" if state else ""))
