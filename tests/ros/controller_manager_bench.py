@@ -64,7 +64,7 @@ class Manager:
         self.name = name
         self.namespace = name.rpartition("/")[0]
 
-    def call(self, service: str, **fields: Any) -> Any:
+    def call(self, service: str, /, **fields: Any) -> Any:
         kind = SERVICES[service]
         return self.client.call(kind, f"{self.name}/{service}", kind.Request(**fields), CALL_TIMEOUT)
 

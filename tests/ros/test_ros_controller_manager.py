@@ -79,8 +79,10 @@ def test_list_controllers_shows_every_column(guided: Manager) -> None:
     assert (position.type, position.state, position.update_rate) == (POSITION_KIND, "inactive", 248)
     assert set(POSITIONS) <= set(position.required_command_interfaces)
     assert set(POSITIONS) <= set(broadcaster.required_state_interfaces)
-    assert not (position.claimed_interfaces or position.is_async or position.is_chainable or position.is_chained)
-    assert not (position.chain_connections or position.reference_interfaces or position.exported_state_interfaces)
+    flags = (position.is_async, position.is_chainable, position.is_chained)
+    lists = ("claimed_interfaces", "chain_connections", "reference_interfaces", "exported_state_interfaces")
+    assert not any(flags)
+    assert not any(getattr(position, name) for name in lists)
 
 
 def test_controller_claims_its_interfaces_only_while_it_is_active(guided: Manager) -> None:
@@ -221,7 +223,7 @@ def test_spawner_finds_all_six_parameter_services(manager: Manager) -> None:
 
 def test_spawner_gives_a_controller_the_parameters_of_its_file(guided: Manager, spare: str, tmp_path: Path) -> None:
     file = tmp_path / "spare.yaml"
-    file.write_text(f"/r/{spare}:\n  ros__parameters:\n    p: 0.75\n/**:\n  ros__parameters:\n    p: 0.5\n")
+    file.write_text(f"/**:\n  ros__parameters:\n    p: 0.5\n/r/{spare}:\n  ros__parameters:\n    p: 0.75\n")
     assert guided.spawn(spare, POSITION_KIND, [str(file)])
     assert guided.state(spare) == "active"
     assert get_parameter(guided.client, f"/r/{spare}", "p").double_value == 0.75

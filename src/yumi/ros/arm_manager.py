@@ -10,7 +10,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, is_fault
+from yumi.control.requests import ControllerNotice, Event, is_fault
 from yumi.errors import YumiError
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
@@ -69,6 +69,9 @@ class ArmManager:
 
     def tell(self, event: Event) -> None:
         """Log what happened in the fast line and look at who is in which state; from any thread."""
+        if isinstance(event, ControllerNotice):
+            self._nodes.tell(event.controller, event.notice)
+            return
         log = self.node.get_logger()
         if is_fault(event):
             log.error(str(event))
@@ -78,6 +81,7 @@ class ArmManager:
 
     def look(self) -> None:
         """Have the executor look whether the activity has changed; from any thread."""
+        self._repeats.forget()
         self._news.trigger()
 
     def destroy(self) -> None:
@@ -86,7 +90,6 @@ class ArmManager:
         self.node.destroy_node()
 
     def _look(self) -> None:
-        self._repeats.forget()
         if self._wait.is_over:
             self._activity.update()
 

@@ -151,7 +151,8 @@ class ControllerManagerServices:
         def carry() -> None:
             self._hardware.bring_to(request.name, state_of(request.target_state))
 
-        response.ok = self._try("set_hardware_component_state", carry)
+        name = "set_hardware_component_state"
+        response.ok = self._try(name, lambda: self._repeats.once((name, request), carry))
         response.state = lifecycle_state(self._hardware.state)
         return response
 

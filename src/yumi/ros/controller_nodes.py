@@ -25,6 +25,9 @@ class Line(Protocol):
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
 
+    def tell(self, notice: Any) -> None:
+        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_notices`."""
+
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
 
@@ -75,6 +78,13 @@ class ControllerNode:
     def offer(self, make: MakeInterface) -> None:
         """Add what the controller's kind has besides parameters."""
         self._interface = make(self.node, self._side, self._name)
+
+    def tell(self, notice: object) -> None:
+        """Pass a notice of the controller on to what it offers; without that it stands in the log."""
+        if self._interface is not None:
+            self._interface.tell(notice)
+        else:
+            self.node.get_logger().info(str(notice))
 
     def destroy(self) -> None:
         if self._interface is not None:
@@ -127,6 +137,12 @@ class ControllerNodes:
         if node is not None:
             self._executor.remove_node(node.node)
             node.destroy()
+
+    def tell(self, name: str, notice: object) -> None:
+        """Pass a controller's notice on; from any thread."""
+        node = self._nodes.get(name)
+        if node is not None:
+            node.tell(notice)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""
