@@ -29,6 +29,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from yumi.links.command import Command
 from yumi.robot.joints import Side, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -40,8 +41,17 @@ POSITIONS = [f"{name}/position" for name in joint_names(Side.RIGHT)]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+@pytest.fixture(scope="module")
+def client(driver: Command) -> Iterator[Client]:
+    """One for all: it has found the driver's services once."""
+    client = Client()
+    yield client
+    client.close()
+
+
 @pytest.fixture
 def manager(client: Client) -> Manager:
+    client.sentences.clear()
     return Manager(client)
 
 
