@@ -216,7 +216,8 @@ def run_driver(
             stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
-            ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            force, rate = settings.gripper.force, settings.ros.merged_rate
+            ros = RosDriver(fast_line, plan.controllers, manager, grippers, force, rate, clock)
             stack.callback(ros.stop)
             records = Records(settings.recorder, fast_line.recorders, ros.say)
             stack.callback(records.close)

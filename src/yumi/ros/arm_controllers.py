@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from yumi.control.inventory import ControllerInfo
@@ -20,7 +20,9 @@ from yumi.control.requests import (
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 from yumi.ros.controller_nodes import ControllerNodes, Line
+from yumi.ros.controller_parameters import Presets
 from yumi.ros.manager_parameters import ManagerParameters
+from yumi.settings import ControllerSettings
 
 
 class ArmControllers:
@@ -31,14 +33,24 @@ class ArmControllers:
         line: where the controllers live.
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
+        known: those of ``controllers.yaml``, loaded or not.
         log: where what is not wrong enough to be refused is told.
     """
 
-    def __init__(self, side: Side, line: Line, nodes: ControllerNodes, parameters: ManagerParameters, log: Any) -> None:
+    def __init__(
+        self,
+        side: Side,
+        line: Line,
+        nodes: ControllerNodes,
+        parameters: ManagerParameters,
+        known: Iterable[ControllerSettings],
+        log: Any,
+    ) -> None:
         self._side = side
         self._line = line
         self._nodes = nodes
         self._parameters = parameters
+        self._known = {settings.name: settings for settings in known}
         self._log = log
 
     def begin(self) -> None:
@@ -47,8 +59,9 @@ class ArmControllers:
         Raises:
             YumiError: the fast line is gone.
         """
+        for settings in self._known.values():
+            self._parameters.note_type(settings.name, settings.kind)
         for info in self.list():
-            self._parameters.note_type(info.name, info.kind)
             self._nodes.add(info)
 
     def list(self) -> tuple[ControllerInfo, ...]:
@@ -68,7 +81,7 @@ class ArmControllers:
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         self._line.ask(LoadController(self._side, name, kind))
         try:
-            self._nodes.add(self._info(name), arguments)
+            self._nodes.add(self._info(name), arguments, self._presets(name, kind))
         except Exception:
             self._line.ask(UnloadController(self._side, name))
             raise
@@ -111,6 +124,10 @@ class ArmControllers:
             self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
         for info in controllers:
             self.unload(info.name)
+
+    def _presets(self, name: str, kind: str) -> Presets:
+        settings = self._known.get(name)
+        return settings.entries if settings is not None and settings.kind == kind else {}
 
     def _info(self, name: str) -> ControllerInfo:
         for info in self.list():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rclpy
@@ -23,6 +23,7 @@ from yumi.ros.description_topic import DescriptionWait
 from yumi.ros.manager_diagnostics import ManagerDiagnostics
 from yumi.ros.manager_parameters import ManagerParameters
 from yumi.ros.repeats import Repeats
+from yumi.settings import ControllerSettings
 
 RATE = round(1.0 / CYCLE)
 """``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
@@ -34,6 +35,7 @@ class ArmManager:
     Args:
         side: which arm.
         line: where the controllers live.
+        known: the controllers of ``controllers.yaml``, loaded or not.
         executor: what spins this node and those of the controllers.
         interfaces: what controllers of a kind offer besides parameters.
         clock: the machine's clock.
@@ -43,6 +45,7 @@ class ArmManager:
         self,
         side: Side,
         line: Line,
+        known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
@@ -53,7 +56,7 @@ class ArmManager:
         self._repeats = Repeats(clock)
         self._parameters = ManagerParameters(self.node, RATE, self._repeats.forget)
         self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
-        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, self.node.get_logger())
+        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, known, self.node.get_logger())
         self._hardware = ArmHardware(side, line)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
         self._news = self.node.create_guard_condition(self._look, MutuallyExclusiveCallbackGroup())

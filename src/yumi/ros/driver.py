@@ -17,7 +17,7 @@ entities; what comes or goes hundreds of times a second has a lean one of its ow
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from threading import Event as Flag
 from threading import Thread
@@ -43,6 +43,7 @@ from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.robot_manager import RobotManager, RobotManagerServices
+from yumi.settings import ControllerSettings
 
 _THREADS = 8  # more than there are slow services and actions
 _EGM_STATE_PERIOD = 0.1  # [s]
@@ -55,6 +56,7 @@ class RosDriver:
 
     Args:
         fast_line: started before this is.
+        controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both hands.
         force: gripper force where a goal names none [N].
@@ -65,6 +67,7 @@ class RosDriver:
     def __init__(
         self,
         fast_line: FastLineProcess,
+        controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: Mapping[Side, Gripper],
         force: float,
@@ -80,7 +83,10 @@ class RosDriver:
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
-        self._arms = {side: ArmManager(side, fast_line, self._executor, CONTROLLER_INTERFACES, clock) for side in Side}
+        self._arms = {
+            side: ArmManager(side, fast_line, controllers[side], self._executor, CONTROLLER_INTERFACES, clock)
+            for side in Side
+        }
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
