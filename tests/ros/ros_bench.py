@@ -14,7 +14,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy
 from rcl_interfaces.msg import Log
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 
 from yumi.links.command import Command
 from yumi.links.udp import free_port
@@ -54,10 +54,10 @@ class Robot:
 class Client:
     """A node that listens and calls; everything waits for what it waits for."""
 
-    def __init__(self) -> None:
+    def __init__(self, executor: Executor | None = None) -> None:
         self.node: Any = rclpy.create_node("test_client")
         self.sentences: list[str] = []
-        self._executor = SingleThreadedExecutor()
+        self._executor = executor or SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._callers: dict[str, Any] = {}
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
