@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from threading import Event, Timer
 from types import SimpleNamespace
 from typing import Any
 
@@ -83,6 +84,8 @@ class MemoryLine:
     def __init__(self) -> None:
         self.made: list[Watcher] = []
         self.is_gone = False
+        self.may_answer = Event()
+        self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
         arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
         self._desk = RequestDesk({Side.RIGHT: ArmLine(Side.RIGHT, arm, manager, guard, MemoryMailbox())})
@@ -94,6 +97,7 @@ class MemoryLine:
     def ask(self, request: Request) -> Done:
         if self.is_gone:
             raise RobotNotReady("The fast-line process has ended; restart the driver.")
+        self.may_answer.wait()
         reply = self._desk.serve(request, 0.0)
         if isinstance(reply, Refusal):
             raise CommandRefused(reply.sentence)
@@ -292,6 +296,15 @@ def test_automatic_strictness_is_best_effort_and_says_so(manager: Manager, numbe
     assert manager.switch(["watcher", "nobody"], [], strictness=number_).ok
     manager.client.until(manager.client.hears(f"Strictness {name} is treated as BEST_EFFORT"))
     assert manager.unspawn("watcher")
+
+
+def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
+    rig: SimpleNamespace, watcher: Watcher, manager: Manager
+) -> None:
+    rig.line.may_answer.clear()
+    Timer(1.0, rig.line.may_answer.set).start()  # what comes after the answer asks the line, too
+    answer = manager.switch([], [], timeout=0.3)
+    assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
 
 
 def test_manager_without_its_fast_line_lists_nothing_refuses_all_and_is_finalized(

@@ -22,7 +22,7 @@ from controller_manager_bench import (
 from controller_manager_msgs.msg import ControllerManagerActivity
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State
-from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from sensor_msgs.msg import JointState
@@ -400,29 +400,11 @@ def test_diagnostics_have_the_three_tasks_of_a_controller_manager(guided: Manage
 # parameters of a controller
 
 
-def test_parameter_of_a_controller_is_described_with_range_unit_and_sentence(client: Client) -> None:
-    request = DescribeParameters.Request(names=["p"])
-    (description,) = client.call(DescribeParameters, f"/r/{POSITION}/describe_parameters", request).descriptors
-    (bounds,) = description.floating_point_range
-    assert (bounds.from_value, description.read_only) == (0.0, False)
-    assert bounds.to_value > 0.0
-    assert description.description
-
-
 def test_gain_set_on_a_controller_is_kept_by_its_node(client: Client) -> None:
     before = get_parameter(client, f"/r/{POSITION}", "p").double_value
     assert set_parameter(client, f"/r/{POSITION}", "p", number(0.9)).successful
     assert get_parameter(client, f"/r/{POSITION}", "p").double_value == 0.9
     assert set_parameter(client, f"/r/{POSITION}", "p", number(before)).successful
-
-
-@pytest.mark.parametrize("value", [number(1e6), number(float("nan")), text("much")])
-def test_gain_out_of_range_is_refused_and_changes_nothing(client: Client, value: Any) -> None:
-    before = get_parameter(client, f"/r/{POSITION}", "p")
-    refused = set_parameter(client, f"/r/{POSITION}", "p", value)
-    assert not refused.successful
-    assert refused.reason
-    assert get_parameter(client, f"/r/{POSITION}", "p") == before
 
 
 def test_rate_of_a_manager_and_its_controllers_is_fixed(client: Client) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as Overdue
 from typing import Any
 
 from yumi.control.inventory import ControllerInfo
@@ -17,12 +19,14 @@ from yumi.control.requests import (
     SwitchControllers,
     UnloadController,
 )
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.controller_nodes import ControllerNodes, Line
 from yumi.ros.controller_parameters import Presets
 from yumi.ros.manager_parameters import ManagerParameters
 from yumi.settings import ControllerSettings
+
+_SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
 
 
 class ArmControllers:
@@ -100,15 +104,28 @@ class ArmControllers:
         self._line.ask(UnloadController(self._side, name))
         self._nodes.remove(name)
 
-    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int) -> str:
+    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int, timeout: float) -> str:
         """Switch between two cycles; what was done as a sentence.
 
+        Args:
+            activate: names of controllers to activate.
+            deactivate: names of controllers to deactivate.
+            strictness: one of the wire's numbers, 0 for the default.
+            timeout: how long to wait for the fast line [s]; 0 for the default.
+
         Raises:
+            RobotNotReady: it took longer; the switch may still be carried out.
             YumiError: a rule stands against it; nothing was changed.
         """
-        chosen = self._strictness(strictness)
+        chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
         request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
-        return self._line.ask(request).sentence or "Successfully switched controllers!"
+        thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
+        waiting = thread.submit(self._line.ask, request)
+        thread.shutdown(wait=False)  # it ends with the answer
+        try:
+            return waiting.result(timeout).sentence
+        except Overdue as error:
+            raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
 
     def reload(self, is_forced: bool) -> None:
         """Unload all controllers; there are no libraries to load again.

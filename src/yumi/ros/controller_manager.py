@@ -134,8 +134,9 @@ class ControllerManagerServices:
 
     def _switch(self, request: Any, response: Any) -> Any:
         def carry() -> str:
+            timeout = request.timeout.sec + request.timeout.nanosec * 1e-9
             return self._controllers.switch(
-                request.activate_controllers, request.deactivate_controllers, request.strictness
+                request.activate_controllers, request.deactivate_controllers, request.strictness, timeout
             )
 
         try:
