@@ -30,9 +30,9 @@ from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecu
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, FastLineEnded
+from yumi.control.requests import Event
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
 from yumi.ros.arm_manager import ArmManager
@@ -55,7 +55,7 @@ class RosDriver:
     """All nodes of the driver in one process.
 
     Args:
-        fast_line: started before this is.
+        fast_lines: both arms'.
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both hands.
@@ -66,7 +66,7 @@ class RosDriver:
 
     def __init__(
         self,
-        fast_line: FastLineProcess,
+        fast_lines: FastLines,
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: Mapping[Side, Gripper],
@@ -74,8 +74,8 @@ class RosDriver:
         merged_rate: float,
         clock: Clock,
     ) -> None:
-        self._boxes = fast_line.boxes
-        self._snapshot = fast_line.snapshot
+        self._boxes = fast_lines.boxes
+        self._snapshot = fast_lines.snapshot
         self._manager = manager
         self._grippers = grippers
         self._fingers: dict[Side, float] = {}
@@ -84,7 +84,7 @@ class RosDriver:
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
         self._arms = {
-            side: ArmManager(side, fast_line, controllers[side], self._executor, CONTROLLER_INTERFACES, clock)
+            side: ArmManager(side, fast_lines, controllers[side], self._executor, CONTROLLER_INTERFACES, clock)
             for side in Side
         }
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
@@ -98,7 +98,7 @@ class RosDriver:
             for side, node in self._gripper_nodes.items()
         ]
         self._commands = [
-            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
+            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_lines.snapshot, side))
             for side, node in self._stream_nodes.items()
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
@@ -140,12 +140,8 @@ class RosDriver:
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
-        """Log what happened in the fast line."""
-        if isinstance(event, FastLineEnded):
-            self._manager_node.get_logger().error(str(event))
-            self._look()
-        else:
-            self._arms[event.side].tell(event)
+        """Log what happened in a fast line, and see what has changed."""
+        self._arms[event.side].tell(event)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
