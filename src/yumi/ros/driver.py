@@ -3,9 +3,9 @@
 ====================== ============================================================================
 node                   what it has
 ====================== ============================================================================
-r/controller_manager   the services of ros2_control, activity, joint_states, egm_state, /diagnostics
+r/controller_manager   the services of ros2_control, activity, joint_states, /diagnostics
 r/<controller>         the parameters of each controller
-r/yumi_topics          joint_commands
+r/yumi_topics          joint_commands, egm_state
 r/gripper              gripper_cmd (and all of these for l)
 yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
 yumi_topics            joint_states (merged)
@@ -171,9 +171,9 @@ class RosDriver:
             executor.spin_once(timeout_sec=0.1)
 
     def _publish_health(self) -> None:
-        for side, arm in self._arms.items():
-            publisher = arm.node.create_publisher(DiagnosticStatus, "egm_state", 1)
-            arm.node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
+        for side, node in self._stream_nodes.items():
+            publisher = node.create_publisher(DiagnosticStatus, "egm_state", 1)
+            node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
         self._diagnostics = self._manager_node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._manager_node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
