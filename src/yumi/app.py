@@ -3,8 +3,9 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events (two),
-                                            flight-records (when something stops), full-recorder (--record)
+                                   threads: executor, streams, joint-states-r, joint-states-l, fingers,
+                                            fast-line-events (two), flight-records (when something stops),
+                                            full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
     yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
@@ -214,7 +215,8 @@ def run_driver(
             stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
-            ros = RosDriver(fast_lines, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            force, rate = settings.gripper.force, settings.ros.merged_rate
+            ros = RosDriver(fast_lines, plan.controllers, manager, grippers, force, rate, clock)
             stack.callback(ros.stop)
             records = Records(settings.recorder, fast_lines.recorders, ros.say)
             stack.callback(records.close)

@@ -154,10 +154,12 @@ class RobotManagerServices:
         node: the robot manager's node.
         manager: what is offered.
         group: callback group of its own, since a service may take seconds.
+        on_change: called after each service, since controllers and EGM may have changed.
     """
 
-    def __init__(self, node: Any, manager: RobotManager, group: Any) -> None:
+    def __init__(self, node: Any, manager: RobotManager, group: Any, on_change: Callable[[], None]) -> None:
         self._log = node.get_logger()
+        self._on_change = on_change
         offers: Mapping[str, Callable[[], str]] = {
             "start_egm": manager.start_egm,
             "stop_egm": manager.stop_egm,
@@ -177,6 +179,7 @@ class RobotManagerServices:
                 response.success = False
                 if name != "robot_is_ready":
                     self._log.error(f"{name}: {error}")
+            self._on_change()
             return response
 
         return answer
