@@ -25,13 +25,16 @@ from typing import TYPE_CHECKING
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
+from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.stations import StationClock
+from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.controllers.joint_velocity import JointVelocityController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import SettingsError, YumiError
@@ -78,9 +81,15 @@ class Place:
     shared: dict[object, object]
 
 
+def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
+    return kind(place.boxes.forward_positions, place.boxes.forward_speeds)
+
+
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
     JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
+    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds),
+    **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
 }
 """How a controller of each type is made."""
 
@@ -95,6 +104,7 @@ class EgmPlan:
         ports: UDP port per arm.
         silence: the robot is lost after this time [s].
         controllers: what runs on each arm.
+        position_gain: of the robot's own position loop [1/s].
     """
 
     listen: str
@@ -102,6 +112,7 @@ class EgmPlan:
     ports: Mapping[Side, int]
     silence: float
     controllers: Controllers
+    position_gain: float = EGM_GAIN
 
 
 def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
@@ -121,7 +132,9 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    return EgmPlan(listen, remote, ports, settings.egm.silence, controllers)
+    return EgmPlan(
+        listen, remote, ports, settings.egm.silence, controllers, EGM_GAIN * settings.egm_motion.pos_corr_gain
+    )
 
 
 def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
@@ -160,7 +173,7 @@ def _parts_of_arm(
         if not controller.is_command:
             manager.switch((entry.name,), (), None)
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS)
+    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.position_gain)
 
 
 def run_driver(

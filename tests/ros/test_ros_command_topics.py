@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sensor_msgs.msg import JointState
 
-from yumi.control.goals import peek_goal
+from yumi.control.goals import GoalKind, peek_goal
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.robot.joints import Joints, Side, joint_names
@@ -15,6 +15,12 @@ from yumi.ros.command_topics import JointCommandTopic
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)
+
+
+def newest(boxes: Boxes, session: int) -> tuple[int, Joints] | None:
+    """Number and positions of the newest goal."""
+    number, goal = peek_goal(boxes.goals, session)
+    return None if goal is None else (number, goal.position)
 
 
 class Boxes:
@@ -39,10 +45,26 @@ class Node:
         return None
 
 
+def commanded(
+    reference: Joints, *, session: int = 3, activation: int = 1, goal_kind: GoalKind = GoalKind.POSITION
+) -> Snapshot:
+    """An arm that a controller commands."""
+    return Snapshot(
+        session=session,
+        is_streaming=True,
+        is_running=True,
+        activation=activation,
+        goal_kind=goal_kind,
+        reference=reference,
+    )
+
+
 @pytest.fixture
 def boxes(middle: Joints) -> Boxes:
     boxes = Boxes()
-    snapshot = Snapshot(session=3, is_streaming=True, is_running=True, activation=1, reference=middle)
+    snapshot = Snapshot(
+        session=3, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.POSITION, reference=middle
+    )
     put_snapshot(boxes.snapshots, snapshot)
     return boxes
 
@@ -64,13 +86,13 @@ def goal(names: list[str], position: list[float]) -> Any:
 def test_topic_passes_a_whole_goal_on(topic: JointCommandTopic, boxes: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(NAMES), position))
-    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+    assert newest(boxes, 3) == (1, tuple(position))
 
 
 def test_topic_takes_joints_in_any_order(topic: JointCommandTopic, boxes: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(reversed(NAMES)), position[::-1]))
-    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+    assert newest(boxes, 3) == (1, tuple(position))
 
 
 def test_topic_keeps_the_goal_of_joints_that_are_not_named(
@@ -78,25 +100,31 @@ def test_topic_keeps_the_goal_of_joints_that_are_not_named(
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 3) == (2, (0.1, *middle[1:6], 0.7))
+    assert newest(boxes, 3) == (2, (0.1, *middle[1:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_in_a_new_session(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(boxes.snapshots, Snapshot(session=4, is_running=True, activation=1, reference=middle))
+    put_snapshot(
+        boxes.snapshots,
+        commanded(middle, session=4),
+    )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 4) == (2, (*middle[:6], 0.7))
+    assert newest(boxes, 4) == (2, (*middle[:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_after_the_controller_was_activated_again(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(boxes.snapshots, Snapshot(session=3, is_running=True, activation=2, reference=middle))
+    put_snapshot(
+        boxes.snapshots,
+        commanded(middle, activation=2),
+    )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 3) == (2, (*middle[:6], 0.7))
+    assert newest(boxes, 3) == (2, (*middle[:6], 0.7))
 
 
 @pytest.mark.parametrize(

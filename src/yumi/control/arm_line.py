@@ -168,6 +168,7 @@ class ArmLine:
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activation=self.manager.activations if self.manager.is_commanding else 0,
+                goal_kind=self.manager.goal_kind,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
                 admitted=last.admitted.position if last else self._position,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from yumi.control.controller import Controller
+from yumi.control.goals import GoalKind
 from yumi.control.inventory import ControllerInfo, ParameterInfo
 from yumi.control.lifecycle import TRANSITIONS, State, Transition, allowed
 from yumi.control.parameter import Parameter, Value, Values
@@ -180,6 +181,13 @@ class ControllerManager:
     def is_commanding(self) -> bool:
         """Whether a controller commands the arm."""
         return bool(self._commanding)
+
+    @property
+    def goal_kind(self) -> GoalKind:
+        """Which goals the controller takes that commands the arm."""
+        for _, controller in self._commanding:
+            return controller.goal_kind
+        return GoalKind.NONE
 
     @property
     def reference(self) -> Joints | None:

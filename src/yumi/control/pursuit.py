@@ -14,6 +14,7 @@ from ruckig import InputParameter, OutputParameter, Result, Ruckig
 from yumi.control.forecast import Target
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
+from yumi.robot.values import ZERO
 
 _SHARE = 0.95  # of the limits, since the guard looks at differences from cycle to cycle
 _PACE = 0.9  # a target that moves nearly as fast as the joint cannot be caught up with
@@ -34,10 +35,10 @@ class _Joint:
         self._generator, self._given, self._output = Ruckig(1, 0.004), InputParameter(1), OutputParameter(1)
         self._given.max_acceleration, self._given.max_jerk = [self._limits[1]], [self._limits[2]]
         self._given.target_position = [0.0]
-        self.rest_at(0.0)
+        self.begin(0.0, 0.0)
 
-    def rest_at(self, position: float) -> None:
-        self.position, self.velocity, self.acceleration = position, 0.0, 0.0
+    def begin(self, position: float, velocity: float) -> None:
+        self.position, self.velocity, self.acceleration = position, velocity, 0.0
         self._is_chasing = False
 
     def step(self, target: float, speed: float, gain: float, dt: float, stiffness: float) -> None:
@@ -73,7 +74,7 @@ class _Joint:
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
         self._generator.delta_time = dt
         if self._generator.update(given, output) not in (Result.Working, Result.Finished):
-            self.rest_at(self.position)
+            self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]
         self.velocity = speed + output.new_velocity[0]
@@ -96,10 +97,10 @@ class Pursuit:
             _Joint(*each) for each in zip(limits.velocity, limits.acceleration, limits.jerk, strict=True)
         )
 
-    def rest_at(self, position: Joints) -> None:
-        """Begin again, at rest."""
-        for joint, value in zip(self._joints, position, strict=True):
-            joint.rest_at(value)
+    def begin(self, position: Joints, velocity: Joints = ZERO) -> None:
+        """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
+        for joint, place, speed in zip(self._joints, position, velocity, strict=True):
+            joint.begin(place, speed)
 
     def step(self, target: Target, dt: float) -> Target:
         """Go on for ``dt`` [s] > 0; where the joints are then."""

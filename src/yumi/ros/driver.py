@@ -3,7 +3,7 @@
 ====================== ============================================================================
 node                   what it has
 ====================== ============================================================================
-r/controller_manager   joint_states, joint_commands, egm_state (and the same for l)
+r/controller_manager   joint_states, egm_state, the command topics (and the same for l)
 r/gripper              gripper_cmd (and the same for l)
 yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, joint_states (merged),
                        robot_description, /diagnostics
@@ -27,13 +27,20 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from yumi.clock import Clock
+from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_line import ArmBoxes, FastLineProcess
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
 from yumi.robot.model import robot_description
-from yumi.ros.command_topics import JointCommandTopic
+from yumi.ros.command_topics import (
+    CommandTopic,
+    ForwardPositionTopic,
+    ForwardVelocityTopic,
+    JointCommandTopic,
+    JointVelocityTopic,
+)
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
@@ -84,8 +91,9 @@ class RosDriver:
             for side, node in self._gripper_nodes.items()
         ]
         self._commands = [
-            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
+            topic(node, side, box, partial(fast_line.snapshot, side), clock.now)
             for side, node in self._arm_nodes.items()
+            for topic, box in _command_topics(self._boxes[side])
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup())
         self._merged = MergedJointStates(self._manager_node, self._boxes, lambda: dict(self._fingers), merged_rate)
@@ -174,6 +182,15 @@ class RosDriver:
                     self._fingers[side] = gripper.recent_position(_FINGER_PERIOD)
                 except YumiError:
                     self._fingers.pop(side, None)
+
+
+def _command_topics(boxes: ArmBoxes) -> tuple[tuple[type[CommandTopic], Mailbox], ...]:
+    return (
+        (JointCommandTopic, boxes.goals),
+        (JointVelocityTopic, boxes.speeds),
+        (ForwardPositionTopic, boxes.forward_positions),
+        (ForwardVelocityTopic, boxes.forward_speeds),
+    )
 
 
 def open_ros() -> None:
