@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import IntFlag
 from math import isnan, nan
 from typing import NamedTuple
 
@@ -16,14 +16,14 @@ UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 """Positions or velocities that a goal does not have."""
 
 
-class GoalKind(IntEnum):
-    """What the controller that commands an arm takes; each kind has a mailbox of its own."""
+class GoalKind(IntFlag):
+    """What the controllers that command an arm take; each kind has a mailbox of its own."""
 
     NONE = 0
     POSITION = 1
     VELOCITY = 2
-    FORWARD_POSITION = 3
-    FORWARD_VELOCITY = 4
+    FORWARD_POSITION = 4
+    FORWARD_VELOCITY = 8
 
 
 class Goal(NamedTuple):

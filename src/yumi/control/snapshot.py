@@ -10,7 +10,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 21
+_SCALARS = 22
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -25,7 +25,8 @@ class Snapshot:
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
         activation: number of the controller activation that commands the arm, 0 when none does.
-        goal_kind: which goals that controller takes.
+        goal_kind: which goals the controllers take that command the arm.
+        activity: counts every change of which controllers there are and of their and the hardware's states.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
         admitted: the command sent last [rad].
@@ -53,6 +54,7 @@ class Snapshot:
     is_running: bool = False
     activation: int = 0
     goal_kind: GoalKind = GoalKind.NONE
+    activity: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
     admitted: Joints = ZERO
@@ -92,6 +94,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.is_running,
             snapshot.activation,
             snapshot.goal_kind,
+            snapshot.activity,
             snapshot.cycles,
             snapshot.missed,
             snapshot.lost,
@@ -122,7 +125,7 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 
 
 def _from_values(values: Values) -> Snapshot:
-    time, session, streaming, running, activation, goal_kind, *numbers = values[:_SCALARS]
+    time, session, streaming, running, activation, goal_kind, activity, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = (int(number) for number in numbers[:-4])
     cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed, interruptions = counts
@@ -136,6 +139,7 @@ def _from_values(values: Values) -> Snapshot:
         is_running=bool(running),
         activation=int(activation),
         goal_kind=GoalKind(int(goal_kind)),
+        activity=int(activity),
         position=position,
         velocity=velocity,
         admitted=admitted,

@@ -48,7 +48,8 @@ class CommandTopic(ABC):
     name: str
     type: Any
     noun: str
-    takers: dict[GoalKind, str]
+    kind: GoalKind
+    taker: str
 
     def __init__(
         self,
@@ -92,9 +93,8 @@ class CommandTopic(ABC):
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
             raise CommandRefused(f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.")
-        if snapshot.goal_kind not in self.takers:
-            (taker,) = self.takers.values()
-            raise CommandRefused(f"{self.noun} refused: no {taker} is active on the {arm}; activate one first.")
+        if self.kind not in snapshot.goal_kind:
+            raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
         now = (snapshot.session, snapshot.activation)
         self.put(message, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
@@ -104,7 +104,7 @@ class JointCommandTopic(CommandTopic):
     """Positions by name; joints that are not named keep their goal."""
 
     name, type, noun = "joint_commands", JointState, "Goal"
-    takers = {GoalKind.POSITION: "position controller"}  # noqa: RUF012 - read only
+    kind, taker = GoalKind.POSITION, "position controller"
 
     _goal: Joints = ZERO
 
@@ -121,7 +121,7 @@ class JointVelocityTopic(CommandTopic):
     """Velocities by name; joints that are not named stop."""
 
     name, type, noun = "joint_velocity_commands", JointState, "Speed"
-    takers = {GoalKind.VELOCITY: "velocity controller"}  # noqa: RUF012 - read only
+    kind, taker = GoalKind.VELOCITY, "velocity controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         put_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
@@ -131,7 +131,7 @@ class ForwardPositionTopic(CommandTopic):
     """Positions by index."""
 
     name, type, noun = "forward_position_controller/commands", Float64MultiArray, "Goal"
-    takers = {GoalKind.FORWARD_POSITION: "forward position controller"}  # noqa: RUF012 - read only
+    kind, taker = GoalKind.FORWARD_POSITION, "forward position controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         put_goal(self._box, snapshot.session, positions_of(message, self._side), time=time)
@@ -141,7 +141,7 @@ class ForwardVelocityTopic(CommandTopic):
     """Velocities by index."""
 
     name, type, noun = "forward_velocity_controller/commands", Float64MultiArray, "Speed"
-    takers = {GoalKind.FORWARD_VELOCITY: "forward velocity controller"}  # noqa: RUF012 - read only
+    kind, taker = GoalKind.FORWARD_VELOCITY, "forward velocity controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         put_speeds(self._box, snapshot.session, speeds_of(message, self._side), time)
