@@ -19,9 +19,7 @@ from yumi.robot.joints import joints
 from yumi.virtual.arm_model import ArmModel
 
 
-def recorded(
-    model: ArmModel | None = None, values: Values | None = None, motion: EgmMotionSettings = FULL_SPEED
-) -> tuple[Frame, ...]:
+def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
     """Three seconds of an arm that swings."""
     goals, recorder = MemoryMailbox(), FlightRecorder(flight_memory())
     arm = GuidedArm({"controller": JointPositionController(goals)}, model=model)
