@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import radians
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -53,7 +54,7 @@ from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.settings import ControllerSettings, Settings
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
@@ -74,22 +75,24 @@ class Place:
         side: its arm.
         boxes: what is shared with the other process.
         shared: what controllers of both arms share, by keys of their own choice.
+        limits: what the joints may do in the robot's EGM motion.
     """
 
     name: str
     side: Side
     boxes: ArmBoxes
     shared: dict[object, object]
+    limits: JointLimits = YUMI_LIMITS
 
 
 def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
-    return kind(place.boxes.forward_positions, place.boxes.forward_speeds)
+    return kind(place.boxes.forward_positions, place.boxes.forward_speeds, place.limits)
 
 
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
-    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds),
+    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits),
+    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits),
     **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
 }
 """How a controller of each type is made."""
@@ -106,6 +109,7 @@ class EgmPlan:
         silence: the robot is lost after this time [s].
         controllers: what runs on each arm.
         position_gain: of the robot's own position loop [1/s].
+        limits: what the joints may do in the robot's EGM motion.
     """
 
     listen: str
@@ -114,6 +118,7 @@ class EgmPlan:
     silence: float
     controllers: Controllers
     position_gain: float = EGM_GAIN
+    limits: JointLimits = YUMI_LIMITS
 
 
 def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
@@ -126,8 +131,16 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    gain = EGM_GAIN * settings.egm_motion.pos_corr_gain
-    return EgmPlan(listen, remote, ports, settings.egm.silence, check_controllers(controllers), gain)
+    motion = settings.egm_motion
+    return EgmPlan(
+        listen,
+        remote,
+        ports,
+        settings.egm.silence,
+        check_controllers(controllers),
+        position_gain=EGM_GAIN * motion.pos_corr_gain,
+        limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
+    )
 
 
 def check_controllers(controllers: Controllers) -> Controllers:
@@ -142,9 +155,11 @@ def check_controllers(controllers: Controllers) -> Controllers:
     }
 
 
-def _manager_of(side: Side, boxes: ArmBoxes, shared: dict[object, object]) -> ControllerManager:
+def _manager_of(
+    side: Side, boxes: ArmBoxes, shared: dict[object, object], limits: JointLimits = YUMI_LIMITS
+) -> ControllerManager:
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes, shared))
+        return lambda name: make(Place(name, side, boxes, shared, limits))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -178,10 +193,10 @@ def _parts_of_arm(
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes, shared)
+    manager = _manager_of(side, boxes, shared, plan.limits)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.position_gain)
+    return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.position_gain)
 
 
 def run_driver(

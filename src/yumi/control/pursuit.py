@@ -33,7 +33,7 @@ class _Joint:
     def __init__(self, velocity: float, acceleration: float, jerk: float) -> None:
         self._limits = (_SHARE * velocity, _SHARE * acceleration, _SHARE * jerk)
         self._generator, self._given, self._output = Ruckig(1, 0.004), InputParameter(1), OutputParameter(1)
-        self._given.max_acceleration, self._given.max_jerk = [self._limits[1]], [self._limits[2]]
+        self._given.max_jerk = [self._limits[2]]
         self._given.target_position = [0.0]
         self.begin(0.0, 0.0)
 
@@ -48,7 +48,7 @@ class _Joint:
         slower = self.velocity - (speed - dt * gain)
         weaker = self.acceleration - gain
         if self._is_chasing and max(abs(behind), abs(slower) / w, abs(weaker) / (w * w)) > _NEAR:
-            self._chase(target, speed, dt)
+            self._chase(target, speed, gain, dt)
             return
         # The difference is (a + b·t + c·t²)·exp(-w·t).
         b, c = slower + w * behind, 0.5 * (weaker + w * (2.0 * slower + w * behind))
@@ -57,28 +57,30 @@ class _Joint:
         acceleration = gain + (2.0 * c - 2.0 * w * slope + w * w * value) * left
         top, strength, jerk = self._limits
         if abs(velocity) > top or abs(acceleration) > strength or abs(acceleration - self.acceleration) > jerk * dt:
-            self._chase(target, speed, dt)
+            self._chase(target, speed, gain, dt)
             return
         self._is_chasing = False
         self.position, self.velocity, self.acceleration = target + value * left, velocity, acceleration
 
-    def _chase(self, target: float, speed: float, dt: float) -> None:
+    def _chase(self, target: float, speed: float, gain: float, dt: float) -> None:
+        """As seen by someone who moves with the target, as long as the joint is stronger than the target."""
         self._is_chasing = True
-        top = self._limits[0]
-        if abs(speed) > _PACE * top:
-            speed = 0.0
+        top, strength, _ = self._limits
+        speed = speed if abs(speed) < _PACE * top else 0.0
+        gain = gain if abs(gain) < _PACE * strength else 0.0
         given, output = self._given, self._output
-        given.current_position = [self.position - (target - speed * dt)]
-        given.current_velocity = [self.velocity - speed]
-        given.current_acceleration = [self.acceleration]
+        given.current_position = [self.position - (target - dt * (speed - 0.5 * dt * gain))]
+        given.current_velocity = [self.velocity - (speed - dt * gain)]
+        given.current_acceleration = [self.acceleration - gain]
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
+        given.max_acceleration, given.min_acceleration = [strength - gain], [-strength - gain]
         self._generator.delta_time = dt
         if self._generator.update(given, output) not in (Result.Working, Result.Finished):
             self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]
         self.velocity = speed + output.new_velocity[0]
-        self.acceleration = output.new_acceleration[0]
+        self.acceleration = gain + output.new_acceleration[0]
 
 
 class Pursuit:

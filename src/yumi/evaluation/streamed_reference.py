@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import degrees, inf, pi, sin
+from math import degrees, inf, pi, radians, sin
 from random import Random
 
 from yumi.control.goals import put_goal
+from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.parameter import Values
 from yumi.controllers.joint_position import JointPositionController
-from yumi.evaluation.guided_arm import GuidedArm
+from yumi.evaluation.guided_arm import FULL_SPEED, GuidedArm
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
@@ -25,6 +26,9 @@ CONTROLLER = "joint_position_controller"
 SIDE = Side.LEFT
 JOINT = 6
 """Axis 6, in the order of the chain."""
+
+LIMITS = YUMI_LIMITS.slowed_to(radians(FULL_SPEED.max_speed_deviation))
+"""What the robot lets the joints do at full-speed settings."""
 
 FEED_FORWARD: Values = {"tracking.feed_forward": True}
 
@@ -172,7 +176,8 @@ def follow(reference: Reference, duration: float, values: Values | None = None, 
         stream: how it is streamed.
     """
     goals = MemoryMailbox()
-    arm = GuidedArm({CONTROLLER: JointPositionController(goals)}, side=SIDE)
+    controller = JointPositionController(goals, LIMITS)
+    arm = GuidedArm({CONTROLLER: controller}, side=SIDE, guard=Guard(LIMITS))
     arm.manager.set_parameters(CONTROLLER, values or {})
     arm.start()
     arm.run(0.2)
@@ -193,7 +198,7 @@ def follow(reference: Reference, duration: float, values: Values | None = None, 
 
 def acceleration_limit() -> float:
     """What the guard allows the joint [rad/s²]."""
-    return YUMI_LIMITS.acceleration[JOINT]
+    return LIMITS.acceleration[JOINT]
 
 
 def _moved(start: Joints, way: float) -> Joints:
