@@ -63,9 +63,15 @@ class Case:
     values: Values = field(default_factory=dict)
 
 
+_SMALL_INTEGRAL: Values = {"i_clamp_max": 5e-4, "i_clamp_min": -5e-4}
+
 CASES = (
     Case("P", JointPositionController, values={"p": 1.0}),
-    Case("PID", JointPositionController, values={"p": 1.0, "i": 0.2, "d": 0.02, "i_clamp_max": 0.01}),
+    Case(
+        "PID",
+        JointPositionController,
+        values={"p": 1.0, "i": 0.5, "d": 0.02, "i_clamp_max": 5e-4, "i_clamp_min": -5e-4},
+    ),
     Case("feed-forward", JointPositionController, values={"tracking.feed_forward": True}),
     Case("velocity", JointVelocityController, order_speeds),
     Case("forward position", lambda box: JointGroupPositionController(box, MemoryMailbox())),
