@@ -17,6 +17,7 @@ os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -60,7 +61,9 @@ class _Streamer:
             if now >= due:
                 way = reference(now - begin)
                 position = [value + way * (index == JOINT) for index, value in enumerate(start)]
-                self._goals.publish(JointState(name=names, position=position))
+                goal = JointState(name=names, position=position)
+                goal.header.stamp = Time(sec=int(now), nanosec=int(now % 1.0 * 1e9))
+                self._goals.publish(goal)
                 due += PERIOD
         self._call("yumi_robot_manager/stop_egm")
         return Run(reference, tuple(self._samples(reference, begin, duration, start[JOINT])), 0)

@@ -5,6 +5,7 @@ from math import inf, isnan, nan, pi
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -36,6 +37,15 @@ class Boxes:
         self.goals = MemoryMailbox()
 
 
+class Clock:
+    """Stands at 1000.050 s."""
+
+    def now(self) -> Clock:
+        return self
+
+    nanoseconds = 1_000_050_000_000
+
+
 class Node:
     """Remembers what is logged."""
 
@@ -47,6 +57,9 @@ class Node:
 
     def warning(self, sentence: str, **_: Any) -> None:
         self.warnings.append(sentence)
+
+    def get_clock(self) -> Clock:
+        return Clock()
 
     def create_subscription(self, *_: Any) -> None:
         return None
@@ -180,6 +193,19 @@ def test_topic_hands_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, bo
     assert taken is not None
     assert (taken.time, taken.velocity[0]) == (12.5, 0.7)
     assert all(map(isnan, taken.velocity[1:]))
+
+
+@pytest.mark.parametrize(("sec", "nanosec", "time"), [(1000, 30_000_000, 12.48), (999, 0, 12.5), (1001, 0, 12.5)])
+def test_topic_takes_the_time_of_a_goal_from_its_stamp_where_that_can_be_true(
+    node: Node, boxes: Boxes, sec: int, nanosec: int, time: float
+) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), lambda: 12.5)
+    message = JointState(name=[NAMES[0]], position=[0.1])
+    message.header.stamp = Time(sec=sec, nanosec=nanosec)
+    topic.take(message)
+    _, taken = peek_goal(boxes.goals, 3)
+    assert taken is not None
+    assert taken.time == pytest.approx(time)
 
 
 def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, boxes: Boxes) -> None:

@@ -28,13 +28,11 @@ class _Joint:
         velocity, acceleration, jerk: its limits, in [rad] and [s].
     """
 
-    __slots__ = ("_generator", "_given", "_is_chasing", "_limits", "_output", "acceleration", "position", "velocity")
+    __slots__ = ("_is_chasing", "_limits", "_tools", "acceleration", "position", "velocity")
 
     def __init__(self, velocity: float, acceleration: float, jerk: float) -> None:
         self._limits = (_SHARE * velocity, _SHARE * acceleration, _SHARE * jerk)
-        self._generator, self._given, self._output = Ruckig(1, 0.004), InputParameter(1), OutputParameter(1)
-        self._given.max_jerk = [self._limits[2]]
-        self._given.target_position = [0.0]
+        self._tools: tuple[Ruckig, InputParameter, OutputParameter] | None = None
         self.begin(0.0, 0.0)
 
     def begin(self, position: float, velocity: float) -> None:
@@ -68,19 +66,30 @@ class _Joint:
         top, strength, _ = self._limits
         speed = speed if abs(speed) < _PACE * top else 0.0
         gain = gain if abs(gain) < _PACE * strength else 0.0
-        given, output = self._given, self._output
+        generator, given, output = self._generator()
         given.current_position = [self.position - (target - dt * (speed - 0.5 * dt * gain))]
         given.current_velocity = [self.velocity - (speed - dt * gain)]
         given.current_acceleration = [self.acceleration - gain]
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
         given.max_acceleration, given.min_acceleration = [strength - gain], [-strength - gain]
-        self._generator.delta_time = dt
-        if self._generator.update(given, output) not in (Result.Working, Result.Finished):
+        generator.delta_time = dt
+        if generator.update(given, output) not in (Result.Working, Result.Finished):
             self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]
         self.velocity = speed + output.new_velocity[0]
         self.acceleration = gain + output.new_acceleration[0]
+
+    def end(self) -> None:
+        """Give the generator back; it is made again when it is needed."""
+        self._tools = None
+
+    def _generator(self) -> tuple[Ruckig, InputParameter, OutputParameter]:
+        if self._tools is None:
+            given = InputParameter(1)
+            given.max_jerk, given.target_position = [self._limits[2]], [0.0]
+            self._tools = (Ruckig(1, 0.004), given, OutputParameter(1))
+        return self._tools
 
 
 class Pursuit:
@@ -103,6 +112,11 @@ class Pursuit:
         """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
         for joint, place, speed in zip(self._joints, position, velocity, strict=True):
             joint.begin(place, speed)
+
+    def end(self) -> None:
+        """Give back what the generator holds outside of Python; :meth:`begin` goes on."""
+        for joint in self._joints:
+            joint.end()
 
     def step(self, target: Target, dt: float) -> Target:
         """Go on for ``dt`` [s] > 0; where the joints are then."""

@@ -103,6 +103,9 @@ class JointPositionController(Controller):
         self._pid.reset()
         self._is_pursuing = False
 
+    def deactivate(self) -> None:
+        self._pursuit.end()
+
     def update(self, state: ArmState) -> ArmCommand | None:
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:

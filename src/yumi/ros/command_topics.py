@@ -34,6 +34,10 @@ from yumi.ros.command_messages import goal_of, goal_speeds_of, positions_of, spe
 _QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
+OLDEST_STAMP = 0.1
+"""A goal whose stamp is older comes from a clock that is not ours [s]."""
+
+
 class CommandTopic(ABC):
     """Takes commands for one arm; one that breaks a rule changes nothing and is answered in the log.
 
@@ -59,6 +63,7 @@ class CommandTopic(ABC):
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float] = lambda: nan,
     ) -> None:
+        self._node = node
         self._log = node.get_logger()
         self._side = side
         self._box = box
@@ -71,7 +76,7 @@ class CommandTopic(ABC):
         """Pass a command on, or say why not."""
         time = self._now()
         try:
-            self._accept(message, time)
+            self._accept(message, time - self._age(message))
         except CommandRefused as error:
             self._log.warning(str(error), throttle_duration_sec=1.0)
 
@@ -88,6 +93,10 @@ class CommandTopic(ABC):
         Raises:
             CommandRefused: it breaks a rule.
         """
+
+    def _age(self, message: Any) -> float:
+        """How long ago the sender made ``message`` [s]; 0 where its stamp does not tell."""
+        return 0.0
 
     def _accept(self, message: Any, time: float) -> None:
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
@@ -107,6 +116,14 @@ class JointCommandTopic(CommandTopic):
     kind, taker = GoalKind.POSITION, "position controller"
 
     _goal: Joints = ZERO
+
+    def _age(self, message: Any) -> float:
+        """A stream is forecast from when its goals were made, if their stamps can be true; else from their arrival."""
+        stamp = message.header.stamp
+        if not stamp.sec:
+            return 0.0
+        age = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp.sec + stamp.nanosec * 1e-9)
+        return age if 0.0 <= age <= OLDEST_STAMP else 0.0
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         if is_new and snapshot.reference is None:
