@@ -10,7 +10,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 22
+_SCALARS = 23
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -38,6 +38,7 @@ class Snapshot:
         stale: datagrams that arrived after a newer one was answered.
         repeated: datagrams that arrived before.
         malformed: datagrams that could not be read.
+        foreign: datagrams from other addresses than the robot's.
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
@@ -66,6 +67,7 @@ class Snapshot:
     stale: int = 0
     repeated: int = 0
     malformed: int = 0
+    foreign: int = 0
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
@@ -102,6 +104,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.stale,
             snapshot.repeated,
             snapshot.malformed,
+            snapshot.foreign,
             snapshot.refused,
             snapshot.position_limited,
             snapshot.slowed,
@@ -127,8 +130,9 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 def _from_values(values: Values) -> Snapshot:
     time, session, streaming, running, activation, goal_kind, activity, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
-    counts = (int(number) for number in numbers[:-4])
-    cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed, interruptions = counts
+    counts = [int(number) for number in numbers[:-4]]
+    cycles, missed, lost, late, stale, repeated, malformed, foreign = counts[:8]
+    refused, position_limited, slowed, interruptions = counts[8:]
     position, velocity, admitted, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
@@ -151,6 +155,7 @@ def _from_values(values: Values) -> Snapshot:
         stale=stale,
         repeated=repeated,
         malformed=malformed,
+        foreign=foreign,
         refused=refused,
         position_limited=position_limited,
         slowed=slowed,
