@@ -30,10 +30,12 @@ class FeedForward:
 
     Attributes:
         velocity: the speed admitted last [rad/s], (7,).
+        is_bounded: whether less was admitted than was wanted.
     """
 
     def __init__(self, limits: JointLimits, gain: float = EGM_GAIN) -> None:
         self.velocity: Joints = ZERO
+        self.is_bounded = False
         self._gain = gain
         self._limits = limits
         self._is_feeding = False
@@ -53,6 +55,7 @@ class FeedForward:
             velocity: the speed wanted [rad/s], (7,).
             dt: time since the last command [s] > 0.
         """
+        self.is_bounded = False
         if velocity is ZERO and self.velocity is ZERO:
             self._is_feeding = False
             return ZERO
@@ -79,6 +82,7 @@ class FeedForward:
         top = min(most, speed_to_stop(room, strength, jerk))
         admitted, self._rates[index] = ramped(wanted, last, self._rates[index], top, strength, jerk, dt)
         self._speeds[index] = admitted
+        self.is_bounded = self.is_bounded or admitted != wanted
         return admitted - lead
 
 

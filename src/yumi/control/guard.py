@@ -81,7 +81,10 @@ class Guard:
             return self._hold(state, dt)
         self._is_at_rest = False
         position = self._shape(self._inside(wanted.position), dt)
-        return ArmCommand(position, self._feed_forward.admit(state.planned, position, wanted.velocity, dt))
+        velocity = self._feed_forward.admit(state.planned, position, wanted.velocity, dt)
+        if self._feed_forward.is_bounded and position == wanted.position:  # else it is counted already
+            self.counters.slowed += 1
+        return ArmCommand(position, velocity)
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""

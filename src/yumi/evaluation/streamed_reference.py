@@ -147,6 +147,11 @@ class Run:
         return max(abs(new - old) for old, new in pairwise(speeds)) / CYCLE
 
     @property
+    def largest_gap(self) -> float:
+        """Longest time between two samples [s]."""
+        return max(new.time - old.time for old, new in pairwise(self.samples))
+
+    @property
     def lag(self) -> float:
         """Mean lag: the delay of the reference with which it comes closest to the measured positions [s]."""
         best, width = _LONGEST_LAG / 2.0 - 0.02, _LONGEST_LAG / 2.0

@@ -105,6 +105,7 @@ def test_speed_that_the_position_runs_ahead_of_already_is_not_added() -> None:
     arm = dictated(lambda time: (0.9 * top * time, 0.9 * top * (time > 0.3)))
     speeds = planned_speeds(arm, 0.6)
     assert max(abs(speed[0]) for speed in speeds) <= top * 1.001
+    assert arm.snapshot.slowed > 20
 
 
 def test_robot_that_follows_speeds_only_stops_before_the_end_of_its_range() -> None:

@@ -7,6 +7,7 @@ from yumi.control.goals import put_goal
 from yumi.control.mailbox import MemoryMailbox
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.evaluation.guided_arm import GuidedArm
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO
@@ -148,3 +149,18 @@ def test_broadcaster_hands_on_time_positions_and_velocities(middle: Joints) -> N
     broadcaster.activate(state(middle))
     assert broadcaster.update(state(middle, time=2.5)) is None
     assert states.peek() == (1, (2.5, *middle, *ZERO))
+
+
+def test_gain_that_is_set_between_two_cycles_counts_in_the_next(goals: MemoryMailbox) -> None:
+    arm = GuidedArm({"controller": JointPositionController(goals)})
+    arm.start()
+    arm.switch_to("controller")
+    goal = moved(arm.robot.arm.planned, 6, 0.2)
+    put_goal(goals, 1, goal)
+    for gain in (1.0, 0.3, 1.7):
+        arm.manager.set_parameters("controller", {"p": gain})
+        arm.cycle()
+        cycle = arm.cycles[-1]
+        assert cycle.wanted is not None
+        measured = cycle.state.position[6]
+        assert cycle.wanted.position[6] == pytest.approx(measured + gain * (goal[6] - measured))
