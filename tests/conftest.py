@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from math import radians
 
 import pytest
+from hypothesis import settings
 
 from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
@@ -17,6 +18,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("real_time") or item.get_closest_marker("ros"):
             item.add_marker(pytest.mark.flaky(reruns=2))
+
+
+settings.register_profile("yumi", deadline=None)  # how long an example takes is the machine's affair
+settings.load_profile("yumi")
 
 
 @pytest.fixture

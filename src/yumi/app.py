@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import radians
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -26,13 +27,16 @@ from typing import TYPE_CHECKING
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
+from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.stations import StationClock
+from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.controllers.joint_velocity import JointVelocityController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import YumiError
@@ -52,7 +56,7 @@ from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.settings import ControllerSettings, Settings
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
@@ -73,17 +77,25 @@ class Place:
         side: its arm.
         boxes: what its arm shares with the other processes.
         partner: what the other arm shares with them.
+        limits: what the joints may do in the robot's EGM motion.
     """
 
     name: str
     side: Side
     boxes: ArmBoxes
     partner: ArmBoxes
+    limits: JointLimits = YUMI_LIMITS
+
+
+def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
+    return kind(place.boxes.forward_positions, place.boxes.forward_speeds, place.limits)
 
 
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
+    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits),
+    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits),
+    **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
 }
 """How a controller of each type is made."""
 
@@ -99,6 +111,8 @@ class EgmPlan:
         silence: the robot is lost after this time [s].
         period: time between two datagrams of an arm [s].
         controllers: what runs on each arm.
+        position_gain: of the robot's own position loop [1/s].
+        limits: what the joints may do in the robot's EGM motion.
     """
 
     listen: str
@@ -107,6 +121,8 @@ class EgmPlan:
     silence: float
     period: float
     controllers: Controllers
+    position_gain: float = EGM_GAIN
+    limits: JointLimits = YUMI_LIMITS
 
 
 def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
@@ -119,8 +135,17 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    period = settings.egm_motion.sample_rate * 1e-3
-    return EgmPlan(listen, remote, ports, settings.egm.silence, period, check_controllers(controllers))
+    motion = settings.egm_motion
+    return EgmPlan(
+        listen,
+        remote,
+        ports,
+        settings.egm.silence,
+        motion.sample_rate * 1e-3,
+        check_controllers(controllers),
+        position_gain=EGM_GAIN * motion.pos_corr_gain,
+        limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
+    )
 
 
 def check_controllers(controllers: Controllers) -> Controllers:
@@ -133,9 +158,9 @@ def check_controllers(controllers: Controllers) -> Controllers:
     return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
 
 
-def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes]) -> ControllerManager:
+def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes], limits: JointLimits = YUMI_LIMITS) -> ControllerManager:
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes[side], boxes[side.other]))
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -165,10 +190,10 @@ def _parts_of_arm(
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes)
+    manager = _manager_of(side, boxes, plan.limits)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.period)
+    return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
 
 
 def run_driver(

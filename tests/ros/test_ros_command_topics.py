@@ -1,26 +1,49 @@
 from __future__ import annotations
 
 import re
-from math import inf, nan, pi
+from math import inf, isnan, nan, pi
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
-from yumi.control.goals import peek_goal
+from yumi.control.goals import GoalKind, peek_goal
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.robot.joints import Joints, Side, joint_names
-from yumi.ros.command_topics import JointCommandTopic
+from yumi.ros.command_topics import (
+    CommandTopic,
+    ForwardPositionTopic,
+    ForwardVelocityTopic,
+    JointCommandTopic,
+    JointVelocityTopic,
+)
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)
+
+
+def newest(boxes: Boxes, session: int) -> tuple[int, Joints] | None:
+    """Number and positions of the newest goal."""
+    number, goal = peek_goal(boxes.goals, session)
+    return None if goal is None else (number, goal.position)
 
 
 class Boxes:
     def __init__(self) -> None:
         self.snapshots = MemoryMailbox()
         self.goals = MemoryMailbox()
+
+
+class Clock:
+    """Stands at 1000.050 s."""
+
+    def now(self) -> Clock:
+        return self
+
+    nanoseconds = 1_000_050_000_000
 
 
 class Node:
@@ -35,14 +58,33 @@ class Node:
     def warning(self, sentence: str, **_: Any) -> None:
         self.warnings.append(sentence)
 
+    def get_clock(self) -> Clock:
+        return Clock()
+
     def create_subscription(self, *_: Any) -> None:
         return None
+
+
+def commanded(
+    reference: Joints, *, session: int = 3, activation: int = 1, goal_kind: GoalKind = GoalKind.POSITION
+) -> Snapshot:
+    """An arm that a controller commands."""
+    return Snapshot(
+        session=session,
+        is_streaming=True,
+        is_running=True,
+        activation=activation,
+        goal_kind=goal_kind,
+        reference=reference,
+    )
 
 
 @pytest.fixture
 def boxes(middle: Joints) -> Boxes:
     boxes = Boxes()
-    snapshot = Snapshot(session=3, is_streaming=True, is_running=True, activation=1, reference=middle)
+    snapshot = Snapshot(
+        session=3, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.POSITION, reference=middle
+    )
     put_snapshot(boxes.snapshots, snapshot)
     return boxes
 
@@ -64,13 +106,13 @@ def goal(names: list[str], position: list[float]) -> Any:
 def test_topic_passes_a_whole_goal_on(topic: JointCommandTopic, boxes: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(NAMES), position))
-    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+    assert newest(boxes, 3) == (1, tuple(position))
 
 
 def test_topic_takes_joints_in_any_order(topic: JointCommandTopic, boxes: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(reversed(NAMES)), position[::-1]))
-    assert peek_goal(boxes.goals, 3) == (1, tuple(position))
+    assert newest(boxes, 3) == (1, tuple(position))
 
 
 def test_topic_keeps_the_goal_of_joints_that_are_not_named(
@@ -78,25 +120,31 @@ def test_topic_keeps_the_goal_of_joints_that_are_not_named(
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 3) == (2, (0.1, *middle[1:6], 0.7))
+    assert newest(boxes, 3) == (2, (0.1, *middle[1:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_in_a_new_session(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(boxes.snapshots, Snapshot(session=4, is_running=True, activation=1, reference=middle))
+    put_snapshot(
+        boxes.snapshots,
+        commanded(middle, session=4),
+    )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 4) == (2, (*middle[:6], 0.7))
+    assert newest(boxes, 4) == (2, (*middle[:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_after_the_controller_was_activated_again(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(boxes.snapshots, Snapshot(session=3, is_running=True, activation=2, reference=middle))
+    put_snapshot(
+        boxes.snapshots,
+        commanded(middle, activation=2),
+    )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert peek_goal(boxes.goals, 3) == (2, (*middle[:6], 0.7))
+    assert newest(boxes, 3) == (2, (*middle[:6], 0.7))
 
 
 @pytest.mark.parametrize(
@@ -136,3 +184,92 @@ def test_topic_refuses_goals_before_the_arm_can_take_them(
     topic.take(goal(list(NAMES), [0.0] * 7))
     assert boxes.goals.peek() is None
     assert node.warnings == [f"Goal refused: {sentence}"]
+
+
+def test_topic_hands_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, boxes: Boxes) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), lambda: 12.5)
+    topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[0.7]))
+    _, taken = peek_goal(boxes.goals, 3)
+    assert taken is not None
+    assert (taken.time, taken.velocity[0]) == (12.5, 0.7)
+    assert all(map(isnan, taken.velocity[1:]))
+
+
+@pytest.mark.parametrize(("sec", "nanosec", "time"), [(1000, 30_000_000, 12.48), (999, 0, 12.5), (1001, 0, 12.5)])
+def test_topic_takes_the_time_of_a_goal_from_its_stamp_where_that_can_be_true(
+    node: Node, boxes: Boxes, sec: int, nanosec: int, time: float
+) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), lambda: 12.5)
+    message = JointState(name=[NAMES[0]], position=[0.1])
+    message.header.stamp = Time(sec=sec, nanosec=nanosec)
+    topic.take(message)
+    _, taken = peek_goal(boxes.goals, 3)
+    assert taken is not None
+    assert taken.time == pytest.approx(time)
+
+
+def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, boxes: Boxes) -> None:
+    topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[9.0]))
+    assert boxes.goals.peek() is None
+    assert node.warnings == ["Goal refused: yumi_joint_1_r is 515.7°/s; it reaches 180°/s."]
+
+
+def commanding(kind: type[CommandTopic], node: Node, boxes: Boxes, middle: Joints) -> CommandTopic:
+    """A topic on an arm whose controller takes its goals."""
+    put_snapshot(boxes.snapshots, commanded(middle, goal_kind=kind.kind))
+    return kind(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots))
+
+
+def test_velocity_topic_stops_joints_that_are_not_named(node: Node, boxes: Boxes, middle: Joints) -> None:
+    topic = commanding(JointVelocityTopic, node, boxes, middle)
+    topic.take(JointState(name=[NAMES[6]], velocity=[0.3]))
+    _, taken = peek_goal(boxes.goals, 3)
+    assert taken is not None
+    assert taken.velocity == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
+
+
+def test_forward_topics_pass_seven_values_on(node: Node, boxes: Boxes, middle: Joints) -> None:
+    commanding(ForwardPositionTopic, node, boxes, middle).take(Float64MultiArray(data=list(middle)))
+    assert newest(boxes, 3) == (1, middle)
+    commanding(ForwardVelocityTopic, node, boxes, middle).take(Float64MultiArray(data=[0.1] * 7))
+    _, taken = peek_goal(boxes.goals, 3)
+    assert taken is not None
+    assert taken.velocity == (0.1,) * 7
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "sentence"),
+    [
+        (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[nan]), "yumi_joint_1_r is nan; a speed is a finite"),
+        (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; it reaches 180°/s."),
+        (JointVelocityTopic, JointState(name=[NAMES[0]]), "it names 1 joints and has 0 velocities; give one each."),
+        (ForwardPositionTopic, Float64MultiArray(data=[0.0] * 6), "it has 6 values; an arm has 7 joints."),
+        (ForwardPositionTopic, Float64MultiArray(data=[9.0] * 7), "yumi_joint_1_r is 515.7°; its range is -168.5°"),
+        (ForwardVelocityTopic, Float64MultiArray(data=[0.0] * 14), "it has 14 values; an arm has 7 joints."),
+        (ForwardVelocityTopic, Float64MultiArray(data=[inf] * 7), "yumi_joint_1_r is inf; a speed is a finite number"),
+    ],
+)
+def test_other_topics_refuse_with_a_sentence_and_change_nothing(
+    kind: type[CommandTopic], message: Any, sentence: str, node: Node, boxes: Boxes, middle: Joints
+) -> None:
+    commanding(kind, node, boxes, middle).take(message)
+    assert boxes.goals.peek() is None
+    (warning,) = node.warnings
+    assert re.fullmatch(r"(Goal|Speed) refused: .*", warning)
+    assert sentence in warning
+
+
+@pytest.mark.parametrize(
+    ("kind", "sentence"),
+    [
+        (JointVelocityTopic, "Speed refused: no velocity controller is active on the right arm; activate one first."),
+        (ForwardPositionTopic, "Goal refused: no forward position controller is active on the right arm; "),
+        (ForwardVelocityTopic, "Speed refused: no forward velocity controller is active on the right arm; "),
+    ],
+)
+def test_topics_refuse_what_no_active_controller_takes(
+    kind: type[CommandTopic], sentence: str, node: Node, boxes: Boxes
+) -> None:
+    kind(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots)).take(kind.type())
+    assert boxes.goals.peek() is None
+    assert node.warnings[0].startswith(sentence)

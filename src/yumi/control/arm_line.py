@@ -196,6 +196,7 @@ class ArmLine:
                 is_running=last is not None and last.state.is_running,
                 activity=self.manager.activity,
                 activation=self.manager.activations if self.manager.is_commanding else 0,
+                goal_kind=self.manager.goal_kind,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
                 admitted=last.admitted.position if last else self._position,

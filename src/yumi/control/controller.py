@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
+from yumi.control.goals import GoalKind
 from yumi.control.parameter import Parameter, Values
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints
@@ -19,10 +20,12 @@ class Controller(ABC):
     Attributes:
         kind: the type string of ros2_control, ``package/Class``.
         is_command: whether it wants commands, one at a time per interface; else it only watches.
+        goal_kind: which goals it takes while it is active.
     """
 
     kind: str
     is_command = True
+    goal_kind = GoalKind.NONE
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``."""

@@ -1,25 +1,99 @@
-"""Goals for the joints of one arm, as they lie in a mailbox: the session they were meant for, then 7 positions."""
+"""Goals for the joints of one arm, as they lie in a mailbox, and how a controller takes them out."""
 
 from __future__ import annotations
 
+from enum import IntFlag
+from math import isnan, nan
+from typing import NamedTuple
+
 from yumi.control.mailbox import Mailbox
-from yumi.robot.joints import Joints, joints
+from yumi.robot.joints import JOINT_COUNT, Joints, joints
 
-GOAL_SIZE = 8
-"""Numbers in a goal mailbox."""
+GOAL_SIZE = 2 + 2 * JOINT_COUNT
+"""Numbers in a goal mailbox: the session it is meant for, its time, 7 positions, 7 velocities."""
 
-
-def put_goal(box: Mailbox, session: int, goal: Joints) -> None:
-    """Ask for ``goal`` [rad] in EGM session ``session``; a later session will not go there."""
-    box.put((float(session), *goal))
+UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
+"""Positions or velocities that a goal does not have."""
 
 
-def peek_goal(box: Mailbox, session: int) -> tuple[int, Joints | None]:
-    """The number of the newest goal and its positions [rad]; None when it is not meant for ``session``."""
+class GoalKind(IntFlag):
+    """What the controllers that command an arm take; each kind has a mailbox of its own."""
+
+    NONE = 0
+    POSITION = 1
+    VELOCITY = 2
+    FORWARD_POSITION = 4
+    FORWARD_VELOCITY = 8
+
+
+class Goal(NamedTuple):
+    """What the joints shall do.
+
+    Attributes:
+        position: positions [rad], (7,); NaN in a goal of speeds.
+        velocity: velocities [rad/s], (7,); NaN where they are not known.
+        time: when it was given, on the machine's monotonic clock [s]; NaN where that is not known.
+    """
+
+    position: Joints
+    velocity: Joints = UNKNOWN
+    time: float = nan
+
+
+def put_goal(box: Mailbox, session: int, goal: Joints, velocity: Joints = UNKNOWN, time: float = nan) -> None:
+    """Ask for ``goal`` [rad] in EGM session ``session``; a later session will not go there.
+
+    Args:
+        box: where the arm looks for it.
+        session: the session it was meant for.
+        goal: positions [rad], (7,).
+        velocity: speeds with which the goal itself moves [rad/s], (7,); NaN where they are not known.
+        time: when it was given, on the machine's monotonic clock [s]; NaN when that is not known.
+    """
+    box.put((float(session), time, *goal, *velocity))
+
+
+def put_speeds(box: Mailbox, session: int, velocity: Joints, time: float = nan) -> None:
+    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :func:`put_goal`."""
+    put_goal(box, session, UNKNOWN, velocity, time)
+
+
+def peek_goal(box: Mailbox, session: int) -> tuple[int, Goal | None]:
+    """The number of the newest goal, and the goal; None when it is not meant for ``session``."""
     letter = box.peek()
     if letter is None:
         return 0, None
     number, values = letter
     if int(values[0]) != session:
         return number, None
-    return number, joints(values[1:])
+    return number, Goal(joints(values[2 : 2 + JOINT_COUNT]), joints(values[2 + JOINT_COUNT :]), values[1])
+
+
+class GoalInbox:
+    """A controller's view of its mailbox: every goal is taken once.
+
+    Args:
+        box: where goals arrive.
+    """
+
+    def __init__(self, box: Mailbox) -> None:
+        self._box = box
+        self._number = 0
+
+    def forget(self) -> None:
+        """What was sent until now belongs to the past."""
+        letter = self._box.peek()
+        self._number = letter[0] if letter else 0
+
+    def take(self, session: int, now: float) -> Goal | None:
+        """The newest goal, if it was not taken before and is meant for ``session``.
+
+        A goal of unknown time was given ``now`` [s], since it was not there a cycle ago.
+        """
+        letter = self._box.peek()
+        if letter is None or letter[0] == self._number:
+            return None
+        self._number, goal = peek_goal(self._box, session)
+        if goal is None or not isnan(goal.time):
+            return goal
+        return goal._replace(time=now)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 
 from yumi.control.component import HardwareComponent
 from yumi.control.controller import Controller
+from yumi.control.goals import GoalKind
 from yumi.control.inventory import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.lifecycle import State
 from yumi.control.loaded import LoadedController
@@ -269,6 +270,14 @@ class ControllerManager:
     def is_commanding(self) -> bool:
         """Whether a controller commands the arm."""
         return bool(self._commanding)
+
+    @property
+    def goal_kind(self) -> GoalKind:
+        """Which goals those controllers take that command the arm."""
+        kinds = GoalKind.NONE
+        for loaded in self._commanding:
+            kinds |= loaded.controller.goal_kind
+        return kinds
 
     @property
     def reference(self) -> Joints | None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isnan, nan
 
+from yumi.control.goals import GoalKind
 from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 22
+_SCALARS = 23
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -24,6 +25,7 @@ class Snapshot:
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
         activation: number of the controller activation that commands the arm, 0 when none does.
+        goal_kind: which goals the controllers take that command the arm.
         activity: counts every change of which controllers there are and of their and the hardware's states.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
@@ -52,6 +54,7 @@ class Snapshot:
     is_streaming: bool = False
     is_running: bool = False
     activation: int = 0
+    goal_kind: GoalKind = GoalKind.NONE
     activity: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
@@ -92,6 +95,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.is_streaming,
             snapshot.is_running,
             snapshot.activation,
+            snapshot.goal_kind,
             snapshot.activity,
             snapshot.cycles,
             snapshot.missed,
@@ -124,7 +128,7 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 
 
 def _from_values(values: Values) -> Snapshot:
-    time, session, streaming, running, activation, activity, *numbers = values[:_SCALARS]
+    time, session, streaming, running, activation, goal_kind, activity, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = [int(number) for number in numbers[:-4]]
     cycles, missed, lost, late, stale, repeated, malformed, foreign = counts[:8]
@@ -138,6 +142,7 @@ def _from_values(values: Values) -> Snapshot:
         is_streaming=bool(streaming),
         is_running=bool(running),
         activation=int(activation),
+        goal_kind=GoalKind(int(goal_kind)),
         activity=int(activity),
         position=position,
         velocity=velocity,

@@ -48,6 +48,9 @@ class ArmBoxes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
         goals: where it shall go.
+        speeds: how fast it shall go.
+        forward_positions: positions by index.
+        forward_speeds: speeds by index.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -56,6 +59,9 @@ class ArmBoxes:
         self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
+        self.speeds = SharedMailbox(GOAL_SIZE)
+        self.forward_positions = SharedMailbox(GOAL_SIZE)
+        self.forward_speeds = SharedMailbox(GOAL_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, radians
 
 from yumi.robot.joints import Joints, joints
@@ -25,6 +25,10 @@ class JointLimits:
     velocity: Joints
     acceleration: Joints
     jerk: Joints
+
+    def slowed_to(self, speed: float) -> JointLimits:
+        """The same joints where none may be faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation has it."""
+        return replace(self, velocity=joints([min(top, speed) for top in self.velocity]))
 
     def outside(self, position: Joints) -> int | None:
         """Index of the first joint whose position [rad] is out of range (or not a number), or None."""

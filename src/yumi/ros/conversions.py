@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import degrees, isfinite
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
 from yumi.control.snapshot import Snapshot
-from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.joints import Side
 
 _NS = 1_000_000_000
 
@@ -31,31 +27,6 @@ def joint_state(names: Iterable[str], position: Iterable[float], velocity: Itera
     message.position = list(position)
     message.velocity = list(velocity)
     return message
-
-
-def goal_of(message: Any, side: Side, base: Joints) -> Joints:
-    """The joint goal [rad] in a ``joint_commands`` message; joints it does not name keep their value of ``base``.
-
-    Raises:
-        CommandRefused: an unknown or repeated joint, a missing or impossible position.
-    """
-    names, positions = list(message.name), list(message.position)
-    if not names or len(names) != len(positions):
-        raise CommandRefused(
-            f"Goal refused: it names {len(names)} joints and has {len(positions)} positions; give one each."
-        )
-    if len(set(names)) != len(names):
-        raise CommandRefused(f"Goal refused: a joint is named twice in {', '.join(names)}.")
-    known = {name: index for index, name in enumerate(joint_names(side))}
-    goal = list(base)
-    for name, position in zip(names, positions, strict=True):
-        if name not in known:
-            raise CommandRefused(
-                f"Goal refused: {name!r} is no joint of the {side.word} arm; it has {', '.join(known)}."
-            )
-        _check_position(name, known[name], position)
-        goal[known[name]] = position
-    return joints(goal)
 
 
 def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
@@ -102,12 +73,3 @@ def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
             "check robot.address and the controller's UDPUC device"
         )
     return DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
-
-
-def _check_position(name: str, index: int, position: float) -> None:
-    if not isfinite(position):
-        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
-    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
-        raise CommandRefused(
-            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
-        )

@@ -5,7 +5,7 @@ node                   what it has
 ====================== ============================================================================
 r/controller_manager   the services of ros2_control, activity, joint_states, /diagnostics
 r/<controller>         the parameters of each controller
-r/yumi_topics          joint_commands, egm_state
+r/yumi_topics          the command topics of controllers, egm_state
 r/gripper              gripper_cmd (and all of these for l)
 yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
 yumi_topics            joint_states (merged)
@@ -30,13 +30,21 @@ from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecu
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
+from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Event
 from yumi.errors import YumiError
+from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
 from yumi.ros.arm_manager import ArmManager
-from yumi.ros.command_topics import JointCommandTopic
+from yumi.ros.command_topics import (
+    CommandTopic,
+    ForwardPositionTopic,
+    ForwardVelocityTopic,
+    JointCommandTopic,
+    JointVelocityTopic,
+)
 from yumi.ros.controller_interfaces import CONTROLLER_INTERFACES
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
@@ -98,8 +106,9 @@ class RosDriver:
             for side, node in self._gripper_nodes.items()
         ]
         self._commands = [
-            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_lines.snapshot, side))
+            topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
             for side, node in self._stream_nodes.items()
+            for topic, box in _command_topics(self._boxes[side])
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
         self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
@@ -199,6 +208,15 @@ class RosDriver:
 def stream_node(namespace: str = "") -> Any:
     """A node for topics alone: without the services that every other node has, looking for work is quick."""
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
+
+
+def _command_topics(boxes: ArmBoxes) -> tuple[tuple[type[CommandTopic], Mailbox], ...]:
+    return (
+        (JointCommandTopic, boxes.goals),
+        (JointVelocityTopic, boxes.speeds),
+        (ForwardPositionTopic, boxes.forward_positions),
+        (ForwardVelocityTopic, boxes.forward_speeds),
+    )
 
 
 def open_ros() -> None:

@@ -1,0 +1,177 @@
+"""Arms for the contract of controllers: each takes a case, a controller and how it is told where to go."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from yumi.control.controller import Controller
+from yumi.control.cycle import run_cycle
+from yumi.control.goals import put_goal, put_speeds
+from yumi.control.guard import Guard
+from yumi.control.mailbox import Mailbox, MemoryMailbox
+from yumi.control.manager import ControllerManager
+from yumi.control.parameter import Values
+from yumi.control.stations import StationClock
+from yumi.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.controllers.joint_position import JointPositionController
+from yumi.controllers.joint_velocity import JointVelocityController
+from yumi.evaluation.guided_arm import GuidedArm
+from yumi.hardware.perfect_arm import PerfectArm
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
+from yumi.robot.values import ArmState
+
+NAME = "controller"
+SIDE = Side.RIGHT
+
+_STEERING = 3.0  # [1/s] how hard an arm that takes speeds is steered to a goal
+_FASTEST = 0.5  # [rad/s] at which it is steered
+
+Order = Callable[[Mailbox, ArmState, Joints], None]
+"""Tells a controller where the arm shall go."""
+
+
+def order_goal(box: Mailbox, state: ArmState, goal: Joints) -> None:
+    put_goal(box, state.session, goal, time=state.time)
+
+
+def order_speeds(box: Mailbox, state: ArmState, goal: Joints) -> None:
+    """The speed with which a person would steer the arm to the goal."""
+    ways = zip(goal, state.position, strict=True)
+    speeds = [max(-_FASTEST, min(_FASTEST, _STEERING * (wanted - now))) for wanted, now in ways]
+    put_speeds(box, state.session, joints(speeds), state.time)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A controller under test.
+
+    Attributes:
+        name: for the test's report.
+        make: makes it with its mailbox.
+        order: how it is told where to go.
+        values: its parameters.
+    """
+
+    name: str
+    make: Callable[[Mailbox], Controller]
+    order: Order = order_goal
+    values: Values = field(default_factory=dict)
+
+
+_SMALL_INTEGRAL: Values = {"i_clamp_max": 5e-4, "i_clamp_min": -5e-4}
+
+CASES = (
+    Case("P", JointPositionController, values={"p": 1.0}),
+    Case(
+        "PID",
+        JointPositionController,
+        values={"p": 1.0, "i": 0.5, "d": 0.02, "i_clamp_max": 5e-4, "i_clamp_min": -5e-4},
+    ),
+    Case("feed-forward", JointPositionController, values={"tracking.feed_forward": True}),
+    Case("velocity", JointVelocityController, order_speeds),
+    Case("forward position", lambda box: JointGroupPositionController(box, MemoryMailbox())),
+    Case("forward velocity", lambda box: JointGroupVelocityController(MemoryMailbox(), box), order_speeds),
+)
+
+
+class ArmUnderTest(ABC):
+    """An arm at home, the controller of a case active, nothing ordered yet."""
+
+    def __init__(self, case: Case) -> None:
+        self._order = case.order
+        self._box = MemoryMailbox()
+        self._goal: Joints | None = None
+        self._controller = case.make(self._box)
+
+    def go(self, goal: Joints, seconds: float) -> list[Joints]:
+        """Order ``goal`` [rad] in every cycle for a time; returns the measured positions of all cycles."""
+        self._goal = goal
+        return self.run(seconds)
+
+    def run(self, seconds: float) -> list[Joints]:
+        """Let time pass; returns the measured positions of all cycles."""
+        path = []
+        for _ in range(round(seconds / CYCLE)):
+            if self._goal is not None:
+                self.order(self._goal)
+            path.append(self.cycle())
+        return path
+
+    def order(self, goal: Joints) -> None:
+        """Order ``goal`` [rad] once."""
+        self._order(self._box, self.state, goal)
+
+    def activate(self) -> None:
+        self.manager.switch((NAME,), (), self.state)
+
+    def deactivate(self) -> None:
+        self.manager.switch((), (NAME,), self.state)
+
+    @property
+    @abstractmethod
+    def manager(self) -> ControllerManager: ...
+
+    @property
+    @abstractmethod
+    def state(self) -> ArmState:
+        """The newest."""
+
+    @abstractmethod
+    def cycle(self) -> Joints:
+        """One cycle; returns the measured positions [rad]."""
+
+
+class PerfectArmUnderTest(ArmUnderTest):
+    """The perfect arm in memory."""
+
+    def __init__(self, case: Case) -> None:
+        super().__init__(case)
+        self._manager = ControllerManager(joint_names(SIDE))
+        self._manager.load(NAME, self._controller)
+        self._manager.configure(NAME, case.values)
+        self._arm, self._guard, self._now = PerfectArm(home(SIDE)), Guard(YUMI_LIMITS), 0.0
+        self.cycle()
+        self.activate()
+
+    @property
+    def manager(self) -> ControllerManager:
+        return self._manager
+
+    @property
+    def state(self) -> ArmState:
+        return self._state
+
+    def cycle(self) -> Joints:
+        self._now += CYCLE
+        cycle = run_cycle(self._arm, self._manager, self._guard, self._now, StationClock())
+        assert cycle is not None
+        self._state = cycle.state
+        return cycle.state.position
+
+
+class VirtualArmUnderTest(ArmUnderTest):
+    """The virtual arm behind EGM's datagrams, with its dynamics."""
+
+    def __init__(self, case: Case) -> None:
+        super().__init__(case)
+        self._arm = GuidedArm({NAME: self._controller}, side=SIDE)
+        self._arm.manager.set_parameters(NAME, case.values)
+        self._arm.start()
+        self.activate()
+
+    @property
+    def manager(self) -> ControllerManager:
+        return self._arm.manager
+
+    @property
+    def state(self) -> ArmState:
+        return self._arm.cycles[-1].state
+
+    def cycle(self) -> Joints:
+        self._arm.cycle()
+        return self.state.position

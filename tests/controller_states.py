@@ -1,0 +1,35 @@
+"""What controllers under test are given: states of an arm, and parameters."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from yumi.control.controller import Controller
+from yumi.control.parameter import Value
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.robot.values import ZERO, ArmState
+
+AnyController = TypeVar("AnyController", bound=Controller)
+
+JOINTS = joint_names(Side.RIGHT)
+
+
+def state(
+    position: Joints, *, time: float = 2.5, session: int = 1, velocity: Joints = ZERO, planned: Joints | None = None
+) -> ArmState:
+    """A running arm, one cycle after the state before."""
+    return ArmState(time, CYCLE, session, position, velocity, planned or position, is_running=True)
+
+
+def configured(controller: AnyController, **values: Value) -> AnyController:
+    """The controller with its default parameters but for ``values``."""
+    defaults = {parameter.name: parameter.default for parameter in controller.parameters(JOINTS)}
+    assert not values.keys() - defaults.keys()
+    controller.configure({**defaults, **values})
+    return controller
+
+
+def moved(position: Joints, index: int, by: float) -> Joints:
+    """``position`` with one joint elsewhere."""
+    return joints([value + by * (place == index) for place, value in enumerate(position)])

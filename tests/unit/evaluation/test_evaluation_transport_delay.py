@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, radians, sin
+
+import pytest
+
+from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
+from yumi.control.goals import put_goal
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.parameter import Values
+from yumi.control.stations import StationClock
+from yumi.controllers.joint_position import DELAY, JointPositionController
+from yumi.errors import CommandRefused
+from yumi.evaluation.guided_arm import GuidedArm
+from yumi.evaluation.transport_delay import transport_delay
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import joints
+from yumi.virtual.arm_model import ArmModel
+
+
+def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
+    """Three seconds of an arm that swings."""
+    goals, recorder = MemoryMailbox(), FlightRecorder(flight_memory())
+    arm = GuidedArm({"controller": JointPositionController(goals)}, model=model)
+    arm.manager.set_parameters("controller", values or {})
+    arm.start()
+    arm.switch_to("controller")
+    start = arm.robot.arm.planned
+    for number in range(750):
+        way = radians(15.0) * sin(2.0 * pi * 0.7 * number * CYCLE)
+        put_goal(goals, 1, joints([*start[:6], start[6] + way]))
+        arm.cycle()
+        recorder.record(arm.cycles[-1], None, StationClock())
+    return recorder.frames()
+
+
+def test_delay_of_the_virtual_robot_is_the_default_of_the_controller() -> None:
+    found = transport_delay(recorded())
+    assert found.delay == pytest.approx(DELAY, abs=0.001)
+    assert found.joint == 6
+    assert found.error < radians(0.1)
+
+
+def test_delay_is_found_whatever_the_controller_did() -> None:
+    found = transport_delay(recorded(values={"tracking.feed_forward": True}))
+    assert found.delay == pytest.approx(DELAY, abs=0.001)
+
+
+@pytest.mark.parametrize("delay", [0.010, 0.040])
+def test_delay_is_that_of_the_arm(delay: float) -> None:
+    found = transport_delay(recorded(ArmModel(delay=delay)))
+    assert found.delay == pytest.approx(DELAY + delay - 0.016, abs=0.0015)
+
+
+def test_few_cycles_tell_no_delay() -> None:
+    with pytest.raises(CommandRefused, match="There are 100 cycles in which the robot followed; a delay needs 250"):
+        transport_delay(recorded()[:100])
+
+
+def test_arm_that_stands_tells_no_delay() -> None:
+    frames = recorded()
+    still = [replace(frame, position=frames[0].position) for frame in frames]
+    with pytest.raises(CommandRefused, match=r"The arm moved by 0\.0000 rad; a delay needs a motion of 0.02 rad"):
+        transport_delay(still)
