@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from math import degrees, isfinite
+
 from yumi.control.mailbox import Mailbox
+from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, joints
+from yumi.robot.limits import YUMI_LIMITS
 
 GOAL_SIZE = 8
 """Numbers in a goal mailbox."""
@@ -23,3 +27,22 @@ def peek_goal(box: Mailbox, session: int) -> tuple[int, Joints | None]:
     if int(values[0]) != session:
         return number, None
     return number, joints(values[1:])
+
+
+def check_position(name: str, index: int, position: float) -> None:
+    """Refuse a position that a joint cannot have.
+
+    Args:
+        name: the joint's, for the refusal.
+        index: its place in the chain.
+        position: [rad].
+
+    Raises:
+        CommandRefused: it is no finite number, or out of the joint's range.
+    """
+    if not isfinite(position):
+        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
+    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
+        raise CommandRefused(
+            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
+        )

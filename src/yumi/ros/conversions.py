@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import degrees, isfinite
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
+from yumi.control.goals import check_position
 from yumi.control.snapshot import Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.robot.limits import YUMI_LIMITS
 
 _NS = 1_000_000_000
 
@@ -53,7 +52,7 @@ def goal_of(message: Any, side: Side, base: Joints) -> Joints:
             raise CommandRefused(
                 f"Goal refused: {name!r} is no joint of the {side.word} arm; it has {', '.join(known)}."
             )
-        _check_position(name, known[name], position)
+        check_position(name, known[name], position)
         goal[known[name]] = position
     return joints(goal)
 
@@ -96,12 +95,3 @@ def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
     if snapshot.is_streaming:
         return DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
     return DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
-
-
-def _check_position(name: str, index: int, position: float) -> None:
-    if not isfinite(position):
-        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
-    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
-        raise CommandRefused(
-            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
-        )
