@@ -20,7 +20,9 @@ _SAME_POSITION = 1e-6  # [rad]
 _SAME_VELOCITY = 1e-4  # [rad/s]
 
 
-def join(plan: ArmPlan, setpoint: Setpoint, now: float, limits: JointLimits, tolerance: float = START_TOLERANCE) -> Spline:
+def join(
+    plan: ArmPlan, setpoint: Setpoint, now: float, limits: JointLimits, tolerance: float = START_TOLERANCE
+) -> Spline:
     """The whole way, from ``setpoint`` to the end of the trajectory.
 
     An arm at rest waits for the start of the trajectory; one that moves leaves for it at once. A trajectory that has
