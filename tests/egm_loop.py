@@ -1,47 +1,28 @@
-"""Both ends of one arm's EGM in virtual time: a virtual arm, a wire that a test may tamper with, and our fast line.
+"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi.evaluation.guided_arm`.
 
-It has no RAPID and no RWS, so that it is fast; the whole robot is in ``system/virtual_time_bench.py``.
+The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import radians
-
-from yumi.clock import ManualClock
-from yumi.control.arm_line import ArmLine
-from yumi.control.cycle import Cycle
 from yumi.control.goals import put_goal
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.requests import Event
-from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.controllers.joint_position import JointPositionController
-from yumi.egm.joint_codec import JointCodec
-from yumi.egm.session import SensorSession
-from yumi.hardware.egm_arm import EgmArm
+from yumi.evaluation.guided_arm import FULL_SPEED, GuidedArm, LoneArm, Wire
 from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.memory import memory_links
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.joints import Joints, Side
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ArmCommand, ArmState
-from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import EgmOptions
-from yumi.virtual.egm_settings import EgmActivation, EgmRun, ExternalMotionData
+
+__all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "LoneArm", "OpenGuard", "Wire"]
 
 CONTROLLER = "joint_position_controller"
-FULL_SPEED = EgmMotionSettings()
-"""The thesis's table 4.3: 180 deg/s, no filter, raw."""
 
 SUPERVISED = ArmModel(supervises_load=True)
 """An arm that stops with 50375 as the real one does."""
-
-Wire = Callable[[bytes], Sequence[bytes]]
-"""What becomes of a datagram on its way: itself, nothing, several, another one."""
 
 
 class OpenGuard(Guard):
@@ -54,70 +35,22 @@ class OpenGuard(Guard):
         return wanted or ArmCommand(state.position)
 
 
-class LoneArm:
-    """The robot's end: one arm with its EGM client and what the state machine does to it."""
-
-    def __init__(self, side: Side, model: ArmModel = SUPERVISED, options: EgmOptions | None = None) -> None:
-        self.arm = VirtualArm(side, model=model)
-        self.arm.switch_motors_on()
-        self.egm = EgmClient(self.arm, options)
-
-    def start(self, motion: EgmMotionSettings) -> None:
-        """A session with ``motion``; one that is going on ends."""
-        activation = EgmActivation(lp_filter=motion.lp_filter, max_speed_deviation=radians(motion.max_speed_deviation))
-        self.egm.reset()
-        self.egm.get_id()
-        self.egm.setup(motion.comm_timeout, ExternalMotionData(level=int(motion.use_filtering), ramp_time=2.0))
-        self.egm.activate(activation)
-        self.egm.run_joint(
-            EgmRun(cond_time=motion.cond_time, ramp_in_time=motion.ramp_in_time, pos_corr_gain=motion.pos_corr_gain)
-        )
-
-    def cycle(self, inbox: Sequence[bytes]) -> bytes | None:
-        datagram = self.egm.cycle(inbox)
-        self.arm.advance(CYCLE)
-        return datagram
-
-
-class EgmLoop:
-    """A lone arm and our fast line with a joint position controller; a reply arrives one cycle after its datagram.
+class EgmLoop(GuidedArm):
+    """A lone arm and our fast line with a joint position controller, :data:`CONTROLLER`, configured and not active.
 
     Args:
         side: the arm.
         guard: of the fast line; the real one when left out, :class:`OpenGuard` for none.
         model: dynamics of the virtual arm.
-
-    Attributes:
-        robot: the robot's end.
-        manager: the controllers, of which :data:`CONTROLLER` is configured and not active.
-        cycles: what our end did, cycle by cycle.
-        events: what it told.
-        to_us, to_robot: the two directions of the wire; a test may put anything in their place.
     """
 
     def __init__(self, side: Side = Side.LEFT, guard: Guard | None = None, model: ArmModel = SUPERVISED) -> None:
-        self.robot = LoneArm(side, model)
-        self.clock = ManualClock(100.0)
-        self.manager = ControllerManager(joint_names(side))
-        self.cycles: list[Cycle] = []
-        self.events: list[Event] = []
-        self.to_us: Wire = lambda datagram: (datagram,)
-        self.to_robot: Wire = lambda datagram: (datagram,)
-        self._goals, self._snapshots = MemoryMailbox(), MemoryMailbox()
-        self.manager.load(CONTROLLER, JointPositionController(self._goals))
-        self.manager.configure(CONTROLLER)
-        near, self._far = memory_links()
-        arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots)
-
-    @property
-    def snapshot(self) -> Snapshot:
-        return peek_snapshot(self._snapshots)
+        self._goals = MemoryMailbox()
+        super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, guard=guard, model=model)
 
     def begin(self, motion: EgmMotionSettings = FULL_SPEED) -> None:
         """Start EGM, and let the controller command as soon as the robot follows."""
-        self.robot.start(motion)
-        self.run_until(lambda: self.snapshot.is_running, limit=1.0)
+        self.start(motion)
         self.activate()
 
     def activate(self) -> None:
@@ -129,28 +62,3 @@ class EgmLoop:
     def go(self, goal: Joints) -> None:
         """Order a goal [rad], (7,)."""
         put_goal(self._goals, self.snapshot.session, goal)
-
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / CYCLE)):
-            self.cycle()
-
-    def run_until(self, condition: Callable[[], bool], limit: float) -> None:
-        """Let time pass until the condition holds; fails after ``limit`` [s]."""
-        for _ in range(round(limit / CYCLE)):
-            if condition():
-                return
-            self.cycle()
-        raise AssertionError(f"not within {limit} s: {self.robot.egm.fault}")
-
-    def cycle(self) -> None:
-        """One cycle of the robot, then of our end."""
-        self.clock.advance(CYCLE)
-        replies = [arriving for sent in self._far.receive() for arriving in self.to_robot(sent)]
-        datagram = self.robot.cycle(replies)
-        for arriving in self.to_us(datagram) if datagram is not None else ():
-            self._far.send(arriving)
-        cycle = self.line.run(self.clock.now())
-        if cycle is not None:
-            self.cycles.append(cycle)
-        self.line.watch_silence(self.clock.now())
-        self.events += self.line.take_events()

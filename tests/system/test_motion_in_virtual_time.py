@@ -7,7 +7,7 @@ from math import degrees, radians
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.guard import EGM_GAIN
+from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.requests import SessionLost
 from yumi.control.snapshot import Snapshot
 from yumi.errors import CommandRefused, RobotNotReady

@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import copysign, isfinite
 
+from yumi.control.feed_forward import EGM_GAIN, FeedForward
 from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
-
-EGM_GAIN = 5.0
-"""Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
 
 FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
@@ -45,15 +43,17 @@ class Guard:
     """Admits commands of one arm.
 
     Args:
-        limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves.
+        limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves, and how
+            the robot moves where a speed is fed forward too.
+        gain: of the robot's position loop [1/s].
     """
 
-    def __init__(self, limits: JointLimits) -> None:
+    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN) -> None:
         self.counters = GuardCounters()
         self._limits = limits
         self._session = 0
         self._shaper = MotionShaper(limits)
-        self._velocity = ZERO
+        self._feed_forward = FeedForward(limits, gain)
         self._is_at_rest = True
 
     def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
@@ -69,14 +69,15 @@ class Guard:
             self._session = state.session
             return self._begin(state.position)
         if dt <= 0.0:
-            return ArmCommand(self._shaper.position, self._velocity)
+            return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if wanted is None:
             return self._hold(state, dt)
         if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
             self.counters.refused += 1
             return self._hold(state, dt)
         self._is_at_rest = False
-        return ArmCommand(self._shape(self._inside(wanted.position), dt), self._slow(wanted.velocity, dt))
+        position = self._shape(self._inside(wanted.position), dt)
+        return ArmCommand(position, self._feed_forward.admit(state.planned, position, wanted.velocity, dt))
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
@@ -90,13 +91,13 @@ class Guard:
             and state.session == self._session
             and state.is_running
             and wanted.velocity is ZERO
-            and self._velocity is ZERO
+            and self._feed_forward.velocity is ZERO
             and self._shaper.glides(wanted.position, state.dt)
         )
 
     def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)
-        self._velocity = ZERO
+        self._feed_forward.end()
         self._is_at_rest = True
         return ArmCommand(position)
 
@@ -108,12 +109,13 @@ class Guard:
         """
         if not self._is_at_rest:
             self._shaper.rest_at(self._with_less_lead(state, dt))
-        return ArmCommand(self._shaper.position, self._slow(ZERO, dt))
+        position = self._shaper.position
+        return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
 
     def _with_less_lead(self, state: ArmState, dt: float) -> Joints:
         last, planned = self._shaper.position, state.planned
         leads = [ahead - now for ahead, now in zip(last, planned, strict=True)]
-        self._is_at_rest = max(map(abs, leads)) < _NO_LEAD
+        self._is_at_rest = max(map(abs, leads)) < _NO_LEAD and self._feed_forward.velocity is ZERO
         limits = zip(leads, state.velocity, self._limits.acceleration, strict=True)
         less = [_less_lead(lead, speed, gain, dt) for lead, speed, gain in limits]
         steps = zip(last, planned, less, self._limits.velocity, strict=True)
@@ -133,16 +135,6 @@ class Guard:
         self.counters.position_limited += 1
         ranges = zip(lower, upper, last, position, strict=True)
         return joints([max(min(low, now), min(max(high, now), value)) for low, high, now, value in ranges])
-
-    def _slow(self, velocity: Joints, dt: float) -> Joints:
-        """A speed that is fed forward, within the joints' speeds and accelerations."""
-        if velocity is ZERO and self._velocity is ZERO:
-            return ZERO
-        steps = zip(self._velocity, velocity, self._limits.velocity, self._limits.acceleration, strict=True)
-        self._velocity = joints(
-            [max(-top, min(top, max(old - gain * dt, min(old + gain * dt, new)))) for old, new, top, gain in steps]
-        )
-        return self._velocity
 
 
 def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:

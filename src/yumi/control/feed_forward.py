@@ -1,0 +1,110 @@
+"""Bounds a speed that is fed forward, by what the robot makes of it together with its position reference.
+
+A robot in EGM moves at ``k · (position reference - planned position) + speed reference``. Each of the two may be
+within the limits and their sum not: a position that runs ahead already asks for a speed. So the sum is what is kept
+within the joints' velocity, acceleration and jerk, and able to stop before the end of their ranges; a sum that is
+smooth passes unchanged.
+"""
+
+from __future__ import annotations
+
+from math import copysign, sqrt
+
+from yumi.robot.joints import JOINT_COUNT, Joints, joints
+from yumi.robot.limits import JointLimits
+from yumi.robot.values import ZERO
+
+EGM_GAIN = 5.0
+"""Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
+
+_ROUNDING = 1.0 + 1e-3  # a speed at a limit is not refused for the last digits of the planned position
+_REST = 1e-6  # [rad/s] slower than this is no motion
+
+
+class FeedForward:
+    """The speeds fed forward to one arm so far, and the speeds the arm has by now.
+
+    Args:
+        limits: what the joints may do.
+        gain: of the robot's position loop [1/s]; 0 where it follows speeds only.
+
+    Attributes:
+        velocity: the speed admitted last [rad/s], (7,).
+    """
+
+    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN) -> None:
+        self.velocity: Joints = ZERO
+        self._gain = gain
+        self._limits = limits
+        self._is_feeding = False
+        self._speeds = [0.0] * JOINT_COUNT
+        self._rates = [0.0] * JOINT_COUNT
+
+    def end(self) -> None:
+        """Forget; the robot is told no speed from now on."""
+        self.velocity, self._is_feeding = ZERO, False
+
+    def admit(self, planned: Joints, position: Joints, velocity: Joints, dt: float) -> Joints:
+        """The speed that may be fed forward [rad/s], (7,), next to ``velocity``.
+
+        Args:
+            planned: where the robot plans to be [rad], (7,); the command before this one is not in it yet.
+            position: the position reference that goes with it [rad], (7,), admitted already.
+            velocity: the speed wanted [rad/s], (7,).
+            dt: time since the last command [s] > 0.
+        """
+        if velocity is ZERO and self.velocity is ZERO:
+            self._is_feeding = False
+            return ZERO
+        if not self._is_feeding:
+            self._is_feeding = True
+            self._speeds = [self._gain * (ahead - now) for ahead, now in zip(position, planned, strict=True)]
+            self._rates = [0.0] * JOINT_COUNT
+        admitted = [
+            self._admit_joint(index, now + last * dt, ahead, speed, last, dt)
+            for index, (now, ahead, speed, last) in enumerate(
+                zip(planned, position, velocity, tuple(self._speeds), strict=True)
+            )
+        ]
+        is_over = velocity is ZERO and max(map(abs, admitted)) < _REST
+        self.velocity = ZERO if is_over else joints(admitted)
+        return self.velocity
+
+    def _admit_joint(self, index: int, now: float, ahead: float, speed: float, last: float, dt: float) -> float:
+        """The share of one joint; ``now`` is where it will be when the robot takes the command."""
+        limits, lead = self._limits, self._gain * (ahead - now)
+        most, strength, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
+        wanted = lead + max(-most, min(most, speed))
+        room = limits.upper[index] - now if wanted > 0.0 else now - limits.lower[index]
+        top = min(most, _speed_to_stop(room, strength, jerk))
+        admitted, self._rates[index] = _bounded(wanted, last, self._rates[index], top, strength, jerk, dt)
+        self._speeds[index] = admitted
+        return admitted - lead
+
+
+def _bounded(
+    wanted: float, last: float, rate: float, top: float, strength: float, jerk: float, dt: float
+) -> tuple[float, float]:
+    """The speed after ``dt`` [s] and its rate of change, on the way from ``last`` to ``wanted`` [rad/s]."""
+    change = (wanted - last) / dt
+    if (
+        abs(wanted) <= top * _ROUNDING
+        and abs(change) <= strength * _ROUNDING
+        and abs(change - rate) <= jerk * dt * _ROUNDING
+    ):
+        return wanted, change
+    missing = max(-top, min(top, wanted)) - last
+    half = 0.5 * jerk * dt
+    # As hard as it can still be taken back, at the jerk, when the speed is reached.
+    ease = sqrt(2.0 * jerk * abs(missing) + half * half) - half
+    aim = copysign(min(strength, ease, abs(missing) / dt), missing)
+    change = max(rate - jerk * dt, min(rate + jerk * dt, aim))
+    return last + change * dt, change
+
+
+def _speed_to_stop(room: float, strength: float, jerk: float) -> float:
+    """How fast a joint may be that has ``room`` [rad] to stop in, see ``shaper``'s way to stop [rad/s]."""
+    if room <= 0.0:
+        return 0.0
+    slow = 3.0 * strength / jerk
+    return 0.5 * strength * (sqrt(slow * slow + 8.0 * room / strength) - slow)

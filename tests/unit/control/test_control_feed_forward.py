@@ -1,0 +1,153 @@
+"""What the robot makes of position and speed references together stays within what its joints may do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import cos, inf, pi, sin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from yumi.control.controller import Controller
+from yumi.control.feed_forward import FeedForward
+from yumi.control.guard import Guard
+from yumi.evaluation.guided_arm import FULL_SPEED, GuidedArm
+from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.values import ZERO, ArmCommand, ArmState
+
+FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
+"""Nothing on the robot's side slows the arm down."""
+
+MOVING = (0, 6)
+
+
+class Dictated(Controller):
+    """Wants what a function of time [s] says."""
+
+    kind = "test/Dictated"
+
+    def __init__(self, wants: Callable[[float], tuple[float, float]]) -> None:
+        self._wants = wants
+
+    def activate(self, state: ArmState) -> None:
+        self._base, self._begin = state.position, state.time
+
+    def update(self, state: ArmState) -> ArmCommand:
+        position, velocity = self._wants(state.time - self._begin)
+        return ArmCommand(added(self._base, position), ZERO if velocity == 0.0 else added(ZERO, velocity))
+
+
+def added(base: Joints, value: float) -> Joints:
+    return joints([each + value * (index in MOVING) for index, each in enumerate(base)])
+
+
+def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> GuidedArm:
+    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Guard(YUMI_LIMITS, 5.0 * motion.pos_corr_gain))
+    arm.start(motion)
+    arm.switch_to("dictated")
+    return arm
+
+
+def planned_speeds(arm: GuidedArm, seconds: float) -> list[Joints]:
+    speeds = []
+    for _ in range(round(seconds / CYCLE)):
+        arm.cycle()
+        speeds.append(arm.robot.arm.velocity)
+    return speeds
+
+
+def shares(speeds: list[Joints]) -> list[tuple[float, float, float]]:
+    """Highest speed, acceleration and jerk of the moving joints, as shares of their limits."""
+    found = []
+    for index in MOVING:
+        speed = [each[index] for each in speeds]
+        rate = [(new - old) / CYCLE for old, new in pairwise(speed)]
+        jerk = [(new - old) / CYCLE for old, new in pairwise(rate)]
+        limits = (YUMI_LIMITS.velocity[index], YUMI_LIMITS.acceleration[index], YUMI_LIMITS.jerk[index])
+        values = (speed, rate, jerk)
+        top, strength, rush = (max(map(abs, v)) / limit for v, limit in zip(values, limits, strict=True))
+        found.append((top, strength, rush))
+    return found
+
+
+def sine(time: float) -> tuple[float, float]:
+    """A smooth motion and its speed; the amplitude is 0.8 rad, the period 2 s."""
+    return 0.8 * (time - sin(pi * time) / pi) / 2.0, 0.4 * (1.0 - cos(pi * time))
+
+
+@settings(deadline=None, max_examples=15)
+@given(orders=st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-9.0, 9.0)), min_size=1, max_size=20))
+def test_robot_stays_within_its_limits_whatever_position_and_speed_are_wanted(
+    orders: list[tuple[float, float]],
+) -> None:
+    arm = dictated(lambda time: orders[int(time / 0.08) % len(orders)])
+    for each in shares(planned_speeds(arm, 0.08 * len(orders) + 0.4)):
+        assert max(each) <= 1.02
+    assert arm.robot.arm.overload is None
+
+
+def test_smooth_motion_with_its_speed_passes_unchanged() -> None:
+    arm = dictated(sine)
+    arm.run(3.0)
+    for cycle in arm.cycles[60:]:
+        assert cycle.wanted is not None
+        assert cycle.admitted.velocity == pytest.approx(cycle.wanted.velocity, abs=2e-3)
+
+
+def test_speed_that_the_position_runs_ahead_of_already_is_not_added() -> None:
+    """Each alone is within the joint's speed; together they ask for nearly twice as much."""
+    top = YUMI_LIMITS.velocity[0]
+    arm = dictated(lambda time: (0.9 * top * time, 0.9 * top * (time > 0.3)))
+    speeds = planned_speeds(arm, 0.6)
+    assert max(abs(speed[0]) for speed in speeds) <= top * 1.001
+
+
+def test_robot_that_follows_speeds_only_stops_before_the_end_of_its_range() -> None:
+    motion = EgmMotionSettings(max_speed_deviation=400.0, pos_corr_gain=0.0)
+    arm = dictated(lambda time: (0.0, 2.0), motion)
+    arm.run(4.0)
+    for index in MOVING:
+        assert YUMI_LIMITS.upper[index] - 0.02 < arm.robot.arm.planned[index] <= YUMI_LIMITS.upper[index]
+    assert arm.robot.egm.fault == ""
+
+
+@pytest.mark.parametrize("gain", [0.0, 1.0])
+def test_arm_that_is_told_to_hold_stops_on_its_way_and_does_not_turn_back(gain: float) -> None:
+    arm = dictated(sine, EgmMotionSettings(pos_corr_gain=gain))
+    arm.run(0.9)
+    speed, before = arm.robot.arm.velocity[6], arm.robot.arm.planned[6]
+    arm.manager.deactivate_commanding()
+    speeds = planned_speeds(arm, 2.0)
+    assert min(each[6] for each in speeds) > -0.04
+    assert abs(speeds[-1][6]) < 1e-4
+    assert arm.robot.arm.planned[6] - before < speed * 0.012 + speed * (speed / 40.0 + 40.0 / 600.0)
+    assert arm.cycles[-1].admitted == ArmCommand(arm.cycles[-100].admitted.position)
+
+
+def test_nothing_is_fed_forward_where_nothing_is_wanted() -> None:
+    speeds = FeedForward(YUMI_LIMITS)
+    assert speeds.admit(ZERO, ZERO, ZERO, CYCLE) is ZERO
+
+
+def test_speed_fades_when_it_is_not_wanted_any_more() -> None:
+    speeds, wanted = FeedForward(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
+    for _ in range(100):
+        speeds.admit(ZERO, ZERO, wanted, CYCLE)
+    assert speeds.velocity == pytest.approx(wanted, abs=1e-6)
+    first = speeds.admit(ZERO, ZERO, ZERO, CYCLE)
+    assert 0.4 < first[6] < 0.5
+    for _ in range(100):
+        speeds.admit(ZERO, ZERO, ZERO, CYCLE)
+    assert speeds.velocity is ZERO
+
+
+def test_guard_refuses_a_speed_that_is_no_number() -> None:
+    arm = dictated(lambda time: (0.0, inf), FULL_SPEED)
+    arm.run(0.1)
+    assert arm.snapshot.refused >= 24
+    assert arm.cycles[-1].admitted.velocity is ZERO
