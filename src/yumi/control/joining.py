@@ -49,18 +49,23 @@ def join(
     if begin < plan.first.time > 0.0:
         return _lead_in(plan, setpoint, begin, limits)
     begin = max(begin, 0.0)
-    if begin == plan.first.time:
-        _check_begin(plan, setpoint, tolerance)
+    _check_begin(plan, setpoint, begin, tolerance)
     return _merge(plan, setpoint, begin, limits)
 
 
-def _check_begin(plan: ArmPlan, setpoint: Setpoint, tolerance: float) -> None:
-    for index, (first, now) in enumerate(zip(plan.first.position, setpoint.position, strict=True)):
-        if abs(first - now) > tolerance:
-            raise refused(
-                f"its first point, due at 0 s, has {joint_names(plan.side)[index]} at {degrees(first):.1f}° while the "
-                f"arm is told to be at {degrees(now):.1f}°; begin where the arm is, or give it time to go there."
-            )
+def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, tolerance: float) -> None:
+    """The arm must be where the trajectory begins, or between there and where it is by now."""
+    by_now = Walk(plan.spline).position(begin)
+    for index, (first, now, told) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
+        if min(first, now) - tolerance <= told <= max(first, now) + tolerance:
+            continue
+        where = f"{joint_names(plan.side)[index]} at {degrees(first):.1f}°"
+        if begin > plan.first.time:
+            where += f" and moved it to {degrees(now):.1f}° in the {begin - plan.first.time:.3f} s since then"
+        raise refused(
+            f"its first point, due at {plan.first.time:g} s, has {where}, while the arm is told to be at "
+            f"{degrees(told):.1f}°; begin where the arm is, or give it time to go there."
+        )
 
 
 def _lead_in(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:

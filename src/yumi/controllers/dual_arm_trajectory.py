@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from yumi.control.mailbox import Mailbox
+from yumi.control.trajectory_partner import OtherArm
 from yumi.controllers.joint_trajectory import JointTrajectoryController
-from yumi.controllers.trajectory_partner import OtherArm
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 

@@ -20,20 +20,19 @@ from yumi.control.parameter import Parameter, Values
 from yumi.control.point_motion import PointMotion, Setpoint, stop
 from yumi.control.spline import Spline, TrajectoryPoint, Walk
 from yumi.control.trajectory import ResultCode, refused
-from yumi.controllers.trajectory_feedback import TrajectoryFeedback, put_feedback
+from yumi.control.trajectory_feedback import Skew, TrajectoryFeedback, put_feedback
+from yumi.control.trajectory_partner import Nobody, Partner, PartnerReport, Phase
 from yumi.controllers.trajectory_goal import TrajectoryGoal
 from yumi.controllers.trajectory_orders import (
     CancelTrajectory,
     FollowTrajectory,
     Outcome,
     ScaleSpeed,
-    Skew,
     TrajectoryEnded,
 )
 from yumi.controllers.trajectory_parameters import TrajectorySettings, trajectory_parameters
-from yumi.controllers.trajectory_partner import Nobody, Partner, PartnerReport, Phase
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
@@ -41,6 +40,7 @@ STANDING = 0.05
 """An arm whose joints all move slower than this stands when the controller begins [rad/s]; positions jitter."""
 
 _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
+_BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
 
 
 class _Source(Protocol):
@@ -275,7 +275,9 @@ class JointTrajectoryController(Controller):
         self._brake_from(Setpoint(position, velocity, acceleration))
 
     def _brake_from(self, setpoint: Setpoint) -> None:
-        self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=self._settings.deceleration)))
+        softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
+        strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
+        self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
         self._time, self._position = 0.0, setpoint.position
 
     def _rest_at(self, position: Joints) -> None:

@@ -7,8 +7,8 @@ from math import degrees, inf
 
 from yumi.control.spline import Spline, Walk
 from yumi.control.trajectory import ResultCode
+from yumi.control.trajectory_partner import PARTNER_SILENCE, PartnerReport, Phase, SkewWatch
 from yumi.controllers.trajectory_parameters import Bounds
-from yumi.controllers.trajectory_partner import PARTNER_SILENCE, PartnerReport, Phase, SkewWatch
 from yumi.robot.values import ArmState
 
 Violation = tuple[ResultCode, str]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from yumi.control.trajectory import ArmPlan, ResultCode
+from yumi.control.trajectory_feedback import Skew
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO
 
@@ -78,19 +79,6 @@ class Outcome(Enum):
     SUCCEEDED = "succeeded"
     ABORTED = "aborted"
     CANCELED = "canceled"
-
-
-@dataclass(frozen=True, slots=True)
-class Skew:
-    """How far apart in time two arms were that follow one trajectory.
-
-    Attributes:
-        start: between their first cycles [s].
-        worst: largest difference of where they were told to be on it [s].
-    """
-
-    start: float = 0.0
-    worst: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

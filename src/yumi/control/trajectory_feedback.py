@@ -5,11 +5,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from yumi.control.mailbox import Mailbox
-from yumi.controllers.trajectory_orders import Skew
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 
 FEEDBACK_SIZE = 6 + 4 * JOINT_COUNT
 """Numbers in a feedback mailbox."""
+
+
+class Skew(NamedTuple):
+    """How far apart in time two arms were that follow one trajectory.
+
+    Attributes:
+        start: between their first cycles [s].
+        worst: largest difference of where they were told to be on it [s].
+    """
+
+    start: float = 0.0
+    worst: float = 0.0
 
 
 class TrajectoryFeedback(NamedTuple):

@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 from yumi.control.mailbox import Mailbox
-from yumi.controllers.trajectory_orders import Skew
+from yumi.control.trajectory_feedback import Skew
 
 PARTNER_SIZE = 6
 """Numbers in a partner's mailbox."""
