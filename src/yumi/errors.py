@@ -7,6 +7,7 @@
     ├── MissingPrerequisite  the machine lacks something: install it
     ├── CommandRefused       a request broke a rule; nothing was changed: ask for something else
     │   └── TrajectoryRefused    the request was a trajectory; with the result code of FollowJointTrajectory
+    ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
@@ -44,6 +45,10 @@ class TrajectoryRefused(CommandRefused):
     def __init__(self, sentence: str, code: int) -> None:
         super().__init__(sentence)
         self.code = code
+
+
+class SwitchFailed(YumiError):
+    """A controller raised an error while it was activated; the message says what became of the others."""
 
 
 class RobotNotReady(YumiError):
