@@ -68,11 +68,11 @@ class Client:
             assert clock.now().nanoseconds < end, f"did not happen within {timeout} s; heard: {self.sentences}"
             self._executor.spin_once(timeout_sec=0.05)
 
-    def call(self, kind: Any, name: str, request: Any = None) -> Any:
+    def call(self, kind: Any, name: str, request: Any = None, timeout: float = TIMEOUT) -> Any:
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready)
         future = client.call_async(request or kind.Request())
-        self.until(future.done)
+        self.until(future.done, timeout)
         self.node.destroy_client(client)
         return future.result()
 

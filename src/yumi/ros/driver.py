@@ -3,11 +3,16 @@
 ====================== ============================================================================
 node                   what it has
 ====================== ============================================================================
-r/controller_manager   joint_states, joint_commands, egm_state (and the same for l)
-r/gripper              gripper_cmd (and the same for l)
-yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, joint_states (merged),
-                       robot_description, /diagnostics
+r/controller_manager   the services of ros2_control, activity, joint_states, egm_state, /diagnostics
+r/<controller>         the parameters of each controller
+r/yumi_topics          joint_commands
+r/gripper              gripper_cmd (and all of these for l)
+yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
+yumi_topics            joint_states (merged)
 ====================== ============================================================================
+
+Two executors: one answers services and actions on many threads, which costs milliseconds a turn with so many
+entities; what comes or goes hundreds of times a second has a lean one of its own.
 """
 
 from __future__ import annotations
@@ -21,36 +26,35 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.executors import MultiThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import String
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, FastLineEnded, is_fault
+from yumi.control.requests import Event, FastLineEnded
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import FastLineProcess
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
-from yumi.robot.model import robot_description
+from yumi.ros.arm_manager import ArmManager
 from yumi.ros.command_topics import JointCommandTopic
+from yumi.ros.controller_interfaces import CONTROLLER_INTERFACES
 from yumi.ros.conversions import egm_status, stamp
+from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.robot_manager import RobotManager, RobotManagerServices
 
-_THREADS = 4
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_THREADS = 8  # more than there are slow services and actions
 _EGM_STATE_PERIOD = 0.1  # [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _FINGER_PERIOD = 0.5  # [s]; there are few requests a second for everybody (yumi.hardware.rws_pace)
 
 
 class RosDriver:
-    """All nodes of the driver in one process, spun by one executor.
+    """All nodes of the driver in one process.
 
     Args:
-        fast_line: started.
+        fast_line: started before this is.
         manager: the robot manager.
         grippers: both hands.
         force: gripper force where a goal names none [N].
@@ -73,11 +77,15 @@ class RosDriver:
         self._grippers = grippers
         self._fingers: dict[Side, float] = {}
         self._is_over = Flag()
+        self._executor = MultiThreadedExecutor(num_threads=_THREADS)
+        self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
-        self._arm_nodes = {side: rclpy.create_node("controller_manager", namespace=side.value) for side in Side}
+        self._arms = {side: ArmManager(side, fast_line, self._executor, CONTROLLER_INTERFACES, clock) for side in Side}
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
+        self._stream_node = stream_node()
+        self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._states = [
-            JointStatePublisher(node, side, self._boxes[side], clock) for side, node in self._arm_nodes.items()
+            JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
         ]
         self._actions = [
             GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
@@ -85,19 +93,24 @@ class RosDriver:
         ]
         self._commands = [
             JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
-            for side, node in self._arm_nodes.items()
+            for side, node in self._stream_nodes.items()
         ]
-        self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup())
-        self._merged = MergedJointStates(self._manager_node, self._boxes, lambda: dict(self._fingers), merged_rate)
-        self._publish_description()
+        self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
+        self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
+        self._descriptions = publish_descriptions(self._manager_node)
         self._publish_health()
-        self._executor = MultiThreadedExecutor(num_threads=_THREADS)
-        self._threads = [Thread(target=self._spin, name="executor"), Thread(target=self._watch_fingers, name="fingers")]
+        self._threads = [
+            Thread(target=self._spin, args=(self._executor,), name="executor"),
+            Thread(target=self._spin, args=(self._streams,), name="streams"),
+            Thread(target=self._watch_fingers, name="fingers"),
+        ]
 
     def start(self) -> None:
         """Answer from now on."""
-        for node in self._nodes():
+        for node in self._answering():
             self._executor.add_node(node)
+        for node in self._streaming():
+            self._streams.add_node(node)
         for publisher in self._states:
             publisher.start()
         for thread in self._threads:
@@ -109,22 +122,24 @@ class RosDriver:
         for publisher in self._states:
             publisher.stop()
         self._executor.shutdown(timeout_sec=2.0)
+        self._streams.shutdown(timeout_sec=2.0)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
         for action in self._actions:
             action.destroy()
-        for node in self._nodes():
+        for arm in self._arms.values():
+            arm.destroy()
+        for node in (self._manager_node, *self._gripper_nodes.values(), *self._streaming()):
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
         """Log what happened in the fast line."""
-        node = self._manager_node if isinstance(event, FastLineEnded) else self._arm_nodes[event.side]
-        log = node.get_logger()
-        if is_fault(event):
-            log.error(str(event))
+        if isinstance(event, FastLineEnded):
+            self._manager_node.get_logger().error(str(event))
+            self._look()
         else:
-            log.info(str(event))
+            self._arms[event.side].tell(event)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -139,21 +154,24 @@ class RosDriver:
         except YumiError as error:
             self._manager_node.get_logger().error(str(error))
 
-    def _nodes(self) -> list[Any]:
-        return [self._manager_node, *self._arm_nodes.values(), *self._gripper_nodes.values()]
+    def _look(self) -> None:
+        for arm in self._arms.values():
+            arm.look()
 
-    def _spin(self) -> None:
+    def _answering(self) -> list[Any]:
+        return [self._manager_node, *(arm.node for arm in self._arms.values()), *self._gripper_nodes.values()]
+
+    def _streaming(self) -> list[Any]:
+        return [self._stream_node, *self._stream_nodes.values()]
+
+    def _spin(self, executor: Executor) -> None:
         while not self._is_over.is_set():
-            self._executor.spin_once(timeout_sec=0.1)
-
-    def _publish_description(self) -> None:
-        self._description = self._manager_node.create_publisher(String, "robot_description", _LATCHED)
-        self._description.publish(String(data=robot_description()))
+            executor.spin_once(timeout_sec=0.1)
 
     def _publish_health(self) -> None:
-        for side, node in self._arm_nodes.items():
-            publisher = node.create_publisher(DiagnosticStatus, "egm_state", 1)
-            node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
+        for side, arm in self._arms.items():
+            publisher = arm.node.create_publisher(DiagnosticStatus, "egm_state", 1)
+            arm.node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
         self._diagnostics = self._manager_node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._manager_node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
@@ -174,6 +192,11 @@ class RosDriver:
                     self._fingers[side] = gripper.recent_position(_FINGER_PERIOD)
                 except YumiError:
                     self._fingers.pop(side, None)
+
+
+def stream_node(namespace: str = "") -> Any:
+    """A node for topics alone: without the services that every other node has, looking for work is quick."""
+    return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
 def open_ros() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from yumi.clock import Clock
-from yumi.control.requests import SwitchControllers
+from yumi.control.requests import ListControllers, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
@@ -63,7 +63,7 @@ class RobotManager:
         return "EGM runs on both arms, the position controllers are active"
 
     def stop_egm(self) -> str:
-        """Deactivate the position controllers and stop EGM; both arms come to rest.
+        """Deactivate the controllers that command the arms and stop EGM; both arms come to rest.
 
         Raises:
             YumiError: a step failed; the message says which.
@@ -79,7 +79,9 @@ class RobotManager:
         """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                self._fast_line.ask(SwitchControllers(side, deactivate=(POSITION_CONTROLLER,)))
+                controllers = self._fast_line.ask(ListControllers(side)).controllers
+                commanding = tuple(info.name for info in controllers if info.claimed)
+                self._fast_line.ask(SwitchControllers(side, deactivate=commanding))
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -158,10 +160,12 @@ class RobotManagerServices:
         node: the robot manager's node.
         manager: what is offered.
         group: callback group of its own, since a service may take seconds.
+        on_change: called after each service, since controllers and EGM may have changed.
     """
 
-    def __init__(self, node: Any, manager: RobotManager, group: Any) -> None:
+    def __init__(self, node: Any, manager: RobotManager, group: Any, on_change: Callable[[], None]) -> None:
         self._log = node.get_logger()
+        self._on_change = on_change
         offers: Mapping[str, Callable[[], str]] = {
             "start_egm": manager.start_egm,
             "stop_egm": manager.stop_egm,
@@ -181,6 +185,7 @@ class RobotManagerServices:
                 response.success = False
                 if name != "robot_is_ready":
                     self._log.error(f"{name}: {error}")
+            self._on_change()
             return response
 
         return answer

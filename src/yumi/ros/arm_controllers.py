@@ -1,0 +1,130 @@
+"""One arm's controllers as ROS sees them: they live in the fast line, their nodes and parameters here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from yumi.control.inventory import ControllerInfo
+from yumi.control.lifecycle import State
+from yumi.control.requests import (
+    CleanupController,
+    ConfigureController,
+    ListControllerKinds,
+    ListControllers,
+    LoadController,
+    Strictness,
+    SwitchControllers,
+    UnloadController,
+)
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
+from yumi.ros.controller_nodes import ControllerNodes, Line
+from yumi.ros.manager_parameters import ManagerParameters
+
+
+class ArmControllers:
+    """Loads, configures, switches and unloads, and keeps the controllers' nodes in step.
+
+    Args:
+        side: which arm.
+        line: where the controllers live.
+        nodes: their nodes.
+        parameters: those of the controller manager, which say what to load and from which files.
+        log: where what is not wrong enough to be refused is told.
+    """
+
+    def __init__(self, side: Side, line: Line, nodes: ControllerNodes, parameters: ManagerParameters, log: Any) -> None:
+        self._side = side
+        self._line = line
+        self._nodes = nodes
+        self._parameters = parameters
+        self._log = log
+
+    def begin(self) -> None:
+        """Make the nodes of the controllers that were loaded from the start.
+
+        Raises:
+            YumiError: the fast line is gone.
+        """
+        for info in self.list():
+            self._parameters.note_type(info.name, info.kind)
+            self._nodes.add(info)
+
+    def list(self) -> tuple[ControllerInfo, ...]:
+        """All loaded controllers."""
+        return self._line.ask(ListControllers(self._side)).controllers
+
+    def kinds(self) -> tuple[str, ...]:
+        """The types that can be loaded."""
+        return self._line.ask(ListControllerKinds(self._side)).kinds
+
+    def load(self, name: str) -> None:
+        """Load the controller of the type that the parameter ``<name>.type`` says, with its parameter files.
+
+        Raises:
+            YumiError: no or an unknown type, the name is taken, or a value in a file is not allowed.
+        """
+        kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
+        self._line.ask(LoadController(self._side, name, kind))
+        try:
+            self._nodes.add(self._info(name), arguments)
+        except Exception:
+            self._line.ask(UnloadController(self._side, name))
+            raise
+
+    def configure(self, name: str) -> None:
+        """Make a controller inactive; an inactive one is cleaned up first."""
+        self._line.ask(ConfigureController(self._side, name))
+
+    def cleanup(self, name: str) -> None:
+        """Make an inactive controller unconfigured; an unconfigured one stays as it is."""
+        if self._info(name).state is not State.UNCONFIGURED:
+            self._line.ask(CleanupController(self._side, name))
+
+    def unload(self, name: str) -> None:
+        """Forget a controller that is not active, and its node."""
+        self._line.ask(UnloadController(self._side, name))
+        self._nodes.remove(name)
+
+    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int) -> str:
+        """Switch between two cycles; what was done as a sentence.
+
+        Raises:
+            YumiError: a rule stands against it; nothing was changed.
+        """
+        chosen = self._strictness(strictness)
+        request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
+        return self._line.ask(request).sentence or "Successfully switched controllers!"
+
+    def reload(self, is_forced: bool) -> None:
+        """Unload all controllers; there are no libraries to load again.
+
+        Raises:
+            YumiError: one is active and it is not forced.
+        """
+        controllers = self.list()
+        active = [info.name for info in controllers if info.state is State.ACTIVE]
+        if active and not is_forced:
+            raise CommandRefused(f"Controllers are active: {', '.join(active)}; deactivate them first, or force it.")
+        if active:
+            self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
+        for info in controllers:
+            self.unload(info.name)
+
+    def _info(self, name: str) -> ControllerInfo:
+        for info in self.list():
+            if info.name == name:
+                return info
+        raise CommandRefused(f"There is no controller {name!r}.")
+
+    def _strictness(self, number: int) -> Strictness:
+        if number == 0:
+            return self._parameters.strictness
+        if number in {Strictness.AUTO, Strictness.FORCE_AUTO}:
+            self._log.warning(f"Strictness {Strictness(number).name} is treated as BEST_EFFORT, as ros2_control does.")
+            return Strictness.BEST_EFFORT
+        try:
+            return Strictness(number)
+        except ValueError as error:
+            raise CommandRefused(f"Strictness {number} is none; choose 1 (best effort) or 2 (strict).") from error

@@ -1,0 +1,102 @@
+"""The node ``controller_manager`` of one arm: it waits for a robot description, then serves the arm's controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.executors import Executor
+
+from yumi.clock import Clock
+from yumi.control.requests import Event, is_fault
+from yumi.errors import YumiError
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Side
+from yumi.ros.activity_topic import ActivityTopic
+from yumi.ros.arm_controllers import ArmControllers
+from yumi.ros.arm_hardware import ArmHardware
+from yumi.ros.controller_manager import ControllerManagerServices
+from yumi.ros.controller_nodes import ControllerNodes, Line, MakeInterface
+from yumi.ros.description_topic import DescriptionWait
+from yumi.ros.manager_diagnostics import ManagerDiagnostics
+from yumi.ros.manager_parameters import ManagerParameters
+from yumi.ros.repeats import Repeats
+
+RATE = round(1.0 / CYCLE)
+"""``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
+
+
+class ArmManager:
+    """One arm's controller manager on the ROS side.
+
+    Args:
+        side: which arm.
+        line: where the controllers live.
+        executor: what spins this node and those of the controllers.
+        interfaces: what controllers of a kind offer besides parameters.
+        clock: the machine's clock.
+    """
+
+    def __init__(
+        self,
+        side: Side,
+        line: Line,
+        executor: Executor,
+        interfaces: Mapping[str, MakeInterface],
+        clock: Clock,
+    ) -> None:
+        self.node: Any = rclpy.create_node(
+            "controller_manager", namespace=side.value, allow_undeclared_parameters=True, enable_logger_service=True
+        )
+        self._repeats = Repeats(clock)
+        self._parameters = ManagerParameters(self.node, RATE, self._repeats.forget)
+        self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
+        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, self.node.get_logger())
+        self._hardware = ArmHardware(side, line)
+        self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
+        self._news = self.node.create_guard_condition(self._look, MutuallyExclusiveCallbackGroup())
+        self._wait = DescriptionWait(self.node, side, self._serve)
+        self._diagnostics = ManagerDiagnostics(
+            self.node,
+            self._controllers,
+            self._hardware,
+            lambda: not self._wait.is_over,
+            self._parameters.threshold,
+            RATE,
+        )
+
+    def tell(self, event: Event) -> None:
+        """Log what happened in the fast line and look at who is in which state; from any thread."""
+        log = self.node.get_logger()
+        if is_fault(event):
+            log.error(str(event))
+        else:
+            log.info(str(event))
+        self.look()
+
+    def look(self) -> None:
+        """Have the executor look whether the activity has changed; from any thread."""
+        self._news.trigger()
+
+    def destroy(self) -> None:
+        """When nothing spins any more."""
+        self._nodes.destroy()
+        self.node.destroy_node()
+
+    def _look(self) -> None:
+        self._repeats.forget()
+        if self._wait.is_over:
+            self._activity.update()
+
+    def _serve(self) -> None:
+        try:
+            self._controllers.begin()
+        except YumiError as error:
+            self.node.get_logger().error(f"The controllers cannot be served: {error}")
+            return
+        self._services = ControllerManagerServices(
+            self.node, self._controllers, self._hardware, self._repeats, RATE, self._activity.update
+        )
+        self._activity.update()

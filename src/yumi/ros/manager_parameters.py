@@ -1,0 +1,116 @@
+"""The parameters of a controller manager's node: its own, and those that say how each controller is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+
+from yumi.control.requests import Strictness
+from yumi.errors import CommandRefused
+
+_STRICTNESS = "defaults.switch_controller.strictness"
+_STRICTNESSES = {"best_effort": Strictness.BEST_EFFORT, "strict": Strictness.STRICT}
+_THRESHOLDS = "diagnostics.threshold"
+
+
+class ManagerParameters:
+    """Declares and reads them. The node must allow parameters that nobody declared: tools set them before loading.
+
+    Args:
+        node: the controller manager's node.
+        rate: how often controllers are updated [Hz].
+        on_change: called when a parameter was set.
+    """
+
+    def __init__(self, node: Any, rate: int, on_change: Callable[[], None]) -> None:
+        self._node = node
+        self._on_change = on_change
+        self._declare_own(rate)
+        node.add_on_set_parameters_callback(self._check)
+
+    def note_type(self, name: str, kind: str) -> None:
+        """Declare the type of a controller that was loaded from the start, for tools that offer what can be loaded."""
+        if not self._node.has_parameter(f"{name}.type"):
+            self._node.declare_parameter(f"{name}.type", kind, _dynamic("Type of the controller."))
+
+    def type_of(self, name: str) -> str:
+        """The type of the controller ``name``.
+
+        Raises:
+            CommandRefused: nobody has said.
+        """
+        (kind,) = self._texts(f"{name}.type") or ("",)
+        if not kind:
+            raise CommandRefused(
+                f"Controller {name!r} has no type; set the parameter {name}.type of {self._node.get_name()} first."
+            )
+        return kind
+
+    def arguments_of(self, name: str) -> tuple[str, ...]:
+        """The ROS arguments of the controller's node: its parameter files, then its own options."""
+        files = [word for file in self._texts(f"{name}.params_file") for word in ("--params-file", file)]
+        options = [word for text in self._texts(f"{name}.node_options_args") for word in text.split()]
+        return (*files, *(word for word in options if word != "--ros-args"))
+
+    @property
+    def strictness(self) -> Strictness:
+        """How strict a switch is that does not say."""
+        return _STRICTNESSES[self._node.get_parameter(_STRICTNESS).value]
+
+    def threshold(self, subject: str, quantity: str) -> tuple[float, float]:
+        """From where on a figure is worth a warning, and an error: [Hz] or [µs]."""
+        warn, error = (
+            self._node.get_parameter(f"{_THRESHOLDS}.{subject}.{quantity}.{level}").value for level in ("warn", "error")
+        )
+        return float(warn), float(error)
+
+    def _texts(self, name: str) -> tuple[str, ...]:
+        """One text or a list of them; empty where nothing, or something else, is set."""
+        value = self._node.get_parameter(name).value if self._node.has_parameter(name) else None
+        texts = [value] if isinstance(value, str) else value if isinstance(value, list) else []
+        return tuple(text for text in texts if isinstance(text, str))
+
+    def _declare_own(self, rate: int) -> None:
+        fixed = {
+            "update_rate": (rate, "How often controllers are updated [Hz]: the robot's own rate."),
+            "enforce_command_limits": (True, "Whether commands are kept within the joints' limits: always."),
+            "handle_exceptions": (True, "Whether a controller that fails is deactivated: always."),
+            "defaults.allow_controller_activation_with_inactive_hardware": (False, "Never: EGM must run."),
+            "defaults.deactivate_controllers_on_hardware_self_deactivate": (True, "Always, when EGM ends."),
+        }
+        for name, (value, description) in fixed.items():
+            self._node.declare_parameter(name, value, ParameterDescriptor(description=description, read_only=True))
+        words = " or ".join(_STRICTNESSES)
+        rule = ParameterDescriptor(
+            description="Strictness of a switch that asks for 0.", additional_constraints=f"one of {words}"
+        )
+        self._node.declare_parameter(_STRICTNESS, "best_effort", rule)
+        self._declare_thresholds()
+
+    def _declare_thresholds(self) -> None:
+        for subject in ("controller_manager", "controllers", "hardware_components"):
+            for figure in ("mean_error", "standard_deviation"):
+                self._declare_threshold(f"{subject}.periodicity.{figure}", 5.0, 10.0, "Hz")
+        for subject in ("controllers", "hardware_components"):
+            self._declare_threshold(f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs")
+            self._declare_threshold(f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs")
+
+    def _declare_threshold(self, name: str, warn: float, error: float, unit: str) -> None:
+        for level, value in (("warn", warn), ("error", error)):
+            description = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
+            self._node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", value, description)
+
+    def _check(self, parameters: list[Any]) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == _STRICTNESS and parameter.value not in _STRICTNESSES:
+                words = " or ".join(_STRICTNESSES)
+                return SetParametersResult(successful=False, reason=f"{_STRICTNESS} is {words}.")
+        self._on_change()
+        return SetParametersResult(successful=True)
+
+
+def _dynamic(description: str) -> ParameterDescriptor:
+    """Of a parameter whose type tools may change: the spawner sets lists where a file had a text."""
+    return ParameterDescriptor(description=description, dynamic_typing=True)
