@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from math import radians
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -28,10 +29,13 @@ from yumi.control.controller import Controller
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
+from yumi.control.point_motion import slower
 from yumi.control.requests import Event
 from yumi.control.stations import StationClock
+from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.controllers.joint_trajectory import JointTrajectoryController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import YumiError
@@ -82,6 +86,10 @@ class Place:
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
     JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
+    JointTrajectoryController.kind: lambda place: JointTrajectoryController(place.side, place.boxes.trajectory),
+    DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
+        place.side, place.boxes.dual_trajectory, place.boxes.told, place.boxes.heard
+    ),
 }
 """How a controller of each type is made."""
 
@@ -216,7 +224,10 @@ def run_driver(
             stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
-            ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
+            limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
+            ros = RosDriver(
+                fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock, limits
+            )
             stack.callback(ros.stop)
             records = Records(settings.recorder, fast_line.recorders, ros.say)
             stack.callback(records.close)

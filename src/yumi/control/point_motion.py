@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import sqrt
+from math import inf, sqrt
 from typing import Any, NamedTuple, cast
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -59,7 +59,7 @@ class PointMotion:
         return Setpoint(_fixed(position), _fixed(velocity), _fixed(acceleration))
 
 
-def slower(limits: JointLimits, speed: float, acceleration: float, top_speed: float) -> JointLimits:
+def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
     """``limits`` for a gentler motion.
 
     Args:

@@ -98,3 +98,6 @@ class TrajectoryEnded:
     code: ResultCode
     sentence: str
     skew: Skew | None = None
+
+    def __str__(self) -> str:
+        return f"{self.outcome.value}: {self.sentence}"

@@ -30,6 +30,8 @@ from yumi.control.requests import (
     Stop,
 )
 from yumi.control.snapshot import SNAPSHOT_SIZE, Snapshot, peek_snapshot
+from yumi.control.trajectory_feedback import FEEDBACK_SIZE
+from yumi.control.trajectory_partner import PARTNER_SIZE
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
@@ -53,16 +55,34 @@ class ArmBoxes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
         goals: where it shall go.
+        trajectory: how it follows a trajectory of its own.
+        dual_trajectory: how it follows its part of one for both arms.
+        told: what it tells the other arm meanwhile.
+        heard: what the other arm tells it.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
+
+    Args:
+        told: as above; without the two the arm is alone.
+        heard: as above.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, told: SharedMailbox | None = None, heard: SharedMailbox | None = None) -> None:
         self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
+        self.trajectory = SharedMailbox(FEEDBACK_SIZE)
+        self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
+        self.told = told or SharedMailbox(PARTNER_SIZE)
+        self.heard = heard or SharedMailbox(PARTNER_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
+
+
+def boxes_of_both_arms() -> dict[Side, ArmBoxes]:
+    """What the fast line and its parent share, and the arms with each other."""
+    right, left = SharedMailbox(PARTNER_SIZE), SharedMailbox(PARTNER_SIZE)
+    return {Side.RIGHT: ArmBoxes(told=right, heard=left), Side.LEFT: ArmBoxes(told=left, heard=right)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +114,7 @@ class FastLineProcess:
     """
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
-        self.boxes = {side: ArmBoxes() for side in Side}
+        self.boxes = boxes_of_both_arms()
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
         self.started_as = ""
         self._is_wanted = True
