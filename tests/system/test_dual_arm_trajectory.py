@@ -114,10 +114,10 @@ def test_new_trajectory_replaces_the_one_of_both_arms(arms: DualArms) -> None:
 def test_arm_whose_partner_never_begins_stops(arms: DualArms) -> None:
     position = arms.arms[Side.LEFT].snapshot.position
     arms.order({Side.LEFT: FollowTrajectory(swing(position, 0.5, 2.0), goal=1)})
-    arms.run(0.5)
+    arms.run(0.6)
     (ended,) = arms.ended[Side.LEFT]
-    assert ended.sentence.startswith("The other arm has not followed the trajectory for 5")
-    assert arms.arms[Side.LEFT].snapshot.position == pytest.approx(position, abs=radians(0.5))
+    assert ended.sentence.startswith("The other arm has not followed the trajectory for 25")
+    assert arms.arms[Side.LEFT].snapshot.position == pytest.approx(position, abs=radians(3.0))
 
 
 def test_trajectory_that_one_arm_refuses_moves_neither(arms: DualArms) -> None:

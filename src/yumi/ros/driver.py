@@ -7,7 +7,7 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-dual_arm_trajectory_controller  the same for both arms, and inter_arm_skew
+dual_arm_trajectory_controller the same for both arms, and inter_arm_skew
 r/yumi_topics                  joint_commands
 r/gripper                      gripper_cmd (and all of these for l)
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
