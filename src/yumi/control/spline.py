@@ -143,7 +143,7 @@ class Walk:
         pieces, index = self._pieces, self._index
         while time >= pieces[index].end:
             index += 1
-        while index and time < pieces[index].begin:
+        while index and time < pieces[index - 1].end:  # a piece may be entered later than it begins
             index -= 1
         self._index = index
         return pieces[index]
