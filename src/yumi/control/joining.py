@@ -6,7 +6,7 @@ from math import degrees
 
 from yumi.control.point_motion import Setpoint
 from yumi.control.spline import Piece, Spline, TrajectoryPoint, Walk, piece_between
-from yumi.control.trajectory import ArmPlan, ResultCode, check_motion, refused
+from yumi.control.trajectory import ArmPlan, ResultCode, check_jerk, check_motion, refused
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import joint_names
 from yumi.robot.limits import JointLimits
@@ -95,6 +95,7 @@ def _merge(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits)
         piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
         try:
             check_motion((piece,), joint_names(plan.side), limits)
+            check_jerk(piece, joint_names(plan.side), limits.jerk)
         except TrajectoryRefused as error:
             refusal = error
             continue

@@ -93,6 +93,17 @@ def check_motion(pieces: Sequence[Piece], names: Sequence[str], limits: JointLim
             _check_row(piece, row, names[index], index, limits)
 
 
+def check_jerk(piece: Piece, names: Sequence[str], jerk: Sequence[float]) -> None:
+    """Refuse a piece that jerks a joint too much; a way that is chosen here does not, one that is given may.
+
+    Raises:
+        TrajectoryRefused: with the joint, the time and the limit.
+    """
+    for name, row, limit in zip(names, piece.rows, jerk, strict=True):
+        jerks = derivative(derivative(derivative(row)))
+        _check_rate("jerk", "rad/s³", jerks, limit, name, piece)
+
+
 def refused(reason: str, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
     """The error for a trajectory that cannot be followed because of ``reason``."""
     return TrajectoryRefused(f"Trajectory refused: {reason}", code)
@@ -191,13 +202,14 @@ def _check_row(piece: Piece, row: Sequence[float], name: str, index: int, limits
             f"its range is {limits.range_deg(index)}."
         )
     velocity = derivative(row)
-    for what, unit, polynomial, limit in (
-        ("velocity", "rad/s", velocity, limits.velocity[index]),
-        ("acceleration", "rad/s²", derivative(velocity), limits.acceleration[index]),
-    ):
-        out = excess(polynomial, length, -limit * _ROUNDING, limit * _ROUNDING)
-        if out is not None:
-            raise refused(
-                f"{name} would have the {what} {out.value:.2f} {unit} at {piece.begin + out.time:.3f} s; "
-                f"its limit is {limit:.2f} {unit}; give it more time."
-            )
+    _check_rate("velocity", "rad/s", velocity, limits.velocity[index], name, piece)
+    _check_rate("acceleration", "rad/s²", derivative(velocity), limits.acceleration[index], name, piece)
+
+
+def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, piece: Piece) -> None:
+    out = excess(rate, piece.end - piece.begin, -limit * _ROUNDING, limit * _ROUNDING)
+    if out is not None:
+        raise refused(
+            f"{name} would have the {what} {out.value:.2f} {unit} at {piece.begin + out.time:.3f} s; "
+            f"its limit is {limit:.2f} {unit}; give it more time."
+        )

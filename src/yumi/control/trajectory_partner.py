@@ -16,7 +16,7 @@ PARTNER_SIZE = 6
 """Numbers in a partner's mailbox."""
 
 PARTNER_SILENCE = 0.250
-"""An arm that says nothing for so long follows no longer [s]. Whatever ends its motion it tells at once, the loss of its
+"""An arm that says nothing for so long follows no longer [s]. What ends its motion it tells at once, the loss of its
 robot, too; what remains is a process that has died, and on a busy machine each may be late by tens of milliseconds."""
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from math import inf
 from typing import Protocol, cast
 
+from yumi.control.calming import STANDING, Calming
 from yumi.control.controller import Controller
 from yumi.control.joining import join
 from yumi.control.mailbox import Mailbox
@@ -35,9 +36,6 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
-
-STANDING = 0.05
-"""An arm whose joints all move slower than this stands when the controller begins [rad/s]; positions jitter."""
 
 _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
 _BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
@@ -93,6 +91,7 @@ class JointTrajectoryController(Controller):
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
         self._feedback_due = -inf
+        self._calming: Calming | None = None
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
         self._position = ZERO
@@ -108,11 +107,11 @@ class JointTrajectoryController(Controller):
         return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
 
     def activate(self, state: ArmState) -> None:
-        """From where the robot is heading, at the speed it has, to rest."""
+        """An arm that moves comes to rest first: it was led by another law, whose command is no place to go on from."""
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
-        velocity = state.velocity if max(map(abs, state.velocity)) > STANDING else ZERO
-        self._brake_from(Setpoint(state.planned, velocity))
+        self._rest_at(state.planned)
+        self._calming = Calming(state)
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
@@ -137,6 +136,8 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
+        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
+            return None
         self._advance(state.dt)
         position, velocity = self._source.motion(self._time)
         self._position = position
@@ -161,6 +162,13 @@ class JointTrajectoryController(Controller):
     def reference(self) -> Joints | None:
         return self._position
 
+    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+        self._rest_at(state.planned)
+        is_over = calming.is_over(state)
+        if is_over:
+            self._calming = None
+        return is_over
+
     def _advance(self, dt: float) -> None:
         """Time goes by for what is followed; braking does not wait for anything."""
         if self._goal is None or self._goal.is_cancelled:
@@ -181,6 +189,8 @@ class JointTrajectoryController(Controller):
         """The whole way, and the time on it that the newest command belongs to."""
         if state is None:
             raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
+        if self._calming is not None and max(map(abs, state.velocity)) > STANDING:
+            raise refused("the arm still moves from before this controller was activated; wait until it stands.")
         if self._checked is not None and self._checked[0] is order and self._checked[1] is state:
             return self._checked[2:]
         plan, settings = order.plan, self._settings
@@ -208,7 +218,7 @@ class JointTrajectoryController(Controller):
         self._goal = TrajectoryGoal(
             order.goal, self._names, spline, self._settings.bounds_with(order.tolerances), begin
         )
-        self._source, self._time, self._checked = Walk(spline), now, None
+        self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
 
     def _cancel(self, order: CancelTrajectory) -> None:
         goal = self._goal
