@@ -33,9 +33,11 @@ from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.stations import StationClock
+from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
+from yumi.controllers.joint_trajectory import JointTrajectoryController
 from yumi.controllers.joint_velocity import JointVelocityController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
@@ -96,6 +98,12 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits),
     JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits),
     **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
+    JointTrajectoryController.kind: lambda place: JointTrajectoryController(
+        place.side, place.boxes.trajectory, place.limits
+    ),
+    DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
+        place.side, place.boxes.dual_trajectory, place.boxes.told, place.partner.told, place.limits
+    ),
 }
 """How a controller of each type is made."""
 
@@ -241,7 +249,7 @@ def run_driver(
             open_ros()
             stack.callback(close_ros)
             force, rate = settings.gripper.force, settings.ros.merged_rate
-            ros = RosDriver(fast_lines, plan.controllers, manager, grippers, force, rate, clock)
+            ros = RosDriver(fast_lines, plan.controllers, manager, grippers, force, rate, clock, plan.limits)
             stack.callback(ros.stop)
             records = Records(settings.recorder, fast_lines.recorders, ros.say)
             stack.callback(records.close)

@@ -6,6 +6,7 @@
     ├── SettingsError        a configuration file or option is wrong: mend it and start again
     ├── MissingPrerequisite  the machine lacks something: install it
     ├── CommandRefused       a request broke a rule; nothing was changed: ask for something else
+    │   └── TrajectoryRefused    the request was a trajectory; with the result code of FollowJointTrajectory
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     ├── NoConnection         nothing answers at the address: check cable, address, power
@@ -32,6 +33,18 @@ class MissingPrerequisite(YumiError):
 
 class CommandRefused(YumiError):
     """A request broke a rule and changed nothing; the message gives the value and the limit."""
+
+
+class TrajectoryRefused(CommandRefused):
+    """A trajectory broke a rule.
+
+    Attributes:
+        code: the error code of control_msgs/action/FollowJointTrajectory that says so.
+    """
+
+    def __init__(self, sentence: str, code: int) -> None:
+        super().__init__(sentence)
+        self.code = code
 
 
 class SwitchFailed(YumiError):

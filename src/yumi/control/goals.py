@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from enum import IntFlag
-from math import isnan, nan
+from math import degrees, isfinite, isnan, nan
 from typing import NamedTuple
 
 from yumi.control.mailbox import Mailbox
+from yumi.errors import CommandRefused
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
+from yumi.robot.limits import YUMI_LIMITS
 
 GOAL_SIZE = 2 + 2 * JOINT_COUNT
 """Numbers in a goal mailbox: the session it is meant for, its time, 7 positions, 7 velocities."""
@@ -97,3 +99,22 @@ class GoalInbox:
         if goal is None or not isnan(goal.time):
             return goal
         return goal._replace(time=now)
+
+
+def check_position(name: str, index: int, position: float) -> None:
+    """Refuse a position that a joint cannot have.
+
+    Args:
+        name: the joint's, for the refusal.
+        index: its place in the chain.
+        position: [rad].
+
+    Raises:
+        CommandRefused: it is no finite number, or out of the joint's range.
+    """
+    if not isfinite(position):
+        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
+    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
+        raise CommandRefused(
+            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
+        )

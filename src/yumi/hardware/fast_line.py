@@ -26,6 +26,8 @@ from yumi.control.requests import (
     Stop,
 )
 from yumi.control.snapshot import SNAPSHOT_SIZE
+from yumi.control.trajectory_feedback import FEEDBACK_SIZE
+from yumi.control.trajectory_partner import PARTNER_SIZE
 from yumi.errors import YumiError
 from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
 from yumi.links.pipe import PipeClosed, PipeEnd
@@ -51,6 +53,9 @@ class ArmBoxes:
         speeds: how fast it shall go.
         forward_positions: positions by index.
         forward_speeds: speeds by index.
+        trajectory: how it follows a trajectory of its own.
+        dual_trajectory: how it follows its part of one for both arms.
+        told: what it tells the other arm meanwhile.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -62,6 +67,9 @@ class ArmBoxes:
         self.speeds = SharedMailbox(GOAL_SIZE)
         self.forward_positions = SharedMailbox(GOAL_SIZE)
         self.forward_speeds = SharedMailbox(GOAL_SIZE)
+        self.trajectory = SharedMailbox(FEEDBACK_SIZE)
+        self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
+        self.told = SharedMailbox(PARTNER_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 

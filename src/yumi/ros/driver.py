@@ -1,6 +1,5 @@
 """The ROS side of the driver: which nodes exist, and which topics, services and actions each one has.
 
-====================== ============================================================================
 node                   what it has
 ====================== ============================================================================
 r/controller_manager   the services of ros2_control, activity, joint_states, /diagnostics
@@ -10,6 +9,20 @@ r/gripper              gripper_cmd (and all of these for l)
 yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
 yumi_topics            joint_states (merged)
 ====================== ============================================================================
+=======
+============================== ====================================================================
+node                           what it has
+============================== ====================================================================
+r/controller_manager           the services of ros2_control, activity, joint_states, /diagnostics
+r/<controller>                 the parameters of each controller
+r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
+                               speed_scaling_input
+dual_arm_trajectory_controller the same for both arms, and inter_arm_skew
+r/yumi_topics                  the command topics of controllers, egm_state
+r/gripper                      gripper_cmd (and all of these for l)
+yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
+yumi_topics                    joint_states (merged)
+============================== ====================================================================
 
 Two executors: one answers services and actions on many threads, which costs milliseconds a turn with so many
 entities; what comes or goes hundreds of times a second has a lean one of its own.
@@ -31,12 +44,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import Event
+from yumi.control.requests import ControllerNotice, Event
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
+from yumi.robot.limits import JointLimits
 from yumi.ros.arm_manager import ArmManager
 from yumi.ros.command_topics import (
     CommandTopic,
@@ -51,6 +65,7 @@ from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.robot_manager import RobotManager, RobotManagerServices
+from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
 from yumi.settings import ControllerSettings
 
 _THREADS = 8  # more than there are slow services and actions
@@ -70,6 +85,7 @@ class RosDriver:
         force: gripper force where a goal names none [N].
         merged_rate: of the merged joint states [Hz].
         clock: the machine's clock.
+        limits: what the joints may do on trajectories.
     """
 
     def __init__(
@@ -81,6 +97,7 @@ class RosDriver:
         force: float,
         merged_rate: float,
         clock: Clock,
+        limits: JointLimits,
     ) -> None:
         self._boxes = fast_lines.boxes
         self._snapshot = fast_lines.snapshot
@@ -91,10 +108,18 @@ class RosDriver:
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
+        self._trajectories = TrajectoryControllers(
+            {side: boxes.trajectory for side, boxes in self._boxes.items()},
+            {side: boxes.dual_trajectory for side, boxes in self._boxes.items()},
+            fast_lines.ask,
+            clock,
+            limits,
+        )
+        interfaces = {**CONTROLLER_INTERFACES, **self._trajectories.interfaces}
         self._arms = {
-            side: ArmManager(side, fast_lines, controllers[side], self._executor, CONTROLLER_INTERFACES, clock)
-            for side in Side
+            side: ArmManager(side, fast_lines, controllers[side], self._executor, interfaces, clock) for side in Side
         }
+        self._dual_node = rclpy.create_node(DUAL_ARM)
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
@@ -105,6 +130,7 @@ class RosDriver:
             GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
             for side, node in self._gripper_nodes.items()
         ]
+        self._dual = self._trajectories.offer_dual(self._dual_node)
         self._commands = [
             topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
             for side, node in self._stream_nodes.items()
@@ -143,14 +169,17 @@ class RosDriver:
                 thread.join()
         for action in self._actions:
             action.destroy()
+        self._dual.destroy()
         for arm in self._arms.values():
             arm.destroy()
-        for node in (self._manager_node, *self._gripper_nodes.values(), *self._streaming()):
+        for node in (self._manager_node, self._dual_node, *self._gripper_nodes.values(), *self._streaming()):
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
         self._arms[event.side].tell(event)
+        if isinstance(event, ControllerNotice):
+            self._trajectories.tell(event)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -170,7 +199,12 @@ class RosDriver:
             arm.look()
 
     def _answering(self) -> list[Any]:
-        return [self._manager_node, *(arm.node for arm in self._arms.values()), *self._gripper_nodes.values()]
+        return [
+            self._manager_node,
+            self._dual_node,
+            *(arm.node for arm in self._arms.values()),
+            *self._gripper_nodes.values(),
+        ]
 
     def _streaming(self) -> list[Any]:
         return [self._stream_node, *self._stream_nodes.values()]

@@ -1,0 +1,39 @@
+"""Prints how closely the virtual arm follows a sine of 0.2 Hz on axis 6 that it is given as a trajectory.
+
+In virtual time, with the virtual robot's default dynamics and the full-speed settings; without feed-forward for
+comparison, and for delays other than the robot's own::
+
+    python benchmarks/tracking/known_trajectory.py
+"""
+
+from __future__ import annotations
+
+from math import radians
+
+from yumi.control.parameter import Values
+from yumi.controllers.trajectory_parameters import LOOKAHEAD
+from yumi.evaluation.known_trajectory import Sine, follow_sine
+
+CASES: tuple[tuple[str, Values], ...] = (
+    ("feed-forward and look-ahead", {}),
+    ("told 4 ms too late", {"lookahead": LOOKAHEAD - 0.004}),
+    ("told 4 ms too early", {"lookahead": LOOKAHEAD + 0.004}),
+    ("feed-forward alone", {"lookahead": 0.0}),
+    ("look-ahead alone", {"feedforward": 0.0}),
+    ("neither", {"feedforward": 0.0, "lookahead": 0.0}),
+)
+
+
+def main() -> None:
+    print(f"{'':30}{'amplitude':>10}{'max. error':>12}{'mean lag':>12}{'slowed':>8}")
+    for name, parameters in CASES:
+        for amplitude in (10.0, 60.0):
+            figures = follow_sine(Sine(radians(amplitude)), parameters)
+            print(
+                f"{name:30}{amplitude:>8.0f} °{figures.max_error_deg:>10.4f} °{figures.mean_lag * 1e3:>9.2f} ms"
+                f"{figures.slowed:>8}"
+            )
+
+
+if __name__ == "__main__":
+    main()

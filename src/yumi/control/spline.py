@@ -1,0 +1,168 @@
+"""Splines through the points of a trajectory: coefficients once, a few multiplications in each cycle.
+
+The order of a piece is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
+quintic, as in ros2_control's joint trajectory controller (reference/ros2_control.md §3.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from typing import NamedTuple, cast
+
+from yumi.control.point_motion import Setpoint
+from yumi.robot.joints import Joints
+from yumi.robot.values import ZERO
+
+Coefficients = tuple[float, float, float, float, float, float]
+"""Of one joint's position over the time since its piece began, the constant one first."""
+
+
+class TrajectoryPoint(NamedTuple):
+    """Where joints shall be at one time.
+
+    Attributes:
+        time: since the start of the trajectory [s].
+        position: [rad], one for each joint.
+        velocity: [rad/s], one for each joint, or none at all.
+        acceleration: [rad/s²], one for each joint, or none at all.
+    """
+
+    time: float
+    position: tuple[float, ...]
+    velocity: tuple[float, ...] = ()
+    acceleration: tuple[float, ...] = ()
+
+
+class Piece(NamedTuple):
+    """A spline between two points.
+
+    Attributes:
+        begin: when it begins [s].
+        end: when the next one begins [s].
+        rows: the coefficients of each joint.
+    """
+
+    begin: float
+    end: float
+    rows: tuple[Coefficients, ...]
+
+
+class Spline(NamedTuple):
+    """The way through all points.
+
+    Attributes:
+        pieces: in the order of time, without gaps; none for a single point.
+        last: the last point, where the joints stay.
+    """
+
+    pieces: tuple[Piece, ...]
+    last: TrajectoryPoint
+
+    @property
+    def begin(self) -> float:
+        """When it begins [s]."""
+        return self.pieces[0].begin if self.pieces else self.last.time
+
+    @property
+    def end(self) -> float:
+        """When it has arrived [s]."""
+        return self.last.time
+
+
+def spline_through(points: Sequence[TrajectoryPoint]) -> Spline:
+    """The spline through ``points``, whose times increase."""
+    return Spline(tuple(piece_between(start, end) for start, end in pairwise(points)), points[-1])
+
+
+def piece_between(start: TrajectoryPoint, end: TrajectoryPoint) -> Piece:
+    """The piece from ``start`` to ``end``, as smooth as what both of them give."""
+    length = end.time - start.time
+    if start.acceleration and end.acceleration:
+        ends = zip(
+            start.position,
+            start.velocity,
+            start.acceleration,
+            end.position,
+            end.velocity,
+            end.acceleration,
+            strict=True,
+        )
+        rows: Iterable[Coefficients] = (_quintic(length, *each) for each in ends)
+    elif start.velocity and end.velocity:
+        slopes = zip(start.position, start.velocity, end.position, end.velocity, strict=True)
+        rows = (_cubic(length, *each) for each in slopes)
+    else:
+        rows = (_linear(length, *each) for each in zip(start.position, end.position, strict=True))
+    return Piece(start.time, end.time, tuple(rows))
+
+
+class Walk:
+    """Reads a spline of seven joints at times that mostly increase; it remembers in which piece it was.
+
+    Args:
+        spline: of seven joints.
+    """
+
+    def __init__(self, spline: Spline) -> None:
+        self._pieces = spline.pieces
+        self._begin, self._end = spline.begin, spline.end
+        self._last = cast("Joints", spline.last.position)
+        self._index = 0
+
+    def motion(self, time: float) -> tuple[Joints, Joints]:
+        """Positions [rad] and velocities [rad/s]; at rest before the begin and from the end on."""
+        if not self._begin <= time < self._end:
+            return self.position(time), ZERO
+        piece = self._piece(time)
+        t = time - piece.begin
+        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
+        velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in piece.rows]
+        return cast("Joints", tuple(position)), cast("Joints", tuple(velocity))
+
+    def position(self, time: float) -> Joints:
+        """Positions [rad]; those of the ends before the begin and from the end on."""
+        if time >= self._end or not self._pieces:
+            return self._last
+        piece = self._piece(time)
+        t = max(0.0, time - piece.begin)
+        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
+        return cast("Joints", tuple(position))
+
+    def setpoint(self, time: float) -> Setpoint:
+        """Positions, velocities and accelerations."""
+        position, velocity = self.motion(time)
+        if velocity is ZERO:
+            return Setpoint(position)
+        piece = self._piece(time)
+        t = time - piece.begin
+        acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in piece.rows]
+        return Setpoint(position, velocity, cast("Joints", tuple(acceleration)))
+
+    def _piece(self, time: float) -> Piece:
+        pieces, index = self._pieces, self._index
+        while time >= pieces[index].end:
+            index += 1
+        while index and time < pieces[index - 1].end:  # a piece may be entered later than it begins
+            index -= 1
+        self._index = index
+        return pieces[index]
+
+
+def _linear(length: float, p0: float, p1: float) -> Coefficients:
+    return (p0, (p1 - p0) / length, 0.0, 0.0, 0.0, 0.0)
+
+
+def _cubic(length: float, p0: float, v0: float, p1: float, v1: float) -> Coefficients:
+    t, way = length, p1 - p0
+    c2 = (3.0 * way - (2.0 * v0 + v1) * t) / t**2
+    c3 = (-2.0 * way + (v0 + v1) * t) / t**3
+    return (p0, v0, c2, c3, 0.0, 0.0)
+
+
+def _quintic(length: float, p0: float, v0: float, a0: float, p1: float, v1: float, a1: float) -> Coefficients:
+    t, way = length, p1 - p0
+    c3 = (20.0 * way - (8.0 * v1 + 12.0 * v0) * t + (a1 - 3.0 * a0) * t**2) / (2.0 * t**3)
+    c4 = (-30.0 * way + (14.0 * v1 + 16.0 * v0) * t + (3.0 * a0 - 2.0 * a1) * t**2) / (2.0 * t**4)
+    c5 = (12.0 * way - 6.0 * (v1 + v0) * t + (a1 - a0) * t**2) / (2.0 * t**5)
+    return (p0, v0, 0.5 * a0, c3, c4, c5)

@@ -1,0 +1,242 @@
+"""The joint goal controller: takes an arm to single points, on ways it plans itself and may change at any moment.
+
+The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.point_motion`). Its speed is fed forward
+beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
+(reference/egm.md §6.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import degrees
+
+from yumi.control.controller import Controller, Parameter
+from yumi.control.goals import check_position, peek_goal
+from yumi.control.guard import LONGEST_STEP
+from yumi.control.mailbox import Mailbox
+from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
+from yumi.errors import CommandRefused
+from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
+from yumi.robot.limits import YUMI_LIMITS, JointLimits
+from yumi.robot.values import ZERO, ArmCommand, ArmState
+
+STANDING = 0.05
+"""An arm whose joints all move slower than this has come to rest at its goal [rad/s]; positions jitter."""
+
+
+class GoalOutcome(Enum):
+    """How an order ended."""
+
+    REACHED = "reached"
+    REPLACED = "replaced"
+    STOPPED = "stopped"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True, slots=True)
+class JointGoal:
+    """An order: go there and stay.
+
+    Attributes:
+        position: where to, chain order [rad], (7,).
+        identity: number by which its end is told.
+        speed_scale: share of the joints' speeds, above 0 up to 1; None takes the parameter's.
+        acceleration_scale: the same for accelerations and jerks.
+    """
+
+    position: Joints
+    identity: int = 0
+    speed_scale: float | None = None
+    acceleration_scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StopMotion:
+    """An order: come to rest as fast as the joints may, and stay.
+
+    Attributes:
+        identity: number by which its end is told.
+    """
+
+    identity: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnded:
+    """A notice: an order has ended.
+
+    Attributes:
+        identity: the order's number.
+        outcome: how.
+        sentence: why, for a person.
+    """
+
+    identity: int
+    outcome: GoalOutcome
+    sentence: str
+
+
+class JointGoalController(Controller):
+    """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
+
+    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice.
+
+    Args:
+        goals: where goals arrive that nobody waits for, see :mod:`yumi.control.goals`.
+        limits: what the joints may do.
+    """
+
+    kind = "yumi_controllers/JointGoalController"
+    parameters = (
+        Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
+        Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
+        Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
+        Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
+        Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
+        Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
+    )
+
+    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+        self._goals = goals
+        self._limits = limits
+        self._values = {parameter.name: parameter.default for parameter in self.parameters}
+        self._letter = 0
+        self._notices: list[GoalEnded] = []
+        self._order: JointGoal | StopMotion | None = None
+        self._rest(Setpoint(ZERO))
+
+    def configure(self, values: dict[str, float]) -> None:
+        self._values = dict(values)
+
+    def activate(self, state: ArmState) -> None:
+        self._order = None
+        letter = self._goals.peek()
+        self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
+        self._begin_from(state)
+
+    def deactivate(self) -> None:
+        self._end(GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
+
+    def check(self, message: object, state: ArmState | None) -> None:
+        self._planned(message)
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        order, motion = self._planned(message)
+        is_stop = isinstance(order, StopMotion)
+        self._end(
+            GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
+            "the arm was told to stop" if is_stop else "another goal replaced this one",
+        )
+        self._order = order
+        self._start(motion)
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        letter = self._goals.peek()
+        if letter is not None and letter[0] != self._letter:
+            self._take(state)
+        self._time += min(state.dt, LONGEST_STEP)
+        self._setpoint = self._motion.at(self._time)
+        if self._order is not None:
+            self._watch(state)
+        return ArmCommand(self._setpoint.position, self._setpoint.velocity)
+
+    def take_notices(self) -> Sequence[object]:
+        if not self._notices:
+            return ()
+        notices, self._notices = self._notices, []
+        return notices
+
+    @property
+    def reference(self) -> Joints | None:
+        return self._motion.end
+
+    def _take(self, state: ArmState) -> None:
+        """A goal from the mailbox; one that cannot be reached is told and left."""
+        number, goal = peek_goal(self._goals, state.session)
+        if goal is None:
+            return
+        self._letter = number
+        try:
+            self.receive(JointGoal(goal), state)
+        except CommandRefused as error:
+            self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
+
+    def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
+        if isinstance(message, StopMotion):
+            return message, stop(self._setpoint, self._limits)
+        if not isinstance(message, JointGoal):
+            raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
+        check_goal(message.position)
+        return message, self._way_to(message)
+
+    def _way_to(self, goal: JointGoal) -> PointMotion:
+        speed = self._scale("speed_scale", goal.speed_scale)
+        acceleration = self._scale("acceleration_scale", goal.acceleration_scale)
+        top = self._values["top_speed"]
+        try:
+            return travel(self._setpoint, goal.position, slower(self._limits, speed, acceleration, top))
+        except CommandRefused:
+            if acceleration == 1.0:
+                raise
+        return travel(self._setpoint, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+
+    def _scale(self, name: str, value: float | None) -> float:
+        if value is None:
+            return self._values[name]
+        if not 0.0 < value <= 1.0:
+            raise CommandRefused(f"Goal refused: {name} is {value}; allowed is above 0 up to 1.")
+        return value
+
+    def _begin_from(self, state: ArmState) -> None:
+        """From where the robot is heading, at the speed it has, to rest: nothing jumps, and no load makes it creep."""
+        velocity = state.velocity if max(map(abs, state.velocity)) > STANDING else ZERO
+        self._setpoint = Setpoint(state.planned, velocity)
+        self._start(stop(self._setpoint, self._limits))
+
+    def _rest(self, setpoint: Setpoint) -> None:
+        self._setpoint = setpoint
+        self._start(PointMotion(None, setpoint.position))
+
+    def _start(self, motion: PointMotion) -> None:
+        self._motion = motion
+        self._time = 0.0
+
+    def _watch(self, state: ArmState) -> None:
+        values, wanted = self._values, self._setpoint.position
+        worst = _largest(state.position, wanted)
+        if self._time < self._motion.duration:
+            if 0.0 < values["path_tolerance"] < worst:
+                self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
+                self._begin_from(state)
+        elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
+            self._end(GoalOutcome.REACHED, "the goal is reached")
+        elif self._time > self._motion.duration + values["goal_time"]:
+            self._end(GoalOutcome.ABORTED, self._deviation(state, "from the goal when its time was up"))
+
+    def _deviation(self, state: ArmState, where: str) -> str:
+        errors = [abs(is_at - wanted) for is_at, wanted in zip(state.position, self._setpoint.position, strict=True)]
+        index = errors.index(max(errors))
+        return f"axis {CHAIN_AXES[index]} was {degrees(errors[index]):.1f}° {where}; see what holds the arm back"
+
+    def _end(self, outcome: GoalOutcome, sentence: str) -> None:
+        if self._order is not None:
+            self._notices.append(GoalEnded(self._order.identity, outcome, sentence))
+            self._order = None
+
+
+def check_goal(position: Joints) -> None:
+    """Refuse what is no position of an arm.
+
+    Raises:
+        CommandRefused: not seven numbers, or one of them is impossible.
+    """
+    if len(position) != JOINT_COUNT:
+        raise CommandRefused(f"Goal refused: it has {len(position)} positions; an arm has {JOINT_COUNT} joints.")
+    for index, value in enumerate(position):
+        check_position(f"axis {CHAIN_AXES[index]}", index, value)
+
+
+def _largest(left: Joints, right: Joints) -> float:
+    return max(abs(a - b) for a, b in zip(left, right, strict=True))

@@ -1,0 +1,259 @@
+"""FollowJointTrajectory and its topics for one arm or both: what upstream's joint trajectory controller offers.
+
+A goal is accepted when the controller has taken it, and refused with the reason in the log. Whatever ends its motion,
+the controller tells, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import count
+from threading import Event as Flag
+from threading import Lock
+from typing import Any
+
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from yumi.clock import Clock
+from yumi.control.mailbox import Mailbox
+from yumi.control.requests import Done, Order, Request, SendOrders
+from yumi.control.trajectory import ResultCode, plan_trajectory
+from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
+from yumi.controllers.trajectory_orders import (
+    CancelTrajectory,
+    FollowTrajectory,
+    Outcome,
+    ScaleSpeed,
+    Tolerances,
+    TrajectoryEnded,
+)
+from yumi.errors import YumiError
+from yumi.robot.joints import Side
+from yumi.robot.limits import JointLimits
+from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+
+TOGETHER = 0.1
+"""Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
+
+_GLANCE = 0.02  # [s] how soon new feedback is passed on
+_CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+Ask = Callable[[Request], Done]
+
+
+class _OpenGoal:
+    """A goal somebody waits for.
+
+    Args:
+        request: as it came.
+
+    Attributes:
+        request: as above; it is how the action server's handle is known.
+        handle: the action's; None until it has one.
+        ends: what each arm told of its end.
+        is_over: set when it has ended.
+    """
+
+    def __init__(self, request: Any) -> None:
+        self.request = request
+        self.handle: Any = None
+        self.ends: dict[Side, TrajectoryEnded] = {}
+        self.is_over = Flag()
+
+    @property
+    def end(self) -> TrajectoryEnded:
+        """What counts of the arms' ends: a failure, and of several the one that caused the others."""
+        return min(self.ends.values(), key=lambda end: (end.outcome is Outcome.SUCCEEDED, end.code))
+
+
+class TrajectoryAction:
+    """Serves ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``.
+
+    For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
+    on the trajectory they were told to be at [s].
+
+    Args:
+        node: the controller's node.
+        name: the controller's name on each arm.
+        feedback: by arm, in the order of the joints; where the controllers let others see how they follow.
+        ask: has a request served by the fast line.
+        clock: the machine's clock.
+        limits: what the joints may do.
+    """
+
+    def __init__(
+        self, node: Any, name: str, feedback: Mapping[Side, Mailbox], ask: Ask, clock: Clock, limits: JointLimits
+    ) -> None:
+        self._log = node.get_logger()
+        self._ros_clock = node.get_clock()
+        self._name = name
+        self._feedback = feedback
+        self._sides = tuple(feedback)
+        self._ask = ask
+        self._clock = clock
+        self._limits = limits
+        self._numbers = count(1)
+        self._lock = Lock()
+        self._open: dict[int, _OpenGoal] = {}
+        self._seen: dict[Side, int] = dict.fromkeys(feedback, 0)
+        group = ReentrantCallbackGroup()
+        self._server = ActionServer(
+            node,
+            FollowJointTrajectory,
+            "~/follow_joint_trajectory",
+            execute_callback=self._execute,
+            goal_callback=self._consider,
+            cancel_callback=self._cancel,
+            callback_group=group,
+        )
+        orders = MutuallyExclusiveCallbackGroup()
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=orders)
+        node.create_subscription(
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
+        )
+        self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
+        self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
+        node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
+
+    def take_notice(self, side: Side, notice: object) -> None:
+        """Take what a controller has told; from any thread."""
+        if not isinstance(notice, TrajectoryEnded):
+            return
+        with self._lock:
+            goal = self._open.get(notice.goal)
+            if goal is None:
+                self._log.info(notice.sentence)
+                return
+            goal.ends[side] = notice
+            if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
+                goal.is_over.set()
+
+    def destroy(self) -> None:
+        """End; goals that are open are aborted."""
+        with self._lock:
+            for goal in self._open.values():
+                goal.is_over.set()
+        self._server.destroy()
+
+    def _consider(self, request: Any) -> Any:
+        tolerances, reason = tolerances_of(request, self._sides)
+        if reason:
+            self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
+        try:
+            self._send(request.trajectory, tolerances, _OpenGoal(request))
+        except YumiError as error:
+            self._log.warning(str(error))
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
+        """Have every arm take its part of a trajectory, or none.
+
+        Raises:
+            YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
+        """
+        plans = plan_trajectory(trajectory_of(message, self._start(message)), self._sides, self._limits)
+        number = next(self._numbers)
+        orders = {side: FollowTrajectory(plans[side], number, tolerances[side]) for side in self._sides}
+        if goal is not None:
+            with self._lock:
+                self._open[number] = goal  # its end may be told before the answer comes
+        try:
+            self._order(orders)
+        except YumiError:
+            with self._lock:
+                self._open.pop(number, None)
+            raise
+
+    def _start(self, message: Any) -> float | None:
+        """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
+        now, stamped = self._clock.now(), stamp_of(message)
+        if stamped:
+            return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
+        return None if len(self._sides) == 1 else now + TOGETHER
+
+    def _order(self, orders: Mapping[Side, object]) -> None:
+        self._ask(SendOrders(tuple(Order(side, self._name, order) for side, order in orders.items())))
+
+    def _cancel(self, handle: Any) -> Any:
+        number, _ = self._find(handle)
+        self._try(lambda: self._order({side: CancelTrajectory(number) for side in self._sides}))
+        return CancelResponse.ACCEPT
+
+    def _find(self, handle: Any) -> tuple[int, _OpenGoal]:
+        with self._lock:
+            return next(item for item in self._open.items() if item[1].request is handle.request)
+
+    def _execute(self, handle: Any) -> Any:
+        number, goal = self._find(handle)
+        goal.handle = handle
+        try:
+            goal.is_over.wait()
+            return self._finish(handle, goal)
+        finally:
+            with self._lock:
+                del self._open[number]
+
+    def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
+        result = FollowJointTrajectory.Result()
+        if not goal.ends:
+            result.error_code, result.error_string = int(ResultCode.INVALID_GOAL), "The driver has ended."
+            handle.abort()
+            return result
+        end = goal.end
+        result.error_code, result.error_string = int(end.code), end.sentence
+        if end.outcome is Outcome.SUCCEEDED:
+            handle.succeed()
+        elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+    def _is_cancelled(self, handle: Any) -> bool:
+        """The action server notes a cancel only after it has been asked for; an arm at rest has ended by then."""
+        begin = self._clock.now()
+        while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
+            self._clock.wait(0.001)
+        return bool(handle.is_cancel_requested)
+
+    def _take(self, message: Any) -> None:
+        """A trajectory nobody waits for; the goal whose motion it replaces ends as preempted."""
+        own = {side: Tolerances() for side in self._sides}
+        self._try(lambda: self._send(message, own, None))
+
+    def _scale(self, message: Any) -> None:
+        self._try(lambda: self._order({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
+
+    def _try(self, carry: Callable[[], object]) -> None:
+        try:
+            carry()
+        except YumiError as error:
+            self._log.warning(str(error), throttle_duration_sec=1.0)
+
+    def _pass_on(self) -> None:
+        """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
+        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
+        if len(news) < len(letters):
+            return
+        self._seen = {side: number for side, (number, _) in news.items()}
+        feedbacks = {side: feedback for side, (_, feedback) in news.items()}
+        now = int(self._ros_clock.now().nanoseconds)
+        time_ns = now - int((self._clock.now() - min(each.time for each in feedbacks.values())) * 1e9)
+        self._states.publish(state_message(feedbacks, time_ns))
+        if self._skews is not None:
+            self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
+        self._give_feedback(feedbacks, time_ns)
+
+    def _give_feedback(self, feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> None:
+        numbers = {feedback.goal for feedback in feedbacks.values()}
+        goal = self._open.get(numbers.pop()) if len(numbers) == 1 else None
+        if goal is not None and goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
+            goal.handle.publish_feedback(feedback_message(feedbacks, time_ns))

@@ -1,0 +1,286 @@
+"""What every arm must let a trajectory controller do: the perfect arm in memory and the virtual arm over the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import radians
+
+import pytest
+from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
+
+from trajectories import REST, dual_arm_trajectory, moved, planned, swing
+from yumi.control.cycle import Cycle
+from yumi.control.spline import TrajectoryPoint
+from yumi.control.trajectory import JointTrajectory, ResultCode, plan_trajectory
+from yumi.controllers.trajectory_orders import (
+    UNLIMITED,
+    CancelTrajectory,
+    FollowTrajectory,
+    Outcome,
+    ScaleSpeed,
+    Tolerances,
+)
+from yumi.errors import CommandRefused, TrajectoryRefused
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Side, joint_names, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
+
+HOME = home(SIDE)
+HALF_A_DEGREE = joints([radians(0.5)] * 7)
+CLOSE = Tolerances(path=HALF_A_DEGREE, goal=HALF_A_DEGREE, goal_time=1.0)
+INVALID = (Outcome.ABORTED, ResultCode.INVALID_GOAL)
+
+
+@pytest.fixture(params=[perfect_arm, virtual_arm], ids=["perfect arm", "virtual arm"])
+def arm(request: pytest.FixtureRequest) -> TrajectoryArm:
+    make: Callable[[], TrajectoryArm] = request.param
+    return make()
+
+
+def assert_within_limits(cycles: list[Cycle]) -> None:
+    """No step in the admitted command: speeds and accelerations within the limits."""
+    ways = [cycle.admitted.position for cycle in cycles]
+    speeds = [[(new - old) / CYCLE for old, new in zip(*pair, strict=True)] for pair in pairwise(ways)]
+    for before, after in pairwise(speeds):
+        for index, (old, new) in enumerate(zip(before, after, strict=True)):
+            assert abs(new) <= YUMI_LIMITS.velocity[index] * 1.001
+            assert abs(new - old) <= YUMI_LIMITS.acceleration[index] * CYCLE * 1.01
+
+
+def test_goal_is_reached_within_half_a_degree_all_the_way(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 1.0, 1.5), tolerances=CLOSE)
+    end = arm.end()
+    assert (end.goal, end.outcome, end.code) == (1, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL)
+    assert arm.position == pytest.approx(moved(HOME, 1.0), abs=radians(0.1))
+
+
+def test_planners_trajectory_is_followed_within_half_a_degree(arm: TrajectoryArm) -> None:
+    both = dual_arm_trajectory()
+    columns = [both.joint_names.index(name) for name in joint_names(SIDE)]
+    points = [
+        TrajectoryPoint(point.time, *(tuple(row[column] for column in columns) for row in point[1:]))
+        for point in both.points
+    ]
+    arm.follow(planned(points), tolerances=CLOSE)
+    assert arm.end().code == ResultCode.SUCCESSFUL
+
+
+def test_arm_stays_at_the_end(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0))
+    arm.end()
+    for cycle in arm.run(0.5)[50:]:
+        assert cycle.state.position == pytest.approx(moved(HOME, 0.5), abs=1e-4)
+
+
+def test_arm_that_nobody_orders_stays(arm: TrajectoryArm) -> None:
+    for cycle in arm.run(0.5):
+        assert cycle.state.position == pytest.approx(HOME, abs=1e-6)
+
+
+@pytest.mark.parametrize("fields", [1, 2, 3], ids=["linear", "cubic", "quintic"])
+def test_spline_order_is_that_of_what_is_given(arm: TrajectoryArm, fields: int) -> None:
+    there = (0.0, moved(HOME, 0.6), REST, REST)
+    points = [TrajectoryPoint(0.0, *(HOME, REST, REST)[:fields]), TrajectoryPoint(2.0, *there[1:][:fields])]
+    arm.follow(planned(points))
+    arm.run(0.5)
+    u = arm.feedback.progress / 2.0
+    share = {1: u, 2: 3.0 * u**2 - 2.0 * u**3, 3: 10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5}[fields]
+    assert arm.feedback.desired[6] == pytest.approx(0.6 * share, abs=1e-9)
+
+
+def test_way_outside_of_the_path_tolerance_ends_the_motion(arm: TrajectoryArm) -> None:
+    arm.set({"lookahead": 0.1})
+    arm.follow(swing(HOME, 1.0, 1.5), tolerances=CLOSE)
+    end = arm.end()
+    assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
+    assert end.sentence.startswith("yumi_joint_6_l was ")
+    assert end.sentence.endswith("; its path tolerance is 0.50°.")
+
+
+def test_path_velocity_tolerance_bites(arm: TrajectoryArm) -> None:
+    arm.set({"lookahead": 0.1})
+    arm.follow(swing(HOME, 1.0, 1.5), tolerances=Tolerances(path_velocity=joints([0.01] * 7)))
+    end = arm.end()
+    assert end.code == ResultCode.PATH_TOLERANCE_VIOLATED
+    assert "rad/s off the planned speed at" in end.sentence
+
+
+def test_goal_that_is_not_reached_in_time_ends_the_motion() -> None:
+    arm = virtual_arm()  # the perfect one reaches every goal
+    arm.set({f"constraints.{joint_names(SIDE)[6]}.goal": 1e-15, "constraints.goal_time": 0.2})
+    arm.follow(swing(HOME, 0.3333, 1.0))
+    end = arm.end(3.0)
+    assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
+    assert "from the goal 0.20 s after the end of the trajectory; its goal tolerance is 0.00°." in end.sentence
+
+
+def test_goal_time_of_zero_waits_for_ever() -> None:
+    arm = virtual_arm()
+    arm.set({f"constraints.{joint_names(SIDE)[6]}.goal": 1e-15})
+    arm.follow(swing(HOME, 0.3333, 0.5))
+    arm.run(5.0)
+    assert arm.ended == []
+
+
+def test_unlimited_tolerance_takes_back_the_controllers_own(arm: TrajectoryArm) -> None:
+    arm.set({f"constraints.{name}.trajectory": 1e-9 for name in joint_names(SIDE)})
+    arm.follow(swing(HOME, 0.5, 1.0), tolerances=Tolerances(path=joints([UNLIMITED] * 7)))
+    assert arm.end().code == ResultCode.SUCCESSFUL
+
+
+def test_cancel_brings_the_arm_to_rest_within_its_limits(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 2.0, 2.0))
+    arm.run(1.0)
+    arm.order(CancelTrajectory(1))
+    first = len(arm.loop.cycles)
+    end = arm.end(1.0)
+    assert (end.outcome, end.code) == (Outcome.CANCELED, ResultCode.SUCCESSFUL)
+    arm.run(0.3)
+    assert max(map(abs, arm.velocity)) < 1e-3
+    assert_within_limits(arm.loop.cycles[first - 2 :])
+
+
+def test_cancel_brakes_no_harder_than_it_is_told(arm: TrajectoryArm) -> None:
+    arm.set({f"constraints.{joint_names(SIDE)[6]}.max_deceleration_on_cancel": 2.0})
+    arm.follow(swing(HOME, 2.0, 2.0))
+    arm.run(1.0)
+    arm.order(CancelTrajectory())
+    begin = arm.now
+    arm.end(3.0)
+    assert arm.now - begin > 1.875 / 2.0
+
+
+def test_cancel_of_another_goal_changes_nothing(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0))
+    arm.order(CancelTrajectory(7))
+    assert arm.end().outcome is Outcome.SUCCEEDED
+
+
+def test_new_trajectory_replaces_the_old_one_without_a_step(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 2.0, 2.0))
+    arm.run(1.0)
+    first = len(arm.loop.cycles)
+    arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
+    assert (arm.end().goal, (arm.ended[0].outcome, arm.ended[0].code)) == (1, INVALID)
+    assert (arm.end().goal, arm.ended[1].outcome) == (2, Outcome.SUCCEEDED)
+    assert_within_limits(arm.loop.cycles[first - 2 :])
+
+
+def test_trajectory_may_replace_one_that_is_being_cancelled(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 2.0, 2.0))
+    arm.run(1.0)
+    arm.order(CancelTrajectory(1))
+    arm.run(0.05)
+    first = len(arm.loop.cycles)
+    arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
+    arm.run(1.5)
+    assert [(end.goal, end.outcome) for end in arm.ended] == [(1, Outcome.ABORTED), (2, Outcome.SUCCEEDED)]
+    assert_within_limits(arm.loop.cycles[first - 2 :])
+
+
+def test_speed_scaling_slows_the_motion_on_its_way(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 1.0, 2.0), tolerances=CLOSE)
+    arm.run(0.5)
+    arm.order(ScaleSpeed(0.5))
+    begin = arm.now
+    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.now - begin == pytest.approx(3.0, abs=0.3)
+
+
+def test_speed_scaling_of_zero_lets_the_arm_stand_until_it_goes_on(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 1.0, 2.0), tolerances=CLOSE)
+    arm.run(1.0)
+    arm.order(ScaleSpeed(0.0))
+    arm.run(1.0)
+    assert max(map(abs, arm.velocity)) < 1e-3
+    arm.order(ScaleSpeed(1.0))
+    assert arm.end().outcome is Outcome.SUCCEEDED
+
+
+def test_stamp_in_the_future_is_waited_for(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0, start=arm.now + 0.5))
+    assert arm.run(0.4)[-1].state.position == pytest.approx(HOME, abs=1e-6)
+    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.now == pytest.approx(arm.loop.cycles[0].state.time + 1.6, abs=0.1)
+
+
+def test_stamp_that_is_partly_past_is_caught_up_with_without_a_step(arm: TrajectoryArm) -> None:
+    first = len(arm.loop.cycles)
+    arm.follow(swing(HOME, 0.5, 2.0, start=arm.now - 0.4), tolerances=CLOSE)
+    assert arm.end(2.0).outcome is Outcome.SUCCEEDED
+    assert_within_limits(arm.loop.cycles[first - 2 :])
+
+
+def test_stamp_that_is_wholly_past_is_refused(arm: TrajectoryArm) -> None:
+    with pytest.raises(TrajectoryRefused, match=r"it ended 0\.500 s ago; send it before its end") as caught:
+        arm.follow(swing(HOME, 0.5, 1.0, start=arm.now - 1.5))
+    assert caught.value.code == ResultCode.OLD_HEADER_TIMESTAMP
+
+
+def test_refused_trajectory_does_not_disturb_the_motion(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0), tolerances=CLOSE)
+    arm.run(0.4)
+    with pytest.raises(TrajectoryRefused, match="its first point, due at 0 s, has yumi_joint_6_l at 57"):
+        arm.follow(swing(moved(HOME, 1.0), 0.5, 1.0), goal=2)
+    assert (arm.end().goal, arm.ended[0].outcome) == (1, Outcome.SUCCEEDED)
+
+
+def test_plan_for_the_other_arm_is_refused(arm: TrajectoryArm) -> None:
+    other = JointTrajectory(joint_names(Side.RIGHT), (TrajectoryPoint(1.0, home(Side.RIGHT)),))
+    plan = plan_trajectory(other, (Side.RIGHT,), YUMI_LIMITS)[Side.RIGHT]
+    with pytest.raises(TrajectoryRefused, match="it is planned for the right arm; this controller moves the left one"):
+        arm.follow(plan)
+
+
+def test_orders_it_does_not_know_are_refused(arm: TrajectoryArm) -> None:
+    with pytest.raises(CommandRefused, match=r"JointTrajectoryController takes no str\."):
+        arm.order("home")
+    with pytest.raises(CommandRefused, match=r"the factor is 1\.5; allowed is 0 to 1\."):
+        arm.order(ScaleSpeed(1.5))
+
+
+def test_deactivated_controller_ends_its_motion(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0))
+    arm.run(0.5)
+    arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
+    end = arm.end(0.1)
+    assert (end.outcome, end.code) == INVALID
+    assert end.sentence == "The controller was deactivated; the arm holds."
+
+
+def test_controller_that_is_activated_again_holds(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 1.0))
+    arm.run(0.5)
+    arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
+    arm.loop.manager.switch((NAME,), (), arm.loop.line.state)
+    arm.run(0.5)
+    assert max(map(abs, arm.velocity)) < 1e-3
+
+
+def test_controller_that_takes_over_a_moving_arm_takes_no_trajectory_until_it_stands(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 2.0, 2.0))
+    arm.run(1.0)
+    arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
+    arm.loop.manager.switch((NAME,), (), arm.loop.line.state)
+    with pytest.raises(TrajectoryRefused, match="the arm still moves from before this controller was activated; wait"):
+        arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
+    arm.run(0.5)
+    arm.follow(planned([TrajectoryPoint(2.0, HOME, REST)]), goal=2)
+    arm.end()
+    assert (arm.ended[-1].goal, arm.ended[-1].outcome) == (2, Outcome.SUCCEEDED)
+
+
+def test_feedback_tells_what_is_desired_and_what_is(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 1.0, 2.0))
+    arm.run(1.0)
+    feedback = arm.feedback
+    assert feedback.goal == 1
+    assert feedback.actual == pytest.approx(feedback.desired, abs=radians(0.1))
+    assert feedback.actual_velocity[6] == pytest.approx(feedback.desired_velocity[6], abs=0.05)
+
+
+def test_check_alone_changes_nothing(arm: TrajectoryArm) -> None:
+    arm.loop.manager.check(NAME, FollowTrajectory(swing(HOME, 0.5, 1.0), 1), arm.loop.line.state)
+    assert arm.run(0.2)[-1].state.position == pytest.approx(HOME, abs=1e-6)

@@ -1,0 +1,93 @@
+"""Both virtual arms with their halves of the dual-arm controller, in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import radians
+
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.requests import ControllerNotice
+from yumi.control.trajectory import JointTrajectory, plan_trajectory
+from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
+from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
+from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances, TrajectoryEnded
+from yumi.evaluation.guided_arm import GuidedArm
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.limits import YUMI_LIMITS
+
+NAME = "dual_arm_trajectory_controller"
+HALF_A_DEGREE = Tolerances(path=joints([radians(0.5)] * 7), goal=joints([radians(0.5)] * 7), goal_time=1.0)
+
+
+class DualArms:
+    """Two arms that take turns in each cycle.
+
+    Attributes:
+        arms: each with its controller active.
+        ended: what each controller told when a motion ended.
+    """
+
+    def __init__(self) -> None:
+        self._told = {side: MemoryMailbox() for side in Side}
+        self._feedback = {side: MemoryMailbox() for side in Side}
+        self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
+        self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}
+        for arm in self.arms.values():
+            arm.start()
+            arm.switch_to(NAME)
+
+    def _arm(self, side: Side) -> GuidedArm:
+        other = Side.LEFT if side is Side.RIGHT else Side.RIGHT
+        half = DualArmTrajectoryController(side, self._feedback[side], self._told[side], self._told[other])
+        return GuidedArm({NAME: half}, side=side)
+
+    @property
+    def now(self) -> float:
+        return max(arm.clock.now() for arm in self.arms.values())
+
+    def positions(self) -> dict[Side, Joints]:
+        return {side: arm.snapshot.position for side, arm in self.arms.items()}
+
+    def feedback(self, side: Side) -> TrajectoryFeedback:
+        letter = peek_feedback(self._feedback[side])
+        assert letter is not None
+        return letter[1]
+
+    def send(self, trajectory: JointTrajectory, goal: int = 1, tolerances: Tolerances = HALF_A_DEGREE) -> None:
+        """Both arms check their half before either takes it; it starts a dozen cycles from now."""
+        plans = plan_trajectory(replace(trajectory, start=self.now + 12 * CYCLE), tuple(Side), YUMI_LIMITS)
+        orders = {side: FollowTrajectory(plan, goal, tolerances) for side, plan in plans.items()}
+        for side, arm in self.arms.items():
+            arm.manager.check(NAME, orders[side], arm.line.state)
+        self.order(orders)
+
+    def order(self, orders: Mapping[Side, object]) -> None:
+        """Have the named arms take an order each."""
+        for side, order in orders.items():
+            arm = self.arms[side]
+            arm.manager.receive(NAME, order, arm.line.state)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / CYCLE)):
+            self.cycle()
+
+    def run_until(self, is_so: Callable[[], bool], limit: float) -> None:
+        for _ in range(round(limit / CYCLE)):
+            if is_so():
+                return
+            self.cycle()
+        raise AssertionError(f"not within {limit} s")
+
+    def cycle(self) -> None:
+        for side, arm in self.arms.items():
+            seen = len(arm.events)
+            arm.cycle()
+            notices = (event.notice for event in arm.events[seen:] if isinstance(event, ControllerNotice))
+            self.ended[side] += [notice for notice in notices if isinstance(notice, TrajectoryEnded)]
+
+    @property
+    def is_over(self) -> bool:
+        """Whether both arms have told an end."""
+        return all(self.ended.values())

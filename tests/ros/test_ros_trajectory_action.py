@@ -1,0 +1,213 @@
+"""FollowJointTrajectory as a plain client sees it: MoveIt for both arms, rqt on the topic, cancels and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
+from controller_manager_bench import BEST_EFFORT, STRICT, Manager
+from rclpy.action import ActionClient
+from ros_bench import Client
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from trajectories import dual_arm_message
+from yumi.robot.joints import Side, joint_names
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+SINGLE = "joint_trajectory_controller"
+DUAL = "dual_arm_trajectory_controller"
+POSITION = "joint_position_controller"
+NAMES = list(joint_names(Side.RIGHT))
+Result = FollowJointTrajectory.Result
+
+
+class Goals:
+    """An action client that waits for everything."""
+
+    def __init__(self, client: Client, name: str) -> None:
+        self._client = client
+        self._action = ActionClient(client.node, FollowJointTrajectory, f"{name}/follow_joint_trajectory")
+        self.feedback: list[Any] = []
+        client.until(self._action.server_is_ready)
+
+    def send(self, trajectory: JointTrajectory, **fields: Any) -> Any:
+        goal = FollowJointTrajectory.Goal(trajectory=trajectory, **fields)
+        return self.wait(self._action.send_goal_async(goal, self.feedback.append))
+
+    def result(self, handle: Any) -> Any:
+        return self.wait(handle.get_result_async())
+
+    def wait(self, future: Any) -> Any:
+        self._client.until(future.done)
+        return future.result()
+
+    def close(self) -> None:
+        self._action.destroy()
+
+
+def switch(client: Client, activate: dict[str, str]) -> None:
+    for arm in ("r", "l"):
+        manager = Manager(client, f"/{arm}/controller_manager")
+        manager.switch([], [SINGLE, DUAL, POSITION], BEST_EFFORT)
+        if arm in activate:
+            assert manager.switch([activate[arm]], [], STRICT).ok
+
+
+@pytest.fixture
+def egm(client: Client) -> Iterator[Client]:
+    answer = client.call(Trigger, "yumi_robot_manager/start_egm")
+    assert answer.success, answer.message
+    yield client
+    client.call(Trigger, "yumi_robot_manager/stop_egm")
+
+
+@pytest.fixture
+def right(egm: Client) -> Iterator[Goals]:
+    switch(egm, {"r": SINGLE})
+    goals = Goals(egm, f"r/{SINGLE}")
+    yield goals
+    goals.close()
+
+
+@pytest.fixture
+def both(egm: Client) -> Iterator[Goals]:
+    switch(egm, {"r": DUAL, "l": DUAL})
+    goals = Goals(egm, DUAL)
+    yield goals
+    goals.close()
+
+
+def position(client: Client) -> list[float]:
+    states: list[Any] = []
+    subscription = client.node.create_subscription(JointState, "r/joint_states", states.append, 10)
+    client.until(lambda: bool(states))
+    client.node.destroy_subscription(subscription)
+    return list(states[-1].position)
+
+
+def point(positions: list[float], seconds: float) -> JointTrajectoryPoint:
+    time = Duration(sec=int(seconds), nanosec=round(seconds % 1 * 1e9))
+    return JointTrajectoryPoint(
+        positions=positions, velocities=[0.0] * 7, accelerations=[0.0] * 7, time_from_start=time
+    )
+
+
+def planners_trajectory() -> JointTrajectory:
+    message = dual_arm_message()
+    points = [{**each, "time_from_start": Duration(**each["time_from_start"])} for each in message["points"]]
+    return JointTrajectory(joint_names=message["joint_names"], points=[JointTrajectoryPoint(**each) for each in points])
+
+
+def swing(client: Client, step: float, seconds: float) -> JointTrajectory:
+    """Axis 6 of the right arm away by ``step`` [rad], from wherever it is."""
+    here = position(client)
+    return JointTrajectory(joint_names=NAMES, points=[point([*here[:6], here[6] + step], seconds)])
+
+
+def test_goal_for_one_arm_succeeds_with_feedback(right: Goals, egm: Client) -> None:
+    handle = right.send(swing(egm, 0.3, 1.0))
+    assert handle.accepted
+    answer = right.result(handle)
+    assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
+    assert answer.result.error_string == "The goal is reached."
+    feedback = right.feedback[-1].feedback
+    assert list(feedback.joint_names) == NAMES
+    assert feedback.error.positions[6] == pytest.approx(
+        feedback.desired.positions[6] - feedback.actual.positions[6], abs=1e-9
+    )
+
+
+def test_joints_may_come_in_any_order(right: Goals, egm: Client) -> None:
+    trajectory = swing(egm, -0.3, 1.0)
+    trajectory.joint_names = NAMES[::-1]
+    trajectory.points[0].positions = list(trajectory.points[0].positions)[::-1]
+    assert right.result(right.send(trajectory)).status == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_planners_trajectory_moves_both_arms(both: Goals, egm: Client) -> None:
+    skews: list[Any] = []
+    egm.node.create_subscription(Float64MultiArray, f"{DUAL}/inter_arm_skew", skews.append, 10)
+    answer = both.result(both.send(planners_trajectory()))
+    assert answer.result.error_string == "The goal is reached."
+    assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
+    assert len(both.feedback[-1].feedback.joint_names) == 14
+    assert skews
+
+
+def test_cancelled_goal_ends_as_cancelled(right: Goals, egm: Client) -> None:
+    handle = right.send(swing(egm, 0.5, 4.0))
+    answer = right.wait(handle.cancel_goal_async())
+    assert len(answer.goals_canceling) == 1
+    end = right.result(handle)
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_CANCELED, Result.SUCCESSFUL)
+
+
+def test_new_goal_preempts_the_old_one(right: Goals, egm: Client) -> None:
+    first = right.send(swing(egm, 0.5, 4.0))
+    second = right.send(swing(egm, -0.1, 1.0))
+    end = right.result(first)
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert end.result.error_string == "A newer trajectory has replaced this one."
+    assert right.result(second).status == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_trajectory_on_the_topic_ends_the_open_goal(right: Goals, egm: Client) -> None:
+    publisher = egm.node.create_publisher(JointTrajectory, f"r/{SINGLE}/joint_trajectory", 1)
+    egm.until(lambda: publisher.get_subscription_count() > 0)
+    handle = right.send(swing(egm, 0.5, 4.0))
+    publisher.publish(swing(egm, 0.1, 1.0))
+    end = right.result(handle)
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+
+
+def test_violated_path_tolerance_aborts_the_goal(right: Goals, egm: Client) -> None:
+    tight = [JointTolerance(name=name, position=1e-9) for name in NAMES]
+    end = right.result(right.send(swing(egm, 0.5, 1.0), path_tolerance=tight))
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.PATH_TOLERANCE_VIOLATED)
+    assert "its path tolerance is 0.00°" in end.result.error_string
+
+
+def test_missed_goal_tolerance_aborts_the_goal(right: Goals, egm: Client) -> None:
+    tight = [JointTolerance(name=name, velocity=1e-12, position=1e-12) for name in NAMES]
+    late = Duration(nanosec=1)
+    end = right.result(right.send(swing(egm, 0.5, 1.0), goal_tolerance=tight, goal_time_tolerance=late))
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.GOAL_TOLERANCE_VIOLATED)
+
+
+def test_bad_goals_are_rejected_with_the_reason(right: Goals, egm: Client) -> None:
+    trajectory = swing(egm, 0.5, 1.0)
+    trajectory.joint_names = [*NAMES[:6], NAMES[0]]
+    assert not right.send(trajectory).accepted
+    egm.until(egm.hears("it names the joint 'yumi_joint_1_r' twice; name each once."))
+    assert not right.send(JointTrajectory(joint_names=NAMES)).accepted
+    egm.until(egm.hears("it has no points; to stop a motion, cancel its goal."))
+    old = swing(egm, 0.5, 1.0)
+    old.header.stamp.sec = 1
+    assert not right.send(old).accepted
+    egm.until(egm.hears("s ago; send it before its end, or with the stamp 0 to start at once."))
+
+
+def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals, egm: Client) -> None:
+    handle = right.send(swing(egm, 0.5, 4.0))
+    switch(egm, {})
+    end = right.result(handle)
+    assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert end.result.error_string == "The controller was deactivated; the arm holds."
+    assert not right.send(swing(egm, 0.5, 4.0)).accepted
+
+
+def test_controller_state_tells_joints_and_where_they_are(right: Goals, egm: Client) -> None:
+    states: list[Any] = []
+    egm.node.create_subscription(JointTrajectoryControllerState, f"r/{SINGLE}/controller_state", states.append, 1)
+    egm.until(lambda: bool(states))
+    assert list(states[-1].joint_names) == NAMES
+    assert list(states[-1].feedback.positions) == pytest.approx(position(egm), abs=0.01)
