@@ -176,11 +176,11 @@ def run_driver(
 
         fast_line = FastLineProcess(partial(build_arms, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_line, clock)
-        grippers = _grippers(client, clock, settings)
+        grippers = build_grippers(client, clock, settings)
         with ExitStack() as stack:
-            only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
-            only.claim()
-            stack.callback(only.release)
+            for only in (_only_in_ros_domain(), only_at_robot(settings)):
+                only.claim()
+                stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
             ros = RosDriver(fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock)
@@ -199,7 +199,22 @@ def run_driver(
             is_over.wait()
 
 
-def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
+def _only_in_ros_domain() -> Only:
+    return Only(
+        f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
+        "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its own "
+        "ROS_DOMAIN_ID.",
+    )
+
+
+def only_at_robot(settings: Settings) -> Only:
+    """What makes sure that one program of this machine drives the robot of ``settings``."""
+    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
+    return Only(f"yumi-drives-{address}", f"The robot at {address} is driven by another program ({{owner}}); end it first.")
+
+
+def build_grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
+    """Both hands of a connected robot."""
     routines = GripperRoutines(client, clock)
     return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
 

@@ -7,6 +7,7 @@
     ├── MissingPrerequisite  the machine lacks something: install it
     ├── CommandRefused       a request broke a rule; nothing was changed: ask for something else
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
+    ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
     ├── ControllerRefused    the controller answered "no", with ABB's code
@@ -35,6 +36,10 @@ class CommandRefused(YumiError):
 
 class RobotNotReady(YumiError):
     """The robot is not in the state the request needs; the message says what to do first."""
+
+
+class GoalNotReached(YumiError):
+    """A motion or a grip was begun and ended elsewhere than ordered; the arm holds, the message says why."""
 
 
 class NoConnection(YumiError):
