@@ -30,6 +30,7 @@ from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.stations import StationClock
+from yumi.controllers.joint_goal import JointGoalController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.joint_codec import JointCodec
@@ -63,6 +64,7 @@ Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 CONTROLLER_KINDS: Mapping[str, Callable[[ArmBoxes], Controller]] = {
     JointStateBroadcaster.kind: lambda boxes: JointStateBroadcaster(boxes.states),
     JointPositionController.kind: lambda boxes: JointPositionController(boxes.goals),
+    JointGoalController.kind: lambda boxes: JointGoalController(boxes.point_goals),
 }
 """How a controller of ``controllers.yaml`` is made."""
 

@@ -54,7 +54,8 @@ class ArmBoxes:
     Attributes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
-        goals: where it shall go.
+        goals: where it shall go, for controllers that follow a stream of goals.
+        point_goals: the same for controllers that plan the way to a single point.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -63,6 +64,7 @@ class ArmBoxes:
         self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
         self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
         self.goals = SharedMailbox(GOAL_SIZE)
+        self.point_goals = SharedMailbox(GOAL_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 
