@@ -61,12 +61,30 @@ if TYPE_CHECKING:
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
-CONTROLLER_KINDS: Mapping[str, Callable[[ArmBoxes], Controller]] = {
-    JointStateBroadcaster.kind: lambda boxes: JointStateBroadcaster(boxes.states),
-    JointPositionController.kind: lambda boxes: JointPositionController(boxes.goals),
-    JointGoalController.kind: lambda boxes: JointGoalController(boxes.point_goals),
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a controller is made, in the fast line: what it may be given.
+
+    Attributes:
+        name: the controller's name.
+        side: its arm.
+        boxes: what is shared with the other process.
+        shared: what controllers of both arms share, by keys of their own choice.
+    """
+
+    name: str
+    side: Side
+    boxes: ArmBoxes
+    shared: dict[object, object]
+
+
+CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
+    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
+    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
+    JointGoalController.kind: lambda place: JointGoalController(place.boxes.point_goals),
 }
-"""How a controller of ``controllers.yaml`` is made."""
+"""How a controller of each type is made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +128,14 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
 
 def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
     """Both arms of the fast line, with the controllers that only watch already active."""
-    return {side: _build_arm(side, plan, boxes[side]) for side in Side}
+    shared: dict[object, object] = {}
+    return {side: _build_arm(side, plan, boxes[side], shared) for side in Side}
 
 
-def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
+def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes, shared: dict[object, object]) -> WiredArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
-    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
+    arm, manager, guard = _parts_of_arm(side, plan, boxes, shared, socket, stations)
     line = ArmLine(side, arm, manager, guard, boxes.snapshots, FlightRecorder(boxes.flight), stations)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
@@ -124,15 +143,20 @@ def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes) -> WiredArm:
 def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
     """The stand-in has boxes of its own: nobody looks into them."""
     socket = UdpServer("127.0.0.1", 0)
-    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), socket), SystemClock())
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), {}, socket), SystemClock())
 
 
 def _parts_of_arm(
-    side: Side, plan: EgmPlan, boxes: ArmBoxes, socket: UdpServer, stations: StationClock | None = None
+    side: Side,
+    plan: EgmPlan,
+    boxes: ArmBoxes,
+    shared: dict[object, object],
+    socket: UdpServer,
+    stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
     manager = ControllerManager(joint_names(side))
     for entry in plan.controllers[side]:
-        controller = CONTROLLER_KINDS[entry.kind](boxes)
+        controller = CONTROLLER_KINDS[entry.kind](Place(entry.name, side, boxes, shared))
         manager.load(entry.name, controller)
         manager.configure(entry.name, entry.values)
         if not controller.is_command:

@@ -12,6 +12,7 @@ from yumi.control.manager import ControllerManager
 from yumi.control.port import ArmPort
 from yumi.control.requests import (
     ControllerFailed,
+    ControllerNotice,
     Event,
     RobotFollows,
     RobotStoppedFollowing,
@@ -126,6 +127,8 @@ class ArmLine:
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
+        for name, notice in self.manager.take_notices():
+            self._events.append(ControllerNotice(self._side, name, notice))
         if not self._events:
             return ()
         events, self._events = self._events, []

@@ -3,31 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
 
+from yumi.control.parameter import Parameter, Values
+from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints
 from yumi.robot.values import ArmCommand, ArmState
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A value of a controller that may be changed while it runs.
-
-    Attributes:
-        name: as in ros2_control's parameter files.
-        default: value until told otherwise.
-        lowest: smallest value allowed.
-        highest: largest value allowed.
-        unit: unit of the value, empty for a bare number.
-        description: one sentence.
-    """
-
-    name: str
-    default: float
-    lowest: float
-    highest: float
-    unit: str
-    description: str
 
 
 class Controller(ABC):
@@ -37,16 +18,22 @@ class Controller(ABC):
 
     Attributes:
         kind: the type string of ros2_control, ``package/Class``.
-        parameters: what can be set, see :meth:`configure`.
         is_command: whether it wants commands, one at a time per interface; else it only watches.
     """
 
     kind: str
-    parameters: tuple[Parameter, ...] = ()
     is_command = True
 
-    def configure(self, values: dict[str, float]) -> None:
-        """Take parameter values, complete and inside their ranges; may be called again while active."""
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``."""
+        return ()
+
+    def configure(self, values: Values) -> None:
+        """Take parameter values, complete, of their own types and inside their ranges; also while active.
+
+        Raises:
+            CommandRefused: the values do not go together; nothing was changed.
+        """
 
     @abstractmethod
     def activate(self, state: ArmState) -> None:
@@ -56,12 +43,43 @@ class Controller(ABC):
         """End; the arm holds from now on."""
 
     def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        """The interfaces it claims, ``<joint>/position`` and the like."""
+        """The interfaces it claims while active, ``<joint>/position`` and the like."""
         return tuple(f"{name}/position" for name in joint_names) if self.is_command else ()
 
+    def state_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        """The interfaces it reads while active."""
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
+
     def update(self, state: ArmState) -> ArmCommand | None:
-        """The command for ``state``; None holds. Reads ``state.dt`` for the time that passed."""
+        """The command for ``state``; None holds the arm. Reads ``state.dt`` for the time that passed.
+
+        Positions and velocities of interfaces it does not claim count only where nobody claims them.
+        """
         return None
+
+    def check(self, message: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would take ``message`` now; changes nothing.
+
+        Raises:
+            CommandRefused: it would not, and why.
+        """
+        raise CommandRefused(f"A controller of type {self.kind} takes no orders.")
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        """Take an order between two cycles: a trajectory, a cancel. Only while active.
+
+        Args:
+            message: a picklable value the controller knows.
+            state: the arm's newest state; None while it is not heard.
+
+        Raises:
+            CommandRefused: it breaks a rule; nothing was changed.
+        """
+        self.check(message, state)
+
+    def take_notices(self) -> Sequence[object]:
+        """What it has to tell since the last call, picklable and frozen; asked after each reply, cheap when empty."""
+        return ()
 
     @property
     def reference(self) -> Joints | None:

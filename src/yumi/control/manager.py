@@ -6,40 +6,24 @@ deactivated and the arm holds (reference/ros2_control.md §1.11).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from yumi.control.controller import Controller
+from yumi.control.inventory import ControllerInfo, ParameterInfo
 from yumi.control.lifecycle import TRANSITIONS, State, Transition, allowed
+from yumi.control.parameter import Parameter, Value, Values
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints
 from yumi.robot.values import ArmCommand, ArmState
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerInfo:
-    """One controller as the manager knows it.
-
-    Attributes:
-        name: its name, unique on this arm.
-        kind: ros2_control's type string.
-        state: where it is in its life.
-        required: the command interfaces it needs when active.
-        claimed: the command interfaces it holds now.
-    """
-
-    name: str
-    kind: str
-    state: State
-    required: tuple[str, ...]
-    claimed: tuple[str, ...]
 
 
 @dataclass(slots=True)
 class _Loaded:
     controller: Controller
     state: State
-    values: dict[str, float]
+    parameters: dict[str, Parameter]
+    values: dict[str, Value]
 
 
 class ControllerManager:
@@ -60,6 +44,8 @@ class ControllerManager:
         self._loaded: dict[str, _Loaded] = {}
         self._commanding: tuple[tuple[str, Controller], ...] = ()
         self._watching: tuple[Controller, ...] = ()
+        self._active: tuple[tuple[str, Controller], ...] = ()
+        self._notices: list[tuple[str, object]] = []
 
     def load(self, name: str, controller: Controller) -> None:
         """Add a controller, unconfigured.
@@ -69,10 +55,11 @@ class ControllerManager:
         """
         if name in self._loaded:
             raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
-        defaults = {parameter.name: parameter.default for parameter in controller.parameters}
-        self._loaded[name] = _Loaded(controller, State.UNCONFIGURED, defaults)
+        parameters = {parameter.name: parameter for parameter in controller.parameters(self._joint_names)}
+        defaults = {key: parameter.default for key, parameter in parameters.items()}
+        self._loaded[name] = _Loaded(controller, State.UNCONFIGURED, parameters, defaults)
 
-    def configure(self, name: str, values: Mapping[str, float] | None = None) -> None:
+    def configure(self, name: str, values: Values | None = None) -> None:
         """Give an unconfigured controller its parameters and make it inactive.
 
         Raises:
@@ -82,17 +69,61 @@ class ControllerManager:
         self.set_parameters(name, values or {})
         self._move(name, Transition.CONFIGURE)
 
-    def set_parameters(self, name: str, values: Mapping[str, float]) -> None:
+    def set_parameters(self, name: str, values: Values) -> None:
         """Change parameters; an active controller uses them from the next cycle on.
 
         Raises:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
         loaded = self._find(name)
-        for key, value in values.items():
-            _check_parameter(name, loaded.controller, key, value)
-        loaded.values = {**loaded.values, **values}
-        loaded.controller.configure(loaded.values)
+        accepted = {key: _accepted(name, loaded, key, value) for key, value in values.items()}
+        complete = {**loaded.values, **accepted}
+        loaded.controller.configure(complete)
+        loaded.values = complete
+
+    def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
+        """What can be set on a controller and what is set.
+
+        Raises:
+            CommandRefused: no such controller.
+        """
+        loaded = self._find(name)
+        return tuple(ParameterInfo(parameter, loaded.values[key]) for key, parameter in loaded.parameters.items())
+
+    def check(self, name: str, message: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would have a controller take ``message``; changes nothing.
+
+        Raises:
+            CommandRefused: it would not, and why.
+        """
+        loaded = self._find(name)
+        if loaded.state is not State.ACTIVE:
+            raise CommandRefused(f"Controller {name!r} is {loaded.state.value} and takes no orders; activate it first.")
+        loaded.controller.check(message, state)
+
+    def receive(self, name: str, message: object, state: ArmState | None) -> None:
+        """Have an active controller take an order.
+
+        Args:
+            name: the controller.
+            message: a value it knows.
+            state: the arm's newest state; None while it is not heard.
+
+        Raises:
+            CommandRefused: no such controller, not active, or it refuses the order; nothing was changed.
+        """
+        self.check(name, message, state)
+        self._find(name).controller.receive(message, state)
+
+    def take_notices(self) -> Sequence[tuple[str, object]]:
+        """What the controllers have to tell since the last call: their name and the notice."""
+        for name, controller in self._active:
+            for notice in controller.take_notices():
+                self._notices.append((name, notice))
+        if not self._notices:
+            return ()
+        notices, self._notices = self._notices, []
+        return notices
 
     def switch(self, activate: Sequence[str], deactivate: Sequence[str], state: ArmState | None) -> None:
         """Deactivate and activate controllers as one step, or change nothing at all.
@@ -114,7 +145,9 @@ class ControllerManager:
         self._check_claims(activate, deactivate)
         begin = self._state_to_begin(activate, state)
         for name in deactivate:
-            self._find(name).controller.deactivate()
+            controller = self._find(name).controller
+            controller.deactivate()
+            self._notices += [(name, notice) for notice in controller.take_notices()]
             self._move(name, Transition.DEACTIVATE)
         for name in activate:
             self._find(name).controller.activate(begin)
@@ -162,7 +195,8 @@ class ControllerManager:
     def _info(self, name: str, loaded: _Loaded) -> ControllerInfo:
         required = loaded.controller.command_interfaces(self._joint_names)
         claimed = required if loaded.state is State.ACTIVE else ()
-        return ControllerInfo(name, loaded.controller.kind, loaded.state, required, claimed)
+        needed = loaded.controller.state_interfaces(self._joint_names)
+        return ControllerInfo(name, loaded.controller.kind, loaded.state, required, claimed, needed)
 
     def _find(self, name: str) -> _Loaded:
         if name not in self._loaded:
@@ -204,6 +238,7 @@ class ControllerManager:
         loaded = self._find(name)
         loaded.state = TRANSITIONS[loaded.state, transition]
         active = [(key, item.controller) for key, item in self._loaded.items() if item.state is State.ACTIVE]
+        self._active = tuple(active)
         self._commanding = tuple(pair for pair in active if pair[1].is_command)
         self._watching = tuple(controller for _, controller in active if not controller.is_command)
 
@@ -218,14 +253,16 @@ _NOWHERE = ArmState(0.0, 0.0, 0, (0.0,) * 7, (0.0,) * 7, (0.0,) * 7, is_running=
 """Given to controllers that only watch, when no state has come yet."""
 
 
-def _check_parameter(name: str, controller: Controller, key: str, value: float) -> None:
-    known = {parameter.name: parameter for parameter in controller.parameters}
-    if key not in known:
-        raise CommandRefused(f"Controller {name!r} has no parameter {key!r}; it has: {', '.join(known) or 'none'}.")
-    parameter = known[key]
-    if not parameter.lowest <= value <= parameter.highest:
+def _accepted(name: str, loaded: _Loaded, key: str, value: object) -> Value:
+    if key not in loaded.parameters:
+        known = ", ".join(loaded.parameters) or "none"
+        raise CommandRefused(f"Controller {name!r} has no parameter {key!r}; it has: {known}.")
+    parameter = loaded.parameters[key]
+    if parameter.read_only and loaded.state is not State.UNCONFIGURED:
         raise CommandRefused(
-            f"Parameter {key!r} of controller {name!r} is {value}; allowed is "
-            f"{parameter.lowest:g} to {parameter.highest:g} {parameter.unit}".rstrip()
-            + "."
+            f"Parameter {key!r} of controller {name!r} is settled; clean the controller up to change it."
         )
+    try:
+        return parameter.accept(value)
+    except CommandRefused as refusal:
+        raise CommandRefused(f"Parameter {key!r} of controller {name!r} {refusal}") from refusal

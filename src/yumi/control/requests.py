@@ -3,34 +3,152 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import IntEnum
 
-from yumi.control.manager import ControllerInfo
+from yumi.control.inventory import ControllerInfo, HardwareInfo, ParameterInfo
+from yumi.control.lifecycle import State
+from yumi.control.parameter import Values
 from yumi.robot.joints import Side
+
+
+class Strictness(IntEnum):
+    """What becomes of a switch that names controllers which cannot do what they shall; the numbers are the wire's.
+
+    BEST_EFFORT leaves those out, STRICT refuses the whole switch. AUTO and FORCE_AUTO are BEST_EFFORT, as upstream.
+    """
+
+    BEST_EFFORT = 1
+    STRICT = 2
+    AUTO = 3
+    FORCE_AUTO = 4
+
+
+@dataclass(frozen=True, slots=True)
+class LoadController:
+    """Make a controller, unconfigured.
+
+    Attributes:
+        kind: its type, one of those in :attr:`Done.kinds`.
+        values: parameters that differ from their defaults.
+    """
+
+    side: Side
+    name: str
+    kind: str
+    values: Values = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigureController:
+    """Have an unconfigured or inactive controller take its parameters; it is inactive then."""
+
+    side: Side
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class CleanupController:
+    """Make an inactive controller unconfigured."""
+
+    side: Side
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnloadController:
+    """Forget a controller that is not active."""
+
+    side: Side
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
 class SwitchControllers:
-    """Activate and deactivate controllers of one arm as one step."""
+    """Activate and deactivate controllers of one arm as one step between two cycles.
+
+    Attributes:
+        activate: names of inactive controllers, or of active ones that are in ``deactivate``, too: a restart.
+        deactivate: names of active controllers.
+        strictness: what becomes of those that cannot.
+    """
 
     side: Side
     activate: tuple[str, ...] = ()
     deactivate: tuple[str, ...] = ()
+    strictness: Strictness = Strictness.STRICT
 
 
 @dataclass(frozen=True, slots=True)
 class SetParameters:
-    """Change parameters of one controller from the next cycle on."""
+    """Change parameters of one controller from the next cycle on, all or none."""
 
     side: Side
     controller: str
-    values: dict[str, float] = field(default_factory=dict)
+    values: Values = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ListParameters:
+    """Tell what can be set on one controller and what is set: :attr:`Done.parameters`."""
+
+    side: Side
+    controller: str
 
 
 @dataclass(frozen=True, slots=True)
 class ListControllers:
-    """Tell which controllers one arm has."""
+    """Tell which controllers one arm has: :attr:`Done.controllers`."""
 
     side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class ListControllerKinds:
+    """Tell which types of controllers can be loaded: :attr:`Done.kinds`."""
+
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class ListHardware:
+    """Tell what state an arm's hardware component and its interfaces are in: :attr:`Done.hardware`."""
+
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
+class SetHardwareState:
+    """Lead an arm's hardware component to a state; who uses what it no longer offers is deactivated.
+
+    Attributes:
+        name: the component's name.
+        state: unconfigured, inactive or active.
+    """
+
+    side: Side
+    name: str
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What one active controller shall take, see :meth:`yumi.control.controller.Controller.receive`.
+
+    Attributes:
+        controller: its name.
+        message: a picklable value it knows.
+    """
+
+    side: Side
+    controller: str
+    message: object
+
+
+@dataclass(frozen=True, slots=True)
+class SendOrders:
+    """Have controllers of both arms take their orders between the same two cycles, all or none."""
+
+    orders: tuple[Order, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +156,22 @@ class Stop:
     """End the fast line; every arm holds until its robot has been told to stop."""
 
 
-Request = SwitchControllers | SetParameters | ListControllers | Stop
+ArmRequest = (
+    LoadController
+    | ConfigureController
+    | CleanupController
+    | UnloadController
+    | SwitchControllers
+    | SetParameters
+    | ListParameters
+    | ListControllers
+    | ListControllerKinds
+    | ListHardware
+    | SetHardwareState
+)
+"""What concerns one arm."""
+
+Request = ArmRequest | SendOrders | Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +179,18 @@ class Done:
     """The request was carried out.
 
     Attributes:
+        sentence: what was done where that is less than was asked for, as a switch by best effort; else empty.
         controllers: the answer to :class:`ListControllers`.
+        kinds: the answer to :class:`ListControllerKinds`.
+        parameters: the answer to :class:`ListParameters`.
+        hardware: the answer to :class:`ListHardware` and :class:`SetHardwareState`.
     """
 
+    sentence: str = ""
     controllers: tuple[ControllerInfo, ...] = ()
+    kinds: tuple[str, ...] = ()
+    parameters: tuple[ParameterInfo, ...] = ()
+    hardware: tuple[HardwareInfo, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +292,23 @@ class ControllerFailed:
 
 
 @dataclass(frozen=True, slots=True)
+class ControllerNotice:
+    """Something a controller has to tell, in the order in which it happened.
+
+    Attributes:
+        controller: its name.
+        notice: a frozen value of the controller's own kind, see :meth:`.Controller.take_notices`.
+    """
+
+    side: Side
+    controller: str
+    notice: object
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: {self.controller}: {self.notice}"
+
+
+@dataclass(frozen=True, slots=True)
 class CycleFailed:
     """A cycle could not be completed; told at most every few seconds."""
 
@@ -181,5 +339,13 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-ArmEvent = SessionStarted | SessionLost | RobotFollows | RobotStoppedFollowing | ControllerFailed | CycleFailed
+ArmEvent = (
+    SessionStarted
+    | SessionLost
+    | RobotFollows
+    | RobotStoppedFollowing
+    | ControllerFailed
+    | ControllerNotice
+    | CycleFailed
+)
 Event = ArmEvent | FastLineEnded

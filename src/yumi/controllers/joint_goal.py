@@ -7,15 +7,16 @@ beside its position, so that the robot's own loop has no error left to make spee
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
-from yumi.control.controller import Controller, Parameter
+from yumi.control.controller import Controller
 from yumi.control.goals import check_position, peek_goal
 from yumi.control.guard import LONGEST_STEP
 from yumi.control.mailbox import Mailbox
+from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
@@ -24,6 +25,17 @@ from yumi.robot.values import ZERO, ArmCommand, ArmState
 
 STANDING = 0.05
 """An arm whose joints all move slower than this has come to rest at its goal [rad/s]; positions jitter."""
+
+
+_PARAMETERS = (
+    Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
+    Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
+    Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
+    Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
+    Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
+    Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
+)
+_DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
 class GoalOutcome(Enum):
@@ -89,26 +101,24 @@ class JointGoalController(Controller):
     """
 
     kind = "yumi_controllers/JointGoalController"
-    parameters = (
-        Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
-        Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
-        Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
-        Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
-        Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
-        Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
-    )
 
     def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
         self._goals = goals
         self._limits = limits
-        self._values = {parameter.name: parameter.default for parameter in self.parameters}
+        self._values: Mapping[str, float] = _DEFAULTS
         self._letter = 0
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
         self._rest(Setpoint(ZERO))
 
-    def configure(self, values: dict[str, float]) -> None:
-        self._values = dict(values)
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return _PARAMETERS
+
+    def configure(self, values: Values) -> None:
+        self._values = {item.name: number(values, item.name) for item in _PARAMETERS}
+
+    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
 
     def activate(self, state: ArmState) -> None:
         self._order = None

@@ -6,11 +6,14 @@ first-order lag of 1 / (5 s⁻¹ · P) (design of the virtual robot's dynamics; 
 
 from __future__ import annotations
 
-from yumi.control.controller import Controller, Parameter
+from yumi.control.controller import Controller
 from yumi.control.goals import peek_goal
 from yumi.control.mailbox import Mailbox
+from yumi.control.parameter import Parameter, Values, number
 from yumi.robot.joints import Joints
 from yumi.robot.values import ArmCommand, ArmState
+
+_GAIN = 1.2
 
 
 class JointPositionController(Controller):
@@ -21,16 +24,18 @@ class JointPositionController(Controller):
     """
 
     kind = "yumi_controllers/JointPositionController"
-    parameters = (Parameter("p", 1.2, 0.0, 2.0, "", "Proportional gain; oscillation begins near 2."),)
 
     def __init__(self, goals: Mailbox) -> None:
         self._goals = goals
-        self._gain = self.parameters[0].default
+        self._gain = _GAIN
         self._goal: Joints | None = None
         self._letter = 0
 
-    def configure(self, values: dict[str, float]) -> None:
-        self._gain = values["p"]
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return (Parameter("p", _GAIN, 0.0, 2.0, "", "Proportional gain; oscillation begins near 2."),)
+
+    def configure(self, values: Values) -> None:
+        self._gain = number(values, "p")
 
     def activate(self, state: ArmState) -> None:
         self._goal = state.position

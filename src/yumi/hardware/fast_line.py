@@ -7,7 +7,7 @@ cycles. When the parent dies the arms hold until they stand, then the process en
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -24,9 +24,11 @@ from yumi.control.requests import (
     Event,
     FastLineEnded,
     ListControllers,
+    Order,
     Refusal,
     Reply,
     Request,
+    SendOrders,
     SetParameters,
     Stop,
     SwitchControllers,
@@ -318,13 +320,25 @@ class FastLine:
     def _carry_out(self, request: Request) -> Done:
         if isinstance(request, Stop):
             return Done()
+        if isinstance(request, SendOrders):
+            return self._send_orders(request.orders)
         line = self._arms[request.side]
         if isinstance(request, SwitchControllers):
             line.switch(request.activate, request.deactivate, self._clock.now())
         elif isinstance(request, SetParameters):
             line.manager.set_parameters(request.controller, request.values)
         elif isinstance(request, ListControllers):
-            return Done(line.manager.controllers())
+            return Done(controllers=line.manager.controllers())
+        return Done()
+
+    def _send_orders(self, orders: Sequence[Order]) -> Done:
+        """All are checked before any is carried out."""
+        for order in orders:
+            line = self._arms[order.side]
+            line.manager.check(order.controller, order.message, line.state)
+        for order in orders:
+            line = self._arms[order.side]
+            line.manager.receive(order.controller, order.message, line.state)
         return Done()
 
     def _send(self, value: object) -> None:

@@ -5,9 +5,10 @@ import re
 
 import pytest
 
-from yumi.control.controller import Controller, Parameter
+from yumi.control.controller import Controller
 from yumi.control.lifecycle import TRANSITIONS, State, Transition
 from yumi.control.manager import ControllerManager
+from yumi.control.parameter import Parameter, Values
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -19,14 +20,16 @@ THERE: Joints = (0.1,) * 7
 
 class Pusher(Controller):
     kind = "test/Pusher"
-    parameters = (Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain."),)
 
     def __init__(self) -> None:
-        self.values: dict[str, float] = {}
+        self.values: Values = {}
         self.began_at: Joints | None = None
         self.fault: Exception | None = None
 
-    def configure(self, values: dict[str, float]) -> None:
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return (Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain."),)
+
+    def configure(self, values: Values) -> None:
         self.values = values
 
     def activate(self, state: ArmState) -> None:

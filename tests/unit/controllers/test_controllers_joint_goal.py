@@ -63,7 +63,7 @@ class GuidedArm:
         self.controller.receive(message, self.state)
 
     def values(self, **values: float) -> None:
-        defaults = {parameter.name: parameter.default for parameter in self.controller.parameters}
+        defaults = {parameter.name: parameter.default for parameter in self.controller.parameters(())}
         self.controller.configure({**defaults, **values})
 
 
