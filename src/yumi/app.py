@@ -20,7 +20,6 @@ from functools import partial
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
-from typing import TYPE_CHECKING
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
@@ -42,6 +41,7 @@ from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
+from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
@@ -55,9 +55,6 @@ from yumi.settings import ControllerSettings, Settings
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
-
-if TYPE_CHECKING:
-    from yumi.ros.robot_manager import RobotManager
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
@@ -185,7 +182,6 @@ def run_driver(
         YumiError: the robot cannot be reached or used; nothing was started.
     """
     from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.robot_manager import RobotManager  # noqa: PLC0415
 
     clock = SystemClock()
     robot = settings.robot
@@ -236,7 +232,8 @@ def _only_in_ros_domain() -> Only:
 def only_at_robot(settings: Settings) -> Only:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
     address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
-    return Only(f"yumi-drives-{address}", f"The robot at {address} is driven by another program ({{owner}}); end it first.")
+    refusal = f"The robot at {address} is driven by another program ({{owner}}); end it first."
+    return Only(f"yumi-drives-{address}", refusal)
 
 
 def build_grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:

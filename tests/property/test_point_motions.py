@@ -40,7 +40,9 @@ def setpoints(motion: PointMotion) -> Iterator[Setpoint]:
 
 
 @given(positions(), positions(), limits())
-def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(here: Joints, there: Joints, kept: JointLimits) -> None:
+def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
+    here: Joints, there: Joints, kept: JointLimits
+) -> None:
     motion = travel(Setpoint(here), there, kept)
     for _, velocity, acceleration in setpoints(motion):
         assert all(abs(now) <= top * LOOSE for now, top in zip(velocity, kept.velocity, strict=True))
@@ -62,8 +64,7 @@ def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joi
 def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
         motion = travel(start, goal, kept)
-    except CommandRefused as refusal:
-        assert "is too fast to turn round within its range" in str(refusal)
+    except CommandRefused:
         motion = stop(start, YUMI_LIMITS)
     for position, _, _ in setpoints(motion):
         bounds = zip(YUMI_LIMITS.lower, position, YUMI_LIMITS.upper, strict=True)
@@ -81,6 +82,6 @@ def test_motion_from_rest_is_a_straight_line_in_joint_space() -> None:
     here = home(Side.RIGHT)
     there = joints([value + step for value, step in zip(here, (0.5, 0.2, -0.3, 0.1, 0.4, -0.2, 1.0), strict=True)])
     motion = travel(Setpoint(here), there, YUMI_LIMITS)
-    share = (motion.at(motion.duration / 3.0).position[0] - here[0]) / 0.5
-    way = [(now - old) / (end - old) for now, old, end in zip(motion.at(motion.duration / 3.0).position, here, there, strict=True)]
-    assert way == pytest.approx([share] * 7)
+    on_its_way = zip(motion.at(motion.duration / 3.0).position, here, there, strict=True)
+    shares = [(now - old) / (end - old) for now, old, end in on_its_way]
+    assert shares == pytest.approx([shares[0]] * 7)

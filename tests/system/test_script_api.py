@@ -9,7 +9,7 @@ from math import nan, radians
 from pathlib import Path
 
 import pytest
-from script_bench import TIMEOUT, VirtualRobot, run_python
+from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
 from yumi.api.arm import ArmMode
@@ -133,13 +133,18 @@ def own_virtual(tmp_path: Path) -> Iterator[VirtualRobot]:
 
 
 def test_exception_in_mid_motion_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
-    with pytest.raises(ZeroDivisionError), yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed=0.1)
-        _ = 1 / 0
-    assert motion.is_done
+    def script() -> None:
+        with yumi.connect(**own_virtual.options) as robot:
+            robot.right.move_to(FAR, wait=False, speed=0.1)
+            robots.append(robot)
+            raise ZeroDivisionError
+
+    robots: list[Robot] = []
+    with pytest.raises(ZeroDivisionError):
+        script()
     assert not own_virtual.is_guided(Side.RIGHT)
     with pytest.raises(RobotNotReady, match="The robot is not connected"):
-        _ = robot.right.position
+        _ = robots[0].right.position
 
 
 def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
@@ -205,7 +210,6 @@ def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual:
         ("script_both_arms.py", "right arm: holding, left arm: holding"),
     ],
 )
-def test_example_does_what_it_says_without_ros(tmp_path: Path, name: str, line: str) -> None:
-    with VirtualRobot(tmp_path, usual=True) as virtual:
-        output, _ = run_python(tmp_path, str(EXAMPLES / name), virtual.address).communicate(timeout=TIMEOUT)
+def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str) -> None:
+    output, _ = own_virtual.example(EXAMPLES / name).communicate(timeout=TIMEOUT)
     assert line in output.splitlines()

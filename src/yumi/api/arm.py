@@ -137,9 +137,9 @@ class Arm:
         wait_for(guidance.stop((self.side,)), None, guidance)
 
     def stream(self, position: Position) -> None:
-        """Follow a stream of positions, of which this is the next; returns at once, to be called up to 250 times a second.
+        """Follow a stream of positions, of which this is the next; returns at once.
 
-        The arm keeps the joints' limits on the way and stays at the last position; :meth:`move_to` or :meth:`stop`
+        It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last position; :meth:`move_to` or :meth:`stop`
         end the stream.
 
         Args:

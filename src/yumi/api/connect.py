@@ -49,8 +49,8 @@ def connect(
     every way out, be it an error or Ctrl-C, the arms come to rest first, then EGM ends.
 
     Args:
-        address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, and 8080,
-            where ``yumi controller`` serves, on this machine.
+        address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
+            machine 8080, where ``yumi controller`` serves.
         arms: the arms to guide; the other one stands still.
         speed: share of the joints' highest speeds, above 0 up to 1, where a motion does not say.
         acceleration: the same for accelerations and jerks.
@@ -104,7 +104,7 @@ def _address(address: str | None, rws_port: int | None) -> dict[str, Any]:
         return {"rws_port": rws_port}
     host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
     if not host or (colon and not port.isdigit()):
-        raise SettingsError(f"The address {address!r} is none; give a host name or IPv4 address, with :port if need be.")
+        raise SettingsError(f"{address!r} is no address; give a host name or IPv4 address, with :port if need be.")
     usual = VIRTUAL_RWS_PORT if is_loopback(host) else None
     return {"address": host, "rws_port": int(port) if colon else rws_port or usual}
 
@@ -124,8 +124,9 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
 
 
 def _controllers(path: Path | str | None, scales: dict[str, float]) -> Controllers:
-    chosen = {side: read_controllers(side, Path(path) if path else None) for side in Side}
-    return {side: tuple(_scaled(entry, scales) for entry in _checked(side, entries)) for side, entries in chosen.items()}
+    file = Path(path) if path else None
+    chosen = {side: _checked(side, read_controllers(side, file)) for side in Side}
+    return {side: tuple(_scaled(entry, scales) for entry in entries) for side, entries in chosen.items()}
 
 
 def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[ControllerSettings, ...]:

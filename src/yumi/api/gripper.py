@@ -79,7 +79,8 @@ class Gripper:
         grip = self._command(width / 2.0, self._force)
         if grip.outcome is Outcome.STALLED:
             raise GoalNotReached(
-                f"The {self.side.word} gripper stopped at {_mm(grip.width)} instead of {_mm(width)}; see what is in the way."
+                f"The {self.side.word} gripper stopped at {_mm(grip.width)} instead of {_mm(width)}; look what is in "
+                "the way."
             )
         return grip
 
@@ -110,7 +111,7 @@ class Gripper:
             raise GoalNotReached(f"The {self.side.word} gripper holds nothing: it is {grip.outcome.value}.")
         if width is not None and abs(grip.width - width) > WIDTH_TOLERANCE:
             raise GoalNotReached(
-                f"The {self.side.word} gripper holds something {_mm(grip.width)} wide, not {_mm(width)}; it goes on holding."
+                f"The {self.side.word} gripper holds something {_mm(grip.width)} wide, not {_mm(width)}; it holds on."
             )
         return grip
 

@@ -158,7 +158,7 @@ def checked_goal(side: Side, goal: Position) -> Joints:
     try:
         values = [float(value) for value in goal]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: {goal!r} is no sequence of numbers; give seven angles in radians.") from error
+        raise CommandRefused(f"Goal refused: {goal!r} is no list of numbers; give seven angles in radians.") from error
     if len(values) != JOINT_COUNT:
         raise CommandRefused(
             f"Goal refused: it has {len(values)} positions; an arm has {JOINT_COUNT} joints: "

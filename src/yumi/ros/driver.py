@@ -31,13 +31,14 @@ from yumi.control.requests import Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import FastLineProcess
 from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.model import robot_description
 from yumi.ros.command_topics import JointCommandTopic
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
-from yumi.ros.robot_manager import RobotManager, RobotManagerServices
+from yumi.ros.robot_manager import RobotManagerServices
 
 _THREADS = 4
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
