@@ -10,13 +10,11 @@ from yumi.api.guidance import Guidance, Position
 from yumi.api.motions import Motion
 from yumi.api.waiting import wait_for
 from yumi.control.snapshot import Snapshot
+from yumi.controllers.joint_goal import STANDING
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.kinematics import tool0_to_body
 from yumi.robot.values import Pose
-
-STANDING = 0.02
-"""An arm whose joints all move slower than this stands [rad/s]; measured speeds jitter."""
 
 
 class ArmMode(Enum):
@@ -139,8 +137,8 @@ class Arm:
     def stream(self, position: Position) -> None:
         """Follow a stream of positions, of which this is the next; returns at once.
 
-        It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last position; :meth:`move_to` or :meth:`stop`
-        end the stream.
+        It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last
+        position; :meth:`move_to` or :meth:`stop` end the stream.
 
         Args:
             position: joint positions [rad], (7,).
