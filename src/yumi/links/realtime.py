@@ -54,6 +54,12 @@ def prepare_process() -> str:
     return f"{_raise_priority()}, {_lock_memory()}"
 
 
+def leave_process() -> None:
+    """Give back what lives; libraries complain on the terminal about objects that outlive them."""
+    gc.unfreeze()
+    gc.collect()
+
+
 def prefer_process() -> None:
     """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace."""
     _raise_nice()
