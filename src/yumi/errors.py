@@ -6,6 +6,7 @@
     ├── SettingsError        a configuration file or option is wrong: mend it and start again
     ├── MissingPrerequisite  the machine lacks something: install it
     ├── CommandRefused       a request broke a rule; nothing was changed: ask for something else
+    ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
@@ -32,6 +33,10 @@ class MissingPrerequisite(YumiError):
 
 class CommandRefused(YumiError):
     """A request broke a rule and changed nothing; the message gives the value and the limit."""
+
+
+class SwitchFailed(YumiError):
+    """A controller raised an error while it was activated; the message says what became of the others."""
 
 
 class RobotNotReady(YumiError):

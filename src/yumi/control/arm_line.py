@@ -18,6 +18,7 @@ from yumi.control.requests import (
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
+    Strictness,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
 from yumi.control.stations import AFTER_REPLY, StationClock
@@ -98,14 +99,23 @@ class ArmLine:
             self._after_reply(cycle)
         return cycle
 
-    def switch(self, activate: Sequence[str], deactivate: Sequence[str], now: float) -> None:
+    def switch(
+        self,
+        activate: Sequence[str],
+        deactivate: Sequence[str],
+        now: float,
+        strictness: Strictness = Strictness.STRICT,
+    ) -> str:
         """Switch controllers between two cycles; whoever asked for it finds it done in the snapshot.
 
         Raises:
             CommandRefused: a rule stands against it; nothing was changed.
+            SwitchFailed: a controller could not begin.
         """
-        self.manager.switch(activate, deactivate, self.state)
-        self._publish(now)
+        try:
+            return self.manager.switch(activate, deactivate, self.state, strictness)
+        finally:
+            self.publish(now)
 
     def watch_silence(self, now: float) -> None:
         """Notice that the robot has fallen silent; to be called every few milliseconds."""
@@ -115,7 +125,7 @@ class ArmLine:
             return
         self._last = None
         self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
-        self._publish(now)
+        self.publish(now)
 
     def _watch_interruption(self, now: float) -> None:
         """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
@@ -123,7 +133,7 @@ class ArmLine:
             return
         self._is_interrupted = True
         self._interruptions += 1
-        self._publish(now)
+        self.publish(now)
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
@@ -140,8 +150,9 @@ class ArmLine:
         self._is_interrupted = False
         self._guard.settle(cycle.state)
         self.manager.watch(cycle.state)
+        self.manager.note_times(cycle.state, self._stations.marks)
         self._note_changes(before.state if before else None, cycle.state)
-        self._publish(cycle.state.time)
+        self.publish(cycle.state.time)
         self._stations.note(AFTER_REPLY)
         self._recorder.record(cycle, self.manager.reference, self._stations)
 
@@ -157,7 +168,8 @@ class ArmLine:
         while self.manager.failures:
             self._events.append(ControllerFailed(self._side, self.manager.failures.pop(0)))
 
-    def _publish(self, now: float) -> None:
+    def publish(self, now: float) -> None:
+        """Let the outside see the arm as it is at ``now``."""
         wire, guard, last = self._arm.wire_counters(), self._guard.counters, self._last
         reference = self.manager.reference
         put_snapshot(
@@ -167,6 +179,7 @@ class ArmLine:
                 session=wire.session,
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
+                activity=self.manager.activity,
                 activation=self.manager.activations if self.manager.is_commanding else 0,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,

@@ -35,6 +35,9 @@ class Controller(ABC):
             CommandRefused: the values do not go together; nothing was changed.
         """
 
+    def clean_up(self) -> None:
+        """Forget what configuring prepared; called before it is configured anew or unloaded."""
+
     @abstractmethod
     def activate(self, state: ArmState) -> None:
         """Begin from ``state``; whatever was commanded before is forgotten."""

@@ -1,29 +1,34 @@
 """The controller manager of one arm: which controllers exist, who is active, who claims which interface.
 
 Switching happens between two cycles; an interface has one owner at a time; a controller whose update fails is
-deactivated and the arm holds (reference/ros2_control.md §1.11).
+deactivated and the arm holds (reference/ros2_control.md §1.11). What each cycle needs is prepared when controllers
+are switched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
+from yumi.control.component import HardwareComponent
 from yumi.control.controller import Controller
-from yumi.control.inventory import ControllerInfo, ParameterInfo
-from yumi.control.lifecycle import TRANSITIONS, State, Transition, allowed
-from yumi.control.parameter import Parameter, Value, Values
-from yumi.errors import CommandRefused
+from yumi.control.inventory import ControllerInfo, HardwareInfo, ParameterInfo
+from yumi.control.lifecycle import State
+from yumi.control.loaded import LoadedController
+from yumi.control.merge import MergedCommand
+from yumi.control.parameter import Values
+from yumi.control.requests import Strictness
+from yumi.control.stations import DECODE, UPDATE
+from yumi.control.switching import Switch, find, plan_switch
+from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import Joints
-from yumi.robot.values import ArmCommand, ArmState
+from yumi.robot.values import ZERO, ArmCommand, ArmState
 
+Kinds = Mapping[str, Callable[[str], Controller]]
+"""How a controller of each type is made, given its name."""
 
-@dataclass(slots=True)
-class _Loaded:
-    controller: Controller
-    state: State
-    parameters: dict[str, Parameter]
-    values: dict[str, Value]
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 class ControllerManager:
@@ -32,42 +37,102 @@ class ControllerManager:
     Attributes:
         failures: sentences about controllers that failed; whoever tells them takes them out.
         activations: how often a controller was activated.
+        activity: counts every change of what is loaded and in which state it is.
+        kinds: the types of controllers that can be loaded.
 
     Args:
         joint_names: the arm's joints, chain order.
+        kinds: how a controller of each type is made.
+        component: name of the arm's hardware component.
+        now: tells the time [s], for statistics alone.
     """
 
-    def __init__(self, joint_names: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        kinds: Kinds | None = None,
+        component: str = "arm",
+        now: Callable[[], float] = lambda: 0.0,
+    ) -> None:
         self.failures: list[str] = []
         self.activations = 0
+        self.activity = 0
         self._joint_names = joint_names
-        self._loaded: dict[str, _Loaded] = {}
-        self._commanding: tuple[tuple[str, Controller], ...] = ()
-        self._watching: tuple[Controller, ...] = ()
-        self._active: tuple[tuple[str, Controller], ...] = ()
+        self._kinds = kinds or {}
+        self._component = HardwareComponent(component, joint_names)
+        self._now = now
+        self._loaded: dict[str, LoadedController] = {}
         self._notices: list[tuple[str, object]] = []
+        self._prepare()
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The types of controllers that can be loaded."""
+        return tuple(self._kinds)
 
     def load(self, name: str, controller: Controller) -> None:
         """Add a controller, unconfigured.
 
         Raises:
-            CommandRefused: the name is taken.
+            CommandRefused: the name is taken or could not be that of a ROS node.
         """
-        if name in self._loaded:
-            raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
-        parameters = {parameter.name: parameter for parameter in controller.parameters(self._joint_names)}
-        defaults = {key: parameter.default for key, parameter in parameters.items()}
-        self._loaded[name] = _Loaded(controller, State.UNCONFIGURED, parameters, defaults)
+        self._check_name(name)
+        self._loaded[name] = LoadedController(name, controller, self._joint_names)
+        self._note_change()
 
-    def configure(self, name: str, values: Values | None = None) -> None:
-        """Give an unconfigured controller its parameters and make it inactive.
+    def load_kind(self, name: str, kind: str, values: Values | None = None) -> None:
+        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults.
 
         Raises:
-            CommandRefused: no such controller, wrong state, unknown parameter or value out of range.
+            CommandRefused: the name is not allowed, the type unknown, or a value not allowed; nothing was changed.
         """
-        self._check(name, Transition.CONFIGURE)
-        self.set_parameters(name, values or {})
-        self._move(name, Transition.CONFIGURE)
+        self._check_name(name)
+        if kind not in self._kinds:
+            known = ", ".join(self._kinds) or "none"
+            raise CommandRefused(
+                f"Controller {name!r} cannot be loaded: type {kind!r} is not known; known are: {known}."
+            )
+        with _told(name, "loaded"):
+            loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
+            loaded.set_parameters(values or {})
+        self._loaded[name] = loaded
+        self._note_change()
+
+    def unload(self, name: str) -> None:
+        """Forget a controller.
+
+        Raises:
+            CommandRefused: no such controller, or it is active.
+        """
+        loaded = find(self._loaded, name)
+        if loaded.state is State.ACTIVE:
+            raise CommandRefused(f"Controller {name!r} is active and cannot be unloaded; deactivate it first.")
+        with _told(name, "unloaded"):
+            loaded.clean_up()
+        del self._loaded[name]
+        self._note_change()
+
+    def configure(self, name: str, values: Values | None = None) -> None:
+        """Give an unconfigured or inactive controller its parameters and make it inactive.
+
+        Raises:
+            CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
+        """
+        try:
+            with _told(name, "configured"):
+                find(self._loaded, name).configure(values)
+        finally:
+            self._note_change()
+
+    def clean_up(self, name: str) -> None:
+        """Make an inactive controller unconfigured.
+
+        Raises:
+            CommandRefused: no such controller, or it is active.
+        """
+        with _told(name, "cleaned up"):
+            find(self._loaded, name).clean_up()
+        self._note_change()
 
     def set_parameters(self, name: str, values: Values) -> None:
         """Change parameters; an active controller uses them from the next cycle on.
@@ -75,11 +140,8 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
-        loaded = self._find(name)
-        accepted = {key: _accepted(name, loaded, key, value) for key, value in values.items()}
-        complete = {**loaded.values, **accepted}
-        loaded.controller.configure(complete)
-        loaded.values = complete
+        with _told(name, "given parameters"):
+            find(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
         """What can be set on a controller and what is set.
@@ -87,8 +149,59 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller.
         """
-        loaded = self._find(name)
-        return tuple(ParameterInfo(parameter, loaded.values[key]) for key, parameter in loaded.parameters.items())
+        return find(self._loaded, name).parameters()
+
+    def switch(
+        self,
+        activate: Sequence[str],
+        deactivate: Sequence[str],
+        state: ArmState | None,
+        strictness: Strictness = Strictness.STRICT,
+    ) -> str:
+        """Deactivate and activate controllers as one step, or change nothing at all; a sentence says what was done.
+
+        Args:
+            activate: names of inactive controllers, or of active ones that are deactivated, too: they begin anew.
+            deactivate: names of active controllers.
+            state: the arm's newest state; command controllers need one to begin from.
+            strictness: whether controllers that cannot do what they shall are left out.
+
+        Raises:
+            CommandRefused: a name, a state or a claim stands against it; nothing was changed.
+            SwitchFailed: a controller could not begin.
+        """
+        switch = plan_switch(self._loaded, self._component, activate, deactivate, strictness)
+        begin = self._state_to_begin(switch.activate, state)
+        self._deactivate(switch.deactivate)
+        try:
+            self._activate(switch, begin, strictness)
+        finally:
+            self._note_change()
+        return switch.sentence
+
+    def deactivate_commanding(self) -> tuple[str, ...]:
+        """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
+        commanding = self._commanding
+        if commanding:
+            self._deactivate(commanding)
+            self._note_change()
+        return tuple(loaded.name for loaded in commanding)
+
+    def set_hardware_state(self, name: str, state: State) -> HardwareInfo:
+        """Lead the hardware component to ``state``; who uses what it no longer offers is deactivated.
+
+        Raises:
+            CommandRefused: no such component, or a state it cannot have; nothing was changed.
+        """
+        if name != self._component.name:
+            raise CommandRefused(f"There is no hardware component {name!r}; this arm has: {self._component.name}.")
+        self._component.check_state(state)
+        if state is not State.ACTIVE:
+            leaving = self._active if state is State.UNCONFIGURED else self._commanding
+            self._deactivate(leaving)
+        self._component.state = state
+        self._note_change()
+        return self.hardware()
 
     def check(self, name: str, message: object, state: ArmState | None) -> None:
         """Whether :meth:`receive` would have a controller take ``message``; changes nothing.
@@ -96,10 +209,7 @@ class ControllerManager:
         Raises:
             CommandRefused: it would not, and why.
         """
-        loaded = self._find(name)
-        if loaded.state is not State.ACTIVE:
-            raise CommandRefused(f"Controller {name!r} is {loaded.state.value} and takes no orders; activate it first.")
-        loaded.controller.check(message, state)
+        find(self._loaded, name).check_order(message, state)
 
     def receive(self, name: str, message: object, state: ArmState | None) -> None:
         """Have an active controller take an order.
@@ -113,68 +223,47 @@ class ControllerManager:
             CommandRefused: no such controller, not active, or it refuses the order; nothing was changed.
         """
         self.check(name, message, state)
-        self._find(name).controller.receive(message, state)
+        self._loaded[name].controller.receive(message, state)
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        """What the active controllers want; None holds. Never raises: who fails is deactivated."""
+        try:
+            return self._ask(state)
+        except Exception as error:
+            self._fail(self._commanding[self._merged.asked if self._merged else 0], error)
+            return None
+
+    def watch(self, state: ArmState) -> None:
+        """Let the controllers that only watch see ``state``; after the reply has left. Never raises."""
+        for loaded in self._watching:
+            begin = self._now()
+            try:
+                loaded.controller.update(state)
+            except Exception as error:
+                self._fail(loaded, error)
+            loaded.execution_time.add(self._now() - begin)
+
+    def note_times(self, state: ArmState, marks: Sequence[float]) -> None:
+        """After the reply to ``state``: take the times of the cycle's stations into the statistics."""
+        self._component.note(state.session, state.time, marks)
+        if self._merged is not None:
+            for loaded, duration in zip(self._commanding, self._merged.times, strict=True):
+                loaded.execution_time.add(duration)
+        elif self._commanding:
+            self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
 
     def take_notices(self) -> Sequence[tuple[str, object]]:
         """What the controllers have to tell since the last call: their name and the notice."""
-        for name, controller in self._active:
-            for notice in controller.take_notices():
-                self._notices.append((name, notice))
+        for loaded in self._active:
+            try:
+                for notice in loaded.controller.take_notices():
+                    self._notices.append((loaded.name, notice))
+            except Exception as error:
+                self._fail(loaded, error)
         if not self._notices:
             return ()
         notices, self._notices = self._notices, []
         return notices
-
-    def switch(self, activate: Sequence[str], deactivate: Sequence[str], state: ArmState | None) -> None:
-        """Deactivate and activate controllers as one step, or change nothing at all.
-
-        Args:
-            activate: names of inactive controllers.
-            deactivate: names of active controllers.
-            state: the arm's newest state; command controllers need one to begin from.
-
-        Raises:
-            CommandRefused: a name, a state or a claim stands against it.
-        """
-        if len({*activate, *deactivate}) != len(activate) + len(deactivate):
-            raise CommandRefused(f"A controller is named twice in one switch: {', '.join([*activate, *deactivate])}.")
-        for name in deactivate:
-            self._check(name, Transition.DEACTIVATE)
-        for name in activate:
-            self._check(name, Transition.ACTIVATE)
-        self._check_claims(activate, deactivate)
-        begin = self._state_to_begin(activate, state)
-        for name in deactivate:
-            controller = self._find(name).controller
-            controller.deactivate()
-            self._notices += [(name, notice) for notice in controller.take_notices()]
-            self._move(name, Transition.DEACTIVATE)
-        for name in activate:
-            self._find(name).controller.activate(begin)
-            self._move(name, Transition.ACTIVATE)
-            self.activations += 1
-
-    def deactivate_commanding(self) -> tuple[str, ...]:
-        """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
-        names = tuple(name for name, _ in self._commanding)
-        self.switch((), names, None)
-        return names
-
-    def update(self, state: ArmState) -> ArmCommand | None:
-        """What the active controllers want; None holds. Never raises: who fails is deactivated."""
-        wanted = None
-        for name, controller in self._commanding:
-            try:
-                wanted = controller.update(state)
-            except Exception as error:
-                self._fail(name, error)
-                return None
-        return wanted
-
-    def watch(self, state: ArmState) -> None:
-        """Let the controllers that only watch see ``state``; after the reply has left."""
-        for controller in self._watching:
-            controller.update(state)
 
     @property
     def is_commanding(self) -> bool:
@@ -184,85 +273,110 @@ class ControllerManager:
     @property
     def reference(self) -> Joints | None:
         """Where the commanding controllers are going [rad]; None when nobody commands."""
-        for _, controller in self._commanding:
-            return controller.reference
+        for loaded in self._commanding:
+            reference = loaded.controller.reference
+            if reference is not None:
+                return reference
         return None
 
     def controllers(self) -> tuple[ControllerInfo, ...]:
         """All loaded controllers in the order of loading."""
-        return tuple(self._info(name, loaded) for name, loaded in self._loaded.items())
+        return tuple(loaded.info() for loaded in self._loaded.values())
 
-    def _info(self, name: str, loaded: _Loaded) -> ControllerInfo:
-        required = loaded.controller.command_interfaces(self._joint_names)
-        claimed = required if loaded.state is State.ACTIVE else ()
-        needed = loaded.controller.state_interfaces(self._joint_names)
-        return ControllerInfo(name, loaded.controller.kind, loaded.state, required, claimed, needed)
+    def hardware(self) -> HardwareInfo:
+        """The arm's hardware component and who claims its interfaces."""
+        claimed = {interface for loaded in self._commanding for interface in loaded.required}
+        return self._component.info(claimed)
 
-    def _find(self, name: str) -> _Loaded:
-        if name not in self._loaded:
-            names = ", ".join(self._loaded) or "none"
-            raise CommandRefused(f"There is no controller {name!r}; loaded are: {names}.")
-        return self._loaded[name]
-
-    def _check(self, name: str, transition: Transition) -> None:
-        state = self._find(name).state
-        if (state, transition) not in TRANSITIONS:
-            choices = ", ".join(choice.value for choice in allowed(state)) or "nothing"
+    def _check_name(self, name: str) -> None:
+        if name in self._loaded:
+            raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
+        if not _NAME.fullmatch(name):
             raise CommandRefused(
-                f"Controller {name!r} is {state.value} and cannot {transition.value}; it can {choices}."
+                f"Controller name {name!r} cannot be the name of a node; use letters, digits and underscores."
             )
 
-    def _check_claims(self, activate: Sequence[str], deactivate: Sequence[str]) -> None:
-        owners: dict[str, str] = {}
-        staying = [name for name, item in self._loaded.items() if item.state is State.ACTIVE and name not in deactivate]
-        for name in [*staying, *activate]:
-            for interface in self._find(name).controller.command_interfaces(self._joint_names):
-                if interface in owners:
-                    raise CommandRefused(
-                        f"Controller {name!r} needs {interface}, which {owners[interface]!r} has claimed; "
-                        f"deactivate {owners[interface]!r} in the same switch."
-                    )
-                owners[interface] = name
-
-    def _state_to_begin(self, activate: Sequence[str], state: ArmState | None) -> ArmState:
+    def _state_to_begin(self, starting: Iterable[LoadedController], state: ArmState | None) -> ArmState:
         if state is not None and state.is_running:
             return state
-        needy = [name for name in activate if self._find(name).controller.is_command]
+        needy = next((loaded.name for loaded in starting if loaded.controller.is_command), None)
         if needy:
-            raise CommandRefused(
-                f"Controller {needy[0]!r} cannot start: EGM is not running on this arm; start EGM first."
-            )
+            raise CommandRefused(f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first.")
         return state or _NOWHERE
 
-    def _move(self, name: str, transition: Transition) -> None:
-        loaded = self._find(name)
-        loaded.state = TRANSITIONS[loaded.state, transition]
-        active = [(key, item.controller) for key, item in self._loaded.items() if item.state is State.ACTIVE]
-        self._active = tuple(active)
-        self._commanding = tuple(pair for pair in active if pair[1].is_command)
-        self._watching = tuple(controller for _, controller in active if not controller.is_command)
+    def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:
+        """A strict switch in which one controller cannot begin leaves none of its controllers active."""
+        begun: list[LoadedController] = []
+        failures = []
+        for loaded in switch.activate:
+            try:
+                loaded.activate(begin)
+            except Exception as error:
+                failures.append(f"Controller {loaded.name!r} could not be activated: {_words(error)}.")
+                if strictness is Strictness.STRICT:
+                    self._deactivate(begun)
+                    break
+            else:
+                begun.append(loaded)
+                self.activations += 1
+        if failures:
+            active = ", ".join(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
+            raise SwitchFailed(f"{' '.join(failures)} Active now: {active or 'none'}.")
 
-    def _fail(self, name: str, error: Exception) -> None:
-        self.failures.append(
-            f"Controller {name!r} failed with {type(error).__name__}: {error}; it was deactivated and the arm holds."
+    def _deactivate(self, leaving: Iterable[LoadedController]) -> None:
+        """Whatever a controller does on its way out, it is inactive then."""
+        for loaded in leaving:
+            try:
+                loaded.deactivate()
+                self._notices += [(loaded.name, notice) for notice in loaded.controller.take_notices()]
+            except Exception as error:
+                self.failures.append(f"Controller {loaded.name!r} failed while it was deactivated: {_words(error)}.")
+
+    def _fail(self, failed: LoadedController, error: Exception) -> None:
+        """Who made one command together goes together: what is left of it means nothing."""
+        is_commanding = failed in self._commanding
+        leaving = self._commanding if is_commanding else (failed,)
+        others = [repr(loaded.name) for loaded in leaving if loaded is not failed]
+        went = f"it and {', '.join(others)} were" if others else "it was"
+        consequence = f"{went} deactivated{' and the arm holds' if is_commanding else ''}."
+        self.failures.append(f"Controller {failed.name!r} failed with {_words(error)}; {consequence}")
+        self._deactivate(leaving)
+        self._note_change()
+
+    def _note_change(self) -> None:
+        self.activity += 1
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """What every cycle needs."""
+        active = tuple(loaded for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
+        self._active = active
+        self._commanding = tuple(loaded for loaded in active if loaded.controller.is_command)
+        self._watching = tuple(loaded for loaded in active if not loaded.controller.is_command)
+        self._merged = (
+            MergedCommand(self._commanding, self._joint_names, self._now) if len(self._commanding) > 1 else None
         )
-        self._move(name, Transition.DEACTIVATE)
+        self._ask = self._merged.update if self._merged else _one_or_none(self._commanding)
 
 
-_NOWHERE = ArmState(0.0, 0.0, 0, (0.0,) * 7, (0.0,) * 7, (0.0,) * 7, is_running=False)
+_NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
 """Given to controllers that only watch, when no state has come yet."""
 
 
-def _accepted(name: str, loaded: _Loaded, key: str, value: object) -> Value:
-    if key not in loaded.parameters:
-        known = ", ".join(loaded.parameters) or "none"
-        raise CommandRefused(f"Controller {name!r} has no parameter {key!r}; it has: {known}.")
-    parameter = loaded.parameters[key]
-    if parameter.read_only and loaded.state is not State.UNCONFIGURED:
-        raise CommandRefused(
-            f"Parameter {key!r} of controller {name!r} is settled; clean the controller up to change it."
-        )
+def _one_or_none(commanding: Sequence[LoadedController]) -> Callable[[ArmState], ArmCommand | None]:
+    return commanding[0].controller.update if commanding else lambda state: None
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+@contextmanager
+def _told(name: str, done: str) -> Iterator[None]:
+    """Whatever else a controller raises when it is called is a refusal with its name."""
     try:
-        return parameter.accept(value)
-    except CommandRefused as refusal:
-        raise CommandRefused(f"Parameter {key!r} of controller {name!r} {refusal}") from refusal
+        yield
+    except CommandRefused:
+        raise
+    except Exception as error:
+        raise CommandRefused(f"Controller {name!r} could not be {done}: {_words(error)}.") from error

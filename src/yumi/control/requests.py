@@ -179,7 +179,7 @@ class Done:
     """The request was carried out.
 
     Attributes:
-        sentence: what was done where that is less than was asked for, as a switch by best effort; else empty.
+        sentence: what a switch came to, in the words of ros2_control; else empty.
         controllers: the answer to :class:`ListControllers`.
         kinds: the answer to :class:`ListControllerKinds`.
         parameters: the answer to :class:`ListParameters`.
@@ -195,7 +195,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """The request broke a rule and changed nothing."""
+    """The request broke a rule and changed nothing; where a switch failed halfway, the sentence says what it left."""
 
     sentence: str
 

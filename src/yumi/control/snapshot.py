@@ -9,7 +9,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 20
+_SCALARS = 21
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -24,6 +24,7 @@ class Snapshot:
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
         activation: number of the controller activation that commands the arm, 0 when none does.
+        activity: counts every change of which controllers there are and of their and the hardware's states.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
         admitted: the command sent last [rad].
@@ -50,6 +51,7 @@ class Snapshot:
     is_streaming: bool = False
     is_running: bool = False
     activation: int = 0
+    activity: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
     admitted: Joints = ZERO
@@ -88,6 +90,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.is_streaming,
             snapshot.is_running,
             snapshot.activation,
+            snapshot.activity,
             snapshot.cycles,
             snapshot.missed,
             snapshot.lost,
@@ -118,7 +121,7 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 
 
 def _from_values(values: Values) -> Snapshot:
-    time, session, streaming, running, activation, *numbers = values[:_SCALARS]
+    time, session, streaming, running, activation, activity, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = (int(number) for number in numbers[:-4])
     cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed, interruptions = counts
@@ -131,6 +134,7 @@ def _from_values(values: Values) -> Snapshot:
         is_streaming=bool(streaming),
         is_running=bool(running),
         activation=int(activation),
+        activity=int(activity),
         position=position,
         velocity=velocity,
         admitted=admitted,

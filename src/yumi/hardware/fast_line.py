@@ -7,7 +7,7 @@ cycles. When the parent dies the arms hold until they stand, then the process en
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -18,20 +18,16 @@ from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.goals import GOAL_SIZE
+from yumi.control.request_desk import RequestDesk
 from yumi.control.requests import (
     CycleFailed,
     Done,
     Event,
     FastLineEnded,
-    ListControllers,
-    Order,
     Refusal,
     Reply,
     Request,
-    SendOrders,
-    SetParameters,
     Stop,
-    SwitchControllers,
 )
 from yumi.control.snapshot import SNAPSHOT_SIZE, Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
@@ -216,6 +212,7 @@ class FastLine:
         self._pipe = pipe
         self._wait = wait
         self._arms = {side: arm.line for side, arm in arms.items()}
+        self._desk = RequestDesk(self._arms)
         self._clock = clock
         self._stop_at: float | None = None
         self._unfinished: list[tuple[Side, Callable[[], None]]] = []
@@ -260,6 +257,9 @@ class FastLine:
         """What can wait until after the replies, of both arms: their datagrams often come at the same time."""
         if self._unfinished:
             self._poller.wait(0.0)
+        self._finish_answered()
+
+    def _finish_answered(self) -> None:
         for side, finish in self._unfinished:
             try:
                 finish()
@@ -302,44 +302,13 @@ class FastLine:
         if isinstance(request, Stop):
             self._begin_to_end()
         else:
-            self._send(self._reply_to(request))
+            self._finish_answered()
+            self._send(self._desk.serve(request, self._clock.now()))
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
         for line in self._arms.values():
             line.manager.deactivate_commanding()
-
-    def _reply_to(self, request: Request) -> Reply:
-        try:
-            return self._carry_out(request)
-        except CommandRefused as error:
-            return Refusal(str(error))
-        except Exception as error:
-            return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
-
-    def _carry_out(self, request: Request) -> Done:
-        if isinstance(request, Stop):
-            return Done()
-        if isinstance(request, SendOrders):
-            return self._send_orders(request.orders)
-        line = self._arms[request.side]
-        if isinstance(request, SwitchControllers):
-            line.switch(request.activate, request.deactivate, self._clock.now())
-        elif isinstance(request, SetParameters):
-            line.manager.set_parameters(request.controller, request.values)
-        elif isinstance(request, ListControllers):
-            return Done(controllers=line.manager.controllers())
-        return Done()
-
-    def _send_orders(self, orders: Sequence[Order]) -> Done:
-        """All are checked before any is carried out."""
-        for order in orders:
-            line = self._arms[order.side]
-            line.manager.check(order.controller, order.message, line.state)
-        for order in orders:
-            line = self._arms[order.side]
-            line.manager.receive(order.controller, order.message, line.state)
-        return Done()
 
     def _send(self, value: object) -> None:
         try:

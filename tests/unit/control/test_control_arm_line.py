@@ -130,7 +130,7 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
         "Call start_egm when the controller is back."
     )
     assert peek_snapshot(snapshots) == Snapshot(
-        time=1.062, session=1, position=middle, admitted=middle, cycles=1, missed=3
+        time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
     )
 
 
