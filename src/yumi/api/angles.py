@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import degrees as _degrees_of
 from math import radians
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 from yumi.robot.joints import Joints, joints
 
@@ -34,6 +34,7 @@ def in_degrees(position: Sequence[SupportsFloat]) -> Joints:
     return joints([_degrees_of(value) for value in _flat((position,))])
 
 
-def _flat(angles: Sequence[SupportsFloat | Sequence[SupportsFloat]]) -> list[float]:
-    first = angles[0] if len(angles) == 1 else angles
-    return [float(value) for value in first]  # type: ignore[union-attr, arg-type]
+def _flat(angles: Sequence[Any]) -> list[float]:
+    """Seven angles as they are, or the one sequence of them: a list, a tuple, an array."""
+    values = angles[0] if len(angles) == 1 and hasattr(angles[0], "__iter__") else angles
+    return [float(value) for value in values]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
 from math import radians
@@ -18,6 +18,8 @@ from yumi.robot.joints import Side
 from yumi.settings import ControllerSettings, Settings, is_loopback, override, read_controllers, read_settings
 
 P = ParamSpec("P")
+Given = Mapping[str, Any]
+"""Settings of one group by name; None where nothing was given."""
 
 VIRTUAL_RWS_PORT = 8080
 """Where ``yumi controller`` serves unless told otherwise."""
@@ -65,19 +67,9 @@ def connect(
     Raises:
         SettingsError: a value is wrong; nothing was connected.
     """
-    settings = _settings(
-        config,
-        {
-            "robot": {**_address(address, rws_port), "user": user, "password": password},
-            "egm": {"left_port": left_egm_port, "right_port": right_egm_port},
-        },
-    )
-    scales = {
-        "speed_scale": _share("speed", speed),
-        "acceleration_scale": _share("acceleration", acceleration),
-        "top_speed": radians(settings.egm_motion.max_speed_deviation),
-    }
-    return Robot(settings, _controllers(controllers, scales), _sides(arms))
+    where = {"left_port": left_egm_port, "right_port": right_egm_port}
+    settings = settings_for(address, rws_port, {"user": user, "password": password}, where, config)
+    return Robot(settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms))
 
 
 def _asynchronous(build: Callable[P, Robot]) -> Callable[P, AsyncRobot]:
@@ -92,21 +84,56 @@ def _asynchronous(build: Callable[P, Robot]) -> Callable[P, AsyncRobot]:
 connect_async = _asynchronous(connect)
 
 
-def _settings(config: Path | str | None, values: dict[str, dict[str, Any]]) -> Settings:
+def settings_for(
+    address: str | None,
+    rws_port: int | None = None,
+    login: Given | None = None,
+    egm: Given | None = None,
+    config: Path | str | None = None,
+) -> Settings:
+    """The settings with what was given to ``connect`` on top; None leaves a value as it is.
+
+    Raises:
+        SettingsError: a value is wrong.
+    """
+    values = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
     given = {
         group: {key: value for key, value in entries.items() if value is not None} for group, entries in values.items()
     }
     return override(read_settings(Path(config) if config else None), given, "connect")
 
 
-def _address(address: str | None, rws_port: int | None) -> dict[str, Any]:
+def controllers_for(
+    settings: Settings, speed: float, acceleration: float, file: Path | str | None = None
+) -> Controllers:
+    """The controllers, those for single points with the shares of the joints' limits and the robot's top speed.
+
+    Raises:
+        SettingsError: a value is wrong, or a controller is missing.
+    """
+    scales = {
+        "speed_scale": _share("speed", speed),
+        "acceleration_scale": _share("acceleration", acceleration),
+        "top_speed": radians(settings.egm_motion.max_speed_deviation),
+    }
+    path = Path(file) if file else None
+    chosen = {side: _checked(side, read_controllers(side, path)) for side in Side}
+    return {side: tuple(_scaled(entry, scales) for entry in entries) for side, entries in chosen.items()}
+
+
+def _address(address: str | None, rws_port: int | None) -> Given:
     if address is None:
         return {"rws_port": rws_port}
     host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
     if not host or (colon and not port.isdigit()):
         raise SettingsError(f"{address!r} is no address; give a host name or IPv4 address, with :port if need be.")
+    if colon and rws_port is not None:
+        raise SettingsError(
+            f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
+        )
     usual = VIRTUAL_RWS_PORT if is_loopback(host) else None
-    return {"address": host, "rws_port": int(port) if colon else rws_port or usual}
+    given = int(port) if colon else rws_port
+    return {"address": host, "rws_port": usual if given is None else given}
 
 
 def _share(name: str, value: float) -> float:
@@ -121,12 +148,6 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
     if not words or any(word not in known for word in words) or len(set(words)) != len(words):
         raise SettingsError(f"connect: arms is {arms!r}; name 'right', 'left' or both.")
     return tuple(known[word] for word in words)
-
-
-def _controllers(path: Path | str | None, scales: dict[str, float]) -> Controllers:
-    file = Path(path) if path else None
-    chosen = {side: _checked(side, read_controllers(side, file)) for side in Side}
-    return {side: tuple(_scaled(entry, scales) for entry in entries) for side, entries in chosen.items()}
 
 
 def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[ControllerSettings, ...]:

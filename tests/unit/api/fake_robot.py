@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, Guidance
@@ -32,6 +33,7 @@ class FakeFastLine:
         self.orders: list[Order] = []
         self.switches: list[SwitchControllers] = []
         self.refuses = False
+        self.on_order: Callable[[Order], None] = lambda order: None
         self.snapshots = {
             side: Snapshot(session=1, is_streaming=True, is_running=True, activation=1, position=home(side))
             for side in Side
@@ -52,6 +54,8 @@ class FakeFastLine:
             if self.refuses:
                 raise CommandRefused("Not now.")
             self.orders += request.orders
+            for order in request.orders:
+                self.on_order(order)
         return Done()
 
     def _info(self, name: str, side: Side) -> ControllerInfo:
