@@ -9,7 +9,7 @@ from math import radians
 
 import pytest
 
-from egm_loop import EgmLoop
+from egm_loop import CONTROLLER, EgmLoop
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
@@ -168,3 +168,20 @@ def test_new_goal_in_mid_motion_makes_no_jump(arm: ArmUnderGoals) -> None:
     for before, after in itertools.pairwise(arm.commands):
         limits = zip(before.position, after.position, YUMI_LIMITS.velocity, strict=True)
         assert all(abs(new - old) <= top * CYCLE * 1.001 for old, new, top in limits)
+
+
+def test_arm_that_another_controller_moves_is_brought_to_rest_first() -> None:
+    loop = EgmLoop(Side.RIGHT)
+    loop.manager.load(NAME, JointGoalController(MemoryMailbox()))
+    loop.manager.configure(NAME, FULL)
+    loop.begin()
+    loop.go(moved(loop.snapshot.position, 3.0))
+    loop.run(0.35)
+    speed = max(map(abs, loop.snapshot.velocity))
+    loop.manager.switch([NAME], [CONTROLLER], loop.line.state)
+    begun = len(loop.cycles)
+    loop.run(0.5)
+    speeds = [max(map(abs, cycle.state.velocity)) for cycle in loop.cycles[begun:]]
+    assert speed > 1.0
+    assert max(speeds) < 1.1 * speed + YUMI_LIMITS.acceleration[4] * 0.035  # what is under way until the hold arrives
+    assert speeds[-1] < 0.01

@@ -138,7 +138,7 @@ class Arm:
         """Follow a stream of positions, of which this is the next; returns at once.
 
         It may be called up to 250 times a second. The arm keeps the joints' limits on the way and stays at the last
-        position; :meth:`move_to` or :meth:`stop` end the stream.
+        position; :meth:`move_to` or :meth:`stop` end the stream. A motion under way ends before the stream begins.
 
         Args:
             position: joint positions [rad], (7,).

@@ -9,8 +9,7 @@ from contextlib import ExitStack, suppress
 from functools import partial
 
 from yumi.api.guidance import GOAL_CONTROLLER, Guidance
-from yumi.api.motions import MotionBook
-from yumi.api.waiting import LAST_STOP
+from yumi.api.motions import LAST_STOP, MotionBook
 from yumi.app import Controllers, build_arms, build_grippers, only_at_robot, plan_egm
 from yumi.clock import SystemClock
 from yumi.errors import YumiError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol, SupportsFloat
 
-from yumi.api.motions import Motion, MotionBook
+from yumi.api.motions import LAST_STOP, Motion, MotionBook
 from yumi.control.goals import check_position, put_goal
 from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
@@ -107,15 +107,23 @@ class Guidance:
         Raises:
             CommandRefused: the goal is impossible; the arm keeps the one before.
             RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
         """
         checked = checked_goal(side, goal)
         snapshot = self.snapshot(side)
         if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            self._check_follows(side)
-            self._activate([side], STREAM_CONTROLLER)
-            snapshot = self._fast_line.snapshot(side)
-            self._streaming[side] = (snapshot.session, snapshot.activation)
+            snapshot = self._begin_stream(side)
         put_goal(self._goals[side], snapshot.session, checked)
+
+    def _begin_stream(self, side: Side) -> Snapshot:
+        """From standstill: the controllers lead an arm by different laws."""
+        self._check_follows(side)
+        for motion in self.stop((side,)):
+            motion.wait(LAST_STOP)
+        self._activate([side], STREAM_CONTROLLER)
+        snapshot = self._fast_line.snapshot(side)
+        self._streaming[side] = (snapshot.session, snapshot.activation)
+        return snapshot
 
     def _lead(self, sides: Iterable[Side]) -> None:
         for side in sides:

@@ -14,6 +14,9 @@ from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
 from yumi.errors import GoalNotReached
 from yumi.robot.joints import Side
 
+LAST_STOP = 5.0
+"""An arm must have come to rest within this time [s]; it takes a tenth of it."""
+
 log = logging.getLogger(__name__)
 
 

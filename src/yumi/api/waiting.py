@@ -8,11 +8,8 @@ from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
 
 from yumi.api.guidance import Guidance
-from yumi.api.motions import Motion
+from yumi.api.motions import LAST_STOP, Motion
 from yumi.errors import GoalNotReached, YumiError
-
-LAST_STOP = 5.0
-"""An arm must have come to rest within this time [s]; it takes a tenth of it."""
 
 
 def wait_for(motions: Sequence[Motion], timeout: float | None, guidance: Guidance) -> None:

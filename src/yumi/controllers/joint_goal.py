@@ -19,12 +19,16 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
 STANDING = 0.05
-"""An arm whose joints all move slower than this has come to rest at its goal [rad/s]; positions jitter."""
+"""An arm whose joints all move slower than this stands [rad/s]; measured positions jitter."""
+
+_CALM_CYCLES = 10  # the feedback is behind by less
+_LONGEST_CALMING = 1.0  # [s] the guard brings an arm to rest from full speed in less than half of it
 
 
 _PARAMETERS = (
@@ -90,10 +94,33 @@ class GoalEnded:
     sentence: str
 
 
+class Calming:
+    """Watches an arm that is held until it stands: its plan and its measurement, which comes later, lie still.
+
+    Args:
+        state: when the watch begins.
+    """
+
+    def __init__(self, state: ArmState) -> None:
+        self._planned = state.planned
+        self._calm_cycles = 0
+        self._time = 0.0
+
+    def is_over(self, state: ArmState) -> bool:
+        """Whether the arm stands, as far as this new state tells."""
+        moved, self._planned = _largest(state.planned, self._planned), state.planned
+        is_calm = moved <= STANDING * CYCLE and max(map(abs, state.velocity)) < STANDING
+        self._calm_cycles = self._calm_cycles + 1 if is_calm else 0
+        self._time += state.dt
+        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST_CALMING
+
+
 class JointGoalController(Controller):
     """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
 
-    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice.
+    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice. An arm that moves when the
+    controller is activated is held until it stands, and then sent to its goal: what commanded it until then may have
+    led it by another law, whose command is no place to go on from.
 
     Args:
         goals: where goals arrive that nobody waits for, see :mod:`yumi.control.goals`.
@@ -109,7 +136,8 @@ class JointGoalController(Controller):
         self._letter = 0
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
-        self._rest(Setpoint(ZERO))
+        self._calming: Calming | None = None
+        self._rest_at(ZERO)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return _PARAMETERS
@@ -124,7 +152,7 @@ class JointGoalController(Controller):
         self._order = None
         letter = self._goals.peek()
         self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
-        self._begin_from(state)
+        self._hold(state)
 
     def deactivate(self) -> None:
         self._end(GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
@@ -146,6 +174,8 @@ class JointGoalController(Controller):
         letter = self._goals.peek()
         if letter is not None and letter[0] != self._letter:
             self._take(state)
+        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
+            return None
         self._time += min(state.dt, LONGEST_STEP)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
@@ -199,15 +229,24 @@ class JointGoalController(Controller):
             raise CommandRefused(f"Goal refused: {name} is {value}; allowed is above 0 up to 1.")
         return value
 
-    def _begin_from(self, state: ArmState) -> None:
-        """From where the robot is heading, at the speed it has, to rest: nothing jumps, and no load makes it creep."""
-        velocity = state.velocity if max(map(abs, state.velocity)) > STANDING else ZERO
-        self._setpoint = Setpoint(state.planned, velocity)
-        self._start(stop(self._setpoint, self._limits))
+    def _hold(self, state: ArmState) -> None:
+        self._calming = Calming(state)
+        self._rest_at(state.planned)
 
-    def _rest(self, setpoint: Setpoint) -> None:
-        self._setpoint = setpoint
-        self._start(PointMotion(None, setpoint.position))
+    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+        """Once it has, the order that came meanwhile begins, from where the robot plans to be: loads make it creep."""
+        self._setpoint = Setpoint(state.planned)
+        if not calming.is_over(state):
+            return False
+        self._calming = None
+        self._rest_at(state.planned)
+        if self._order is not None:
+            self._start(self._planned(self._order)[1])
+        return True
+
+    def _rest_at(self, position: Joints) -> None:
+        self._setpoint = Setpoint(position)
+        self._start(PointMotion(None, position))
 
     def _start(self, motion: PointMotion) -> None:
         self._motion = motion
@@ -219,7 +258,7 @@ class JointGoalController(Controller):
         if self._time < self._motion.duration:
             if 0.0 < values["path_tolerance"] < worst:
                 self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
-                self._begin_from(state)
+                self._hold(state)
         elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
             self._end(GoalOutcome.REACHED, "the goal is reached")
         elif self._time > self._motion.duration + values["goal_time"]:

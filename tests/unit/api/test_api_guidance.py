@@ -130,6 +130,7 @@ def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Si
 
 
 def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
     for _ in range(3):
         robot.guidance.stream(Side.RIGHT, RIGHT)
     assert robot.fast_line.switches == [
@@ -139,6 +140,7 @@ def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
     robot.guidance.stream(Side.RIGHT, RIGHT)
     robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
     robot.guidance.stream(Side.RIGHT, RIGHT)
@@ -149,13 +151,19 @@ def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
     ]
 
 
+def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
+    robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.fast_line.on_order = robot.end
+    robot.guidance.stream(Side.RIGHT, RIGHT)
+    assert isinstance(robot.fast_line.orders[-1].message, StopMotion)
+
+
 def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
     robot.guidance.stream(Side.LEFT, LEFT)
     (motion,) = robot.guidance.stop((Side.LEFT,))
-    (order,) = robot.fast_line.orders
-    assert order.message == StopMotion(motion.identity)
+    assert robot.fast_line.orders[-1].message == StopMotion(motion.identity)
     assert robot.fast_line.switches[-1].activate == (GOAL_CONTROLLER,)
-    robot.end(order)
     motion.wait(0.0)
 
 

@@ -37,6 +37,8 @@ class GuidedArm:
         self.stuck = False
         self.state = ArmState(0.0, CYCLE, 1, HOME, ZERO, HOME, is_running=True)
         self.controller.activate(self.state)
+        while self.controller.update(self.state) is None:
+            continue
 
     def cycle(self) -> ArmCommand:
         command = self.controller.update(self.state)
@@ -155,12 +157,35 @@ def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: GuidedAr
     assert arm.state.position == HOME
 
 
-def test_goal_controller_begins_in_motion_with_the_speed_it_finds(arm: GuidedArm) -> None:
-    arm.controller.activate(arm.state._replace(velocity=(0.5, *ZERO[1:])))
-    first = arm.controller.update(arm.state)
-    assert first is not None
-    assert 0.4 < first.velocity[0] < 0.5
-    assert first.position[0] - HOME[0] == pytest.approx(0.5 * CYCLE, rel=0.1)
+@pytest.mark.parametrize("what", ["planned", "velocity"])
+def test_goal_controller_holds_an_arm_until_it_stands(arm: GuidedArm, what: str) -> None:
+    arm.controller.activate(arm.state)
+    for step in range(20):
+        moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO, 0.1 * 57.0)}
+        assert arm.controller.update(arm.state._replace(**{what: moving[what]})) is None
+    calm = arm.state._replace(planned=moved(HOME, 1.9))
+    commands = [arm.controller.update(calm) for _ in range(12)]
+    assert commands[-1] == ArmCommand(calm.planned)
+    assert 9 <= commands.count(None) <= 11
+
+
+def test_goal_controller_does_not_wait_for_ever_for_an_arm_that_trembles(arm: GuidedArm) -> None:
+    arm.controller.activate(arm.state)
+    trembling = arm.state._replace(velocity=moved(ZERO, 10.0))
+    commands = [arm.controller.update(trembling) for _ in range(260)]
+    assert commands.index(ArmCommand(HOME)) == pytest.approx(1.0 / CYCLE, abs=2)
+
+
+def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands(arm: GuidedArm) -> None:
+    arm.controller.activate(arm.state)
+    goal = moved(HOME, 5.0)
+    arm.order(JointGoal(goal, 1))
+    assert arm.controller.update(arm.state) is None
+    while arm.controller.update(arm.state) is None:
+        assert arm.controller.take_notices() == ()
+    arm.run(1.0)
+    assert arm.state.position == goal
+    assert arm.notices == [REACHED]
 
 
 def test_goal_controller_says_which_joint_did_not_arrive(arm: GuidedArm) -> None:
@@ -193,7 +218,7 @@ def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm)
         GoalEnded(1, GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
     ]
     arm.controller.activate(arm.state)
-    assert arm.cycle().position == HOME
+    assert arm.controller.reference == HOME
 
 
 def test_goal_controller_takes_goals_from_its_mailbox(arm: GuidedArm) -> None:
