@@ -34,7 +34,7 @@ from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import SettingsError, YumiError
+from yumi.errors import YumiError
 from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
@@ -43,6 +43,7 @@ from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
+from yumi.initial_controllers import start_controllers
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
 from yumi.links.only import Only
@@ -108,19 +109,32 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
 
     Raises:
         NoConnection: there is no way to the robot's address.
-        SettingsError: a controller has an unknown type.
+        SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
-    for side, entries in controllers.items():
-        for entry in entries:
-            if entry.kind not in CONTROLLER_KINDS:
-                known = ", ".join(CONTROLLER_KINDS)
-                raise SettingsError(
-                    f"Controller {entry.name!r} of {side.value} has type {entry.kind!r}; known are: {known}."
-                )
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    return EgmPlan(listen, remote, ports, settings.egm.silence, controllers)
+    return EgmPlan(listen, remote, ports, settings.egm.silence, check_controllers(controllers))
+
+
+def check_controllers(controllers: Controllers) -> Controllers:
+    """``controllers`` as the fast line can start them: tried out, and without what stands under a wildcard for others.
+
+    Raises:
+        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
+    """
+    shared: dict[object, object] = {}
+    return {
+        side: start_controllers(_manager_of(side, ArmBoxes(), shared), entries) for side, entries in controllers.items()
+    }
+
+
+def _manager_of(side: Side, boxes: ArmBoxes, shared: dict[object, object]) -> ControllerManager:
+    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
+        return lambda name: make(Place(name, side, boxes, shared))
+
+    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
+    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
 
 
 def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
@@ -151,13 +165,8 @@ def _parts_of_arm(
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = ControllerManager(joint_names(side))
-    for entry in plan.controllers[side]:
-        controller = CONTROLLER_KINDS[entry.kind](Place(entry.name, side, boxes, shared))
-        manager.load(entry.name, controller)
-        manager.configure(entry.name, entry.values)
-        if not controller.is_command:
-            manager.switch((entry.name,), (), None)
+    manager = _manager_of(side, boxes, shared)
+    start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
     return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS)
 

@@ -15,14 +15,20 @@ from typing import Any, TypeVar, get_type_hints
 import yaml
 
 from yumi.bounds import bounded
+from yumi.control.parameter import Values
 from yumi.errors import SettingsError
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
+from yumi.parameter_file import Entry, ParameterFile, read_parameter_file
 from yumi.robot.joints import Side
 
 T = TypeVar("T")
 
 MAX_PORT = 65535
+_UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
+
+MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
+"""How the settings of a controller manager end; the first two come after a controller's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +110,15 @@ class RecorderSettings:
     keep: int = bounded(50, 1, 10_000)
 
 
+class InitialState(Enum):
+    """How far a controller is led when the driver starts."""
+
+    UNLOADED = "unloaded"
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+
+
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
     """One controller of ``controllers.yaml``.
@@ -111,12 +126,21 @@ class ControllerSettings:
     Attributes:
         name: its name.
         kind: its type string.
-        values: its numeric parameters.
+        entries: its parameters.
+        state: its state when the driver starts; None: active when it only watches, else inactive.
+        place: where in the file it is listed.
     """
 
     name: str
     kind: str
-    values: Mapping[str, float]
+    entries: Mapping[str, Entry] = field(default_factory=dict)
+    state: InitialState | None = None
+    place: str = ""
+
+    @property
+    def values(self) -> Values:
+        """Its parameters' values."""
+        return {key: entry.value for key, entry in self.entries.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,38 +175,58 @@ def read_settings(path: Path | None = None) -> Settings:
 def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSettings, ...]:
     """The controllers of one arm from ``path``, by default the delivered ``controllers.yaml``.
 
-    The file has ros2_control's format: ``<namespace>/controller_manager/ros__parameters`` lists names and types,
-    ``<namespace>/<name>/ros__parameters`` their parameters.
+    The file has ros2_control's format: ``/<namespace>/controller_manager: ros__parameters`` lists names and types,
+    ``/<namespace>/<name>: ros__parameters`` their parameters; see :mod:`yumi.parameter_file` for wildcards.
 
     Raises:
         SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
     """
-    path = path or config_folder() / "controllers.yaml"
-    document = _read_yaml(path)
-    parameters = _section(document, f"/{side.value}/controller_manager", path.name)
-    kinds = {name: entry["type"] for name, entry in parameters.items() if isinstance(entry, dict) and "type" in entry}
-    if not kinds:
-        raise SettingsError(f"{path.name}: /{side.value}/controller_manager lists no controller with a 'type'.")
+    file = read_parameter_file(path or config_folder() / "controllers.yaml")
+    listed = {each: _listed_controllers(file, each) for each in Side}
+    file.check_nodes(
+        f"/{each.value}/{name}" for each, entries in listed.items() for name in ("controller_manager", *entries)
+    )
+    if not listed[side]:
+        raise SettingsError(f"{file.name}: /{side.value}/controller_manager lists no controller with a 'type'.")
     return tuple(
-        ControllerSettings(
-            name, str(kind), _numbers(_section(document, f"/{side.value}/{name}", path.name), name, path.name)
-        )
-        for name, kind in kinds.items()
+        replace(settings, entries=file.parameters(f"/{side.value}/{name}")) for name, settings in listed[side].items()
     )
 
 
-def _section(document: Mapping[str, Any], key: str, file: str) -> Mapping[str, Any]:
-    entry = document.get(key, {"ros__parameters": {}})
-    if not isinstance(entry, dict) or not isinstance(entry.get("ros__parameters", {}), dict):
-        raise SettingsError(f"{file}: {key} needs a mapping 'ros__parameters'.")
-    return dict(entry.get("ros__parameters", {}))
+def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, ControllerSettings]:
+    """Names, types and initial states; what else the controller manager is told is refused."""
+    entries = file.parameters(f"/{side.value}/controller_manager")
+    names = [key.removesuffix(".type") for key, entry in entries.items() if _is_type(key, entry)]
+    for key, entry in entries.items():
+        name, _, word = key.rpartition(".")
+        if entry.is_general or (name in names and f".{word}" in MANAGER_SETTINGS):
+            continue
+        if key == "update_rate" and entry.value == _UPDATE_RATE:
+            continue
+        raise SettingsError(
+            f"{entry.place}: the controller manager has no setting {key} = {entry.value!r}; it has: <controller>.type, "
+            f"<controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's datagrams give."
+        )
+    return {name: _listed_controller(name, entries) for name in names}
 
 
-def _numbers(values: Mapping[str, Any], name: str, file: str) -> dict[str, float]:
-    for key, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise SettingsError(f"{file}: {name}.{key} is {value!r}; it must be a number.")
-    return {key: float(value) for key, value in values.items()}
+def _is_type(key: str, entry: Entry) -> bool:
+    """What stands under a wildcard may be a parameter of another node."""
+    return key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
+
+
+def _listed_controller(name: str, entries: Mapping[str, Entry]) -> ControllerSettings:
+    kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
+    if not isinstance(kind.value, str):
+        raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
+    return ControllerSettings(
+        name,
+        kind.value,
+        state=None
+        if state is None
+        else InitialState(_choice(InitialState, state.value, f"{state.place}: {name}.initial_state")),
+        place=kind.place,
+    )
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.api.robot import Robot
 from yumi.app import Controllers
 from yumi.errors import SettingsError
+from yumi.parameter_file import Entry
 from yumi.robot.joints import Side
 from yumi.settings import ControllerSettings, Settings, is_loopback, override, read_controllers, read_settings
 
@@ -157,5 +158,8 @@ def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[Contr
     return entries
 
 
-def _scaled(entry: ControllerSettings, scales: dict[str, float]) -> ControllerSettings:
-    return replace(entry, values={**entry.values, **scales}) if entry.name == GOAL_CONTROLLER else entry
+def _scaled(controller: ControllerSettings, scales: Mapping[str, float]) -> ControllerSettings:
+    if controller.name != GOAL_CONTROLLER:
+        return controller
+    entries = {name: Entry(value, "connect", is_general=False) for name, value in scales.items()}
+    return replace(controller, entries={**controller.entries, **entries})

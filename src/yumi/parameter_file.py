@@ -1,0 +1,179 @@
+"""A ROS 2 parameter file: nodes by name or wildcard, each with its parameters and the line where each one stands.
+
+::
+
+    /r/controller_manager:            a node; also nested, r: {controller_manager: …}
+      ros__parameters:
+        gains: {joint_1: {p: 1.0}}    the parameter gains.joint_1.p
+    /**/forward_controller:           that node in any namespace; * stands for one name, ** for any number
+    /**:                              every node that knows the parameters
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from yumi.control.parameter import Value
+from yumi.errors import SettingsError
+
+_PARAMETERS = "ros__parameters"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A parameter's value in a file.
+
+    Attributes:
+        value: what is set.
+        place: file and line, for a sentence.
+        is_general: whether it stands under a wildcard instead of the node's name: for whoever knows the parameter.
+    """
+
+    value: Value
+    place: str
+    is_general: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What a file says to the nodes of one name or wildcard.
+
+    Attributes:
+        nodes: full name, or wildcard, of the nodes.
+        place: file and line.
+        entries: by the parameters' full names.
+    """
+
+    nodes: str
+    place: str
+    entries: dict[str, Entry]
+
+    def concerns(self, node: str) -> bool:
+        """Whether it is for the node of that full name."""
+        return re.fullmatch(_pattern(self.nodes), node) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFile:
+    """A file as read.
+
+    Attributes:
+        name: the file's name.
+        sections: in the order of the file.
+    """
+
+    name: str
+    sections: tuple[Section, ...]
+
+    def parameters(self, node: str) -> dict[str, Entry]:
+        """What it says to the node of that full name; what comes later in the file counts more."""
+        merged: dict[str, Entry] = {}
+        for section in self.sections:
+            if section.concerns(node):
+                merged.update(section.entries)
+        return merged
+
+    def check_nodes(self, nodes: Iterable[str]) -> None:
+        """Whether every section is for one of ``nodes``.
+
+        Raises:
+            SettingsError: one is for somebody else.
+        """
+        known = tuple(nodes)
+        for section in self.sections:
+            if not any(section.concerns(node) for node in known):
+                raise SettingsError(
+                    f"{section.place}: {section.nodes} is not the name of anything here; there are: {', '.join(known)}."
+                )
+
+
+def read_parameter_file(path: Path) -> ParameterFile:
+    """The parameters in ``path``.
+
+    Raises:
+        SettingsError: the file is missing or no YAML, or something in it is no parameter.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
+    try:
+        return ParameterFile(path.name, tuple(_Reader(path.name, text).sections()))
+    except yaml.YAMLError as error:
+        raise SettingsError(f"{path} is no YAML: {' '.join(str(error).split())}.") from error
+
+
+class _Reader:
+    """Goes through the nodes of a YAML document, which know their lines."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self._file = file
+        self._loader = yaml.SafeLoader(text)
+
+    def sections(self) -> Iterator[Section]:
+        document = self._loader.get_single_node()
+        if not isinstance(document, yaml.MappingNode):
+            raise SettingsError(f"{self._file} must hold a mapping of settings.")
+        yield from self._sections(document, "")
+
+    def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
+        for key, place, value in self._items(node):
+            nodes = f"{namespace}/{key.strip('/')}"
+            if key == _PARAMETERS and namespace:
+                yield Section(namespace, place, dict(self._parameters_of(value, place, namespace)))
+            elif isinstance(value, yaml.MappingNode):
+                yield from self._sections(value, nodes)
+            elif not _is_empty(value):
+                raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
+
+    def _parameters_of(self, node: yaml.Node, place: str, nodes: str) -> Iterator[tuple[str, Entry]]:
+        if isinstance(node, yaml.MappingNode):
+            is_general = nodes.endswith("*")
+            for name, where, value in self._parameters(node, ""):
+                yield name, Entry(value, where, is_general)
+        elif not _is_empty(node):
+            raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
+
+    def _parameters(self, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
+        for key, place, value in self._items(node):
+            if isinstance(value, yaml.MappingNode):
+                yield from self._parameters(value, f"{group}{key}.")
+            else:
+                yield f"{group}{key}", place, self._value(value, f"{place}: {group}{key}")
+
+    def _items(self, node: yaml.MappingNode) -> Iterator[tuple[str, str, yaml.Node]]:
+        self._loader.flatten_mapping(node)
+        lines: dict[str, int] = {}
+        for key, value in node.value:
+            line = key.start_mark.line + 1
+            name = str(self._loader.construct_object(key))
+            if name in lines:
+                raise SettingsError(f"{self._file} line {line}: {name} stands in line {lines[name]} already.")
+            lines[name] = line
+            yield name, f"{self._file} line {line}", value
+
+    def _value(self, node: yaml.Node, place: str) -> Value:
+        value = self._loader.construct_object(node, deep=True)
+        if isinstance(value, bool | int | float | str):
+            return value
+        if isinstance(value, list):
+            if all(isinstance(element, str) for element in value):
+                return tuple(value)
+            if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
+                return tuple(float(element) for element in value)
+        raise SettingsError(f"{place} is {value!r}; it must be a truth value, a number, a text or a list of one kind.")
+
+
+def _is_empty(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null"
+
+
+def _pattern(nodes: str) -> str:
+    """A regular expression for the full names that a name with wildcards stands for."""
+    words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
+    return "".join(words.get(token, "/" + re.escape(token)) for token in nodes.split("/")[1:])
