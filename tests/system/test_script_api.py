@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import multiprocessing
 import signal
 from collections.abc import Iterator
 from math import nan, radians
@@ -161,6 +162,29 @@ def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) 
     output, _ = script.communicate(timeout=TIMEOUT)
     assert output.rstrip().endswith("KeyboardInterrupt")
     assert not own_virtual.is_guided(Side.RIGHT)
+
+
+def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
+    script = own_virtual.script(
+        "import yumi\n"
+        "robot = yumi.connect(**OPTIONS).open()\n"
+        "robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
+    )
+    output, _ = script.communicate(timeout=TIMEOUT)
+    assert (script.returncode, output) == (0, "")
+    assert not own_virtual.is_guided(Side.RIGHT)
+
+
+def test_connection_whose_fast_line_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed=0.05)
+        for child in multiprocessing.active_children():
+            child.kill()
+        with pytest.raises(GoalNotReached, match="The fast-line process has ended"):
+            motion.wait(TIMEOUT)
+        robot.recover()
+        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
 
 
 def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:

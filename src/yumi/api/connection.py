@@ -74,11 +74,12 @@ class Connection:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        if not self._fast_line.is_alive:
+        if self._fast_line.is_alive:
+            self._come_to_rest()
+            self.manager.start_egm()
+        else:
             self.close()
             self.open()
-        self._come_to_rest()
-        self.manager.start_egm()
         self._book.clear_faults()
 
     def close(self) -> None:
