@@ -42,14 +42,14 @@ class RunningStatistics:
         self._minimum, self._maximum = inf, -inf
 
     def add(self, value: float) -> None:
-        """Take one more value."""
-        self._count += 1
+        """Take one more value; done several times in each cycle, hence the plain comparisons."""
+        self._count = count = self._count + 1
         self._current = value
         step = value - self._mean
-        self._mean += step / self._count
-        self._squares += step * (value - self._mean)
-        self._minimum = min(self._minimum, value)
-        self._maximum = max(self._maximum, value)
+        self._mean = mean = self._mean + step / count
+        self._squares += step * (value - mean)
+        if value > self._maximum or value < self._minimum:
+            self._maximum, self._minimum = max(self._maximum, value), min(self._minimum, value)
 
     def result(self) -> Statistics:
         """What the values were like until now."""
