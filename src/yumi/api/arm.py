@@ -9,8 +9,8 @@ from yumi.api.gripper import Gripper
 from yumi.api.guidance import Guidance, Position
 from yumi.api.motions import Motion
 from yumi.api.waiting import wait_for
+from yumi.control.calming import STANDING
 from yumi.control.snapshot import Snapshot
-from yumi.controllers.joint_goal import STANDING
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.kinematics import tool0_to_body

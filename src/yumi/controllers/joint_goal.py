@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
+from yumi.control.calming import STANDING, Calming, largest_difference
 from yumi.control.controller import Controller
 from yumi.control.goals import check_position, peek_goal
 from yumi.control.guard import LONGEST_STEP
@@ -19,17 +20,9 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
-from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
-
-STANDING = 0.05
-"""An arm whose joints all move slower than this stands [rad/s]; measured positions jitter."""
-
-_CALM_CYCLES = 10  # the feedback is behind by less
-_LONGEST_CALMING = 1.0  # [s] the guard brings an arm to rest from full speed in less than half of it
-
 
 _PARAMETERS = (
     Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
@@ -92,27 +85,6 @@ class GoalEnded:
     identity: int
     outcome: GoalOutcome
     sentence: str
-
-
-class Calming:
-    """Watches an arm that is held until it stands: its plan and its measurement, which comes later, lie still.
-
-    Args:
-        state: when the watch begins.
-    """
-
-    def __init__(self, state: ArmState) -> None:
-        self._planned = state.planned
-        self._calm_cycles = 0
-        self._time = 0.0
-
-    def is_over(self, state: ArmState) -> bool:
-        """Whether the arm stands, as far as this new state tells."""
-        moved, self._planned = _largest(state.planned, self._planned), state.planned
-        is_calm = moved <= STANDING * CYCLE and max(map(abs, state.velocity)) < STANDING
-        self._calm_cycles = self._calm_cycles + 1 if is_calm else 0
-        self._time += state.dt
-        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST_CALMING
 
 
 class JointGoalController(Controller):
@@ -254,7 +226,7 @@ class JointGoalController(Controller):
 
     def _watch(self, state: ArmState) -> None:
         values, wanted = self._values, self._setpoint.position
-        worst = _largest(state.position, wanted)
+        worst = largest_difference(state.position, wanted)
         if self._time < self._motion.duration:
             if 0.0 < values["path_tolerance"] < worst:
                 self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
@@ -285,7 +257,3 @@ def check_goal(position: Joints) -> None:
         raise CommandRefused(f"Goal refused: it has {len(position)} positions; an arm has {JOINT_COUNT} joints.")
     for index, value in enumerate(position):
         check_position(f"axis {CHAIN_AXES[index]}", index, value)
-
-
-def _largest(left: Joints, right: Joints) -> float:
-    return max(abs(a - b) for a, b in zip(left, right, strict=True))
