@@ -1,4 +1,4 @@
-"""The wiring plan: which objects, threads and processes make up the driver and the virtual controller.
+"""The wiring plan: which objects, threads and processes make up the driver.
 
 ::
 
@@ -6,7 +6,6 @@
                                    threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events,
                                             flight-records (when something stops), full-recorder (--record)
                      process 2   the fast line: both arms' cycles, one thread
-    yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Event as Flag
-from threading import Lock
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
@@ -44,18 +42,11 @@ from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.initial_controllers import start_controllers
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
 from yumi.links.only import Only
-from yumi.links.realtime import prefer_process
-from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
-from yumi.robot.cycle import CYCLE
+from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import ControllerSettings, Settings
-from yumi.virtual.gripper import Workpiece
-from yumi.virtual.rws_adapter import RwsAdapter
-from yumi.virtual.world import World, WorldSettings
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
@@ -256,75 +247,3 @@ def _end_motion(manager: RobotManager, say: Callable[[str], None]) -> None:
         manager.end_motion()
     except YumiError as error:
         say(f"The robot could not be told to end EGM: {error}")
-
-
-def world_settings(
-    *, robot_name: str, egm_host: str, egm_ports: Mapping[Side, int], objects: Mapping[Side, float | None]
-) -> WorldSettings:
-    """A virtual robot whose clock shows the time of day.
-
-    Args:
-        robot_name: name of the controller's system.
-        egm_host: where the arms send their datagrams.
-        egm_ports: UDP port per arm.
-        objects: width of what lies between each arm's fingers [m]; None for nothing.
-    """
-    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
-    return WorldSettings(
-        robot_name=robot_name, egm_host=egm_host, egm_ports=egm_ports, workpieces=workpieces, start_time=time.time()
-    )
-
-
-class VirtualController:
-    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
-
-    Args:
-        settings: what the virtual robot is like.
-        rws_port: port of the HTTP server, 0 for any.
-        user: user name that may log in.
-        password: its password.
-        host: address to listen on.
-    """
-
-    def __init__(self, settings: WorldSettings, *, rws_port: int, user: str, password: str, host: str) -> None:
-        self._clock = SystemClock()
-        self._lock = Lock()
-        self.world = World(settings)
-        self._adapter = RwsAdapter(self.world.controller, user=user, password=password)
-        self._server = HttpServer(self._handle, host=host, port=rws_port)
-        self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
-
-    def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
-        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
-
-        Raises:
-            NoConnection: the port is taken.
-        """
-        prefer_process()
-        with self._server as server:
-            on_ready(server.port)
-            due = self._clock.now()
-            while not is_over.is_set():
-                self._cycle()
-                due = self._wait_until(due + CYCLE)
-        for link in self._links.values():
-            link.close()
-
-    def _cycle(self) -> None:
-        inboxes = {side: link.receive() for side, link in self._links.items()}
-        with self._lock:
-            datagrams = self.world.cycle(inboxes)
-        for side, datagram in datagrams.items():
-            self._links[side].send(datagram)
-
-    def _wait_until(self, due: float) -> float:
-        """Wait; a machine that has fallen behind by more than a few cycles lets them go, as time does."""
-        now = self._clock.now()
-        if due > now:
-            self._clock.wait(due - now)
-            return due
-        return due if now - due < 5 * CYCLE else now
-
-    def _handle(self, request: HttpRequest) -> HttpReply:
-        with self._lock:
-            return self._adapter.handle(request, self._clock.now())
