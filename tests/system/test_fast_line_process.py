@@ -12,7 +12,21 @@ import pytest
 from yumi.app import EgmPlan, build_arms
 from yumi.control.goals import put_goal
 from yumi.control.lifecycle import State
-from yumi.control.requests import Event, ListControllers, SessionLost, SetParameters, SwitchControllers
+from yumi.control.requests import (
+    ConfigureController,
+    Event,
+    ListControllerKinds,
+    ListControllers,
+    ListHardware,
+    ListParameters,
+    LoadController,
+    Order,
+    SendOrders,
+    SessionLost,
+    SetHardwareState,
+    SetParameters,
+    SwitchControllers,
+)
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
@@ -103,6 +117,28 @@ def test_fast_line_lists_its_controllers(fast_line: FastLineProcess) -> None:
     assert states.pop("joint_state_broadcaster") is State.ACTIVE
     assert {POSITION, "joint_goal_controller"} <= set(states)
     assert set(states.values()) == {State.INACTIVE}
+
+
+def test_fast_line_loads_what_it_knows_and_lists_its_parameters(fast_line: FastLineProcess) -> None:
+    (kind,) = (kind for kind in fast_line.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("PositionController"))
+    fast_line.ask(LoadController(RIGHT, "second", kind, {"p": 0.5}))
+    fast_line.ask(ConfigureController(RIGHT, "second"))
+    (info,) = (info for info in fast_line.ask(ListParameters(RIGHT, "second")).parameters if info.parameter.name == "p")
+    assert (info.value, info.parameter.highest) == (0.5, 2.0)
+    assert fast_line.ask(ListControllers(RIGHT)).controllers[-1].state is State.INACTIVE
+    assert peek_snapshot(fast_line.boxes[RIGHT].snapshots).activity > 0
+
+
+def test_fast_line_leads_the_hardware_of_an_arm(fast_line: FastLineProcess) -> None:
+    (info,) = fast_line.ask(SetHardwareState(RIGHT, "ROB_R", State.UNCONFIGURED)).hardware
+    assert (info.state, fast_line.ask(ListHardware(RIGHT)).hardware) == (State.UNCONFIGURED, (info,))
+    assert all(each.state is not State.ACTIVE for each in fast_line.ask(ListControllers(RIGHT)).controllers)
+
+
+def test_fast_line_passes_orders_to_both_arms_or_none(fast_line: FastLineProcess) -> None:
+    orders = tuple(Order(side, POSITION, "go") for side in Side)
+    with pytest.raises(CommandRefused, match="'joint_position_controller' is inactive and takes no orders"):
+        fast_line.ask(SendOrders(orders))
 
 
 def test_fast_line_refuses_to_start_controllers_before_egm_runs(fast_line: FastLineProcess) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from yumi.control.lifecycle import State
 from yumi.control.parameter import Parameter, Value
@@ -32,9 +33,8 @@ class ControllerInfo:
     execution_time: Statistics = field(default_factory=Statistics)
 
 
-@dataclass(frozen=True, slots=True)
-class InterfaceInfo:
-    """One command or state interface.
+class InterfaceInfo(NamedTuple):
+    """One command or state interface; a tuple, since there are many in each answer.
 
     Attributes:
         name: ``<joint>/<kind>``.

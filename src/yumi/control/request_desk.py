@@ -11,6 +11,7 @@ from yumi.control.requests import (
     CleanupController,
     ConfigureController,
     Done,
+    HoldArm,
     ListControllerKinds,
     ListControllers,
     ListHardware,
@@ -101,6 +102,11 @@ def _switch(line: ArmLine, request: SwitchControllers, now: float) -> Done:
     return Done(sentence=line.switch(request.activate, request.deactivate, now, request.strictness))
 
 
+def _hold(line: ArmLine, request: HoldArm, now: float) -> Done:
+    line.manager.deactivate_commanding()
+    return _shown(line, now)
+
+
 def _set_parameters(line: ArmLine, request: SetParameters, now: float) -> Done:
     line.manager.set_parameters(request.controller, request.values)
     return Done()
@@ -140,6 +146,7 @@ _SERVED: Mapping[type, Serve] = {
     CleanupController: _clean_up,
     UnloadController: _unload,
     SwitchControllers: _switch,
+    HoldArm: _hold,
     SetParameters: _set_parameters,
     ListParameters: _list_parameters,
     ListControllers: _list_controllers,

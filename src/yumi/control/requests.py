@@ -79,6 +79,13 @@ class SwitchControllers:
 
 
 @dataclass(frozen=True, slots=True)
+class HoldArm:
+    """Deactivate whatever commands an arm; it comes to rest and holds."""
+
+    side: Side
+
+
+@dataclass(frozen=True, slots=True)
 class SetParameters:
     """Change parameters of one controller from the next cycle on, all or none."""
 
@@ -162,6 +169,7 @@ ArmRequest = (
     | CleanupController
     | UnloadController
     | SwitchControllers
+    | HoldArm
     | SetParameters
     | ListParameters
     | ListControllers

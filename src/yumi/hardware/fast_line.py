@@ -1,7 +1,7 @@
 """The fast-line process: both arms' cycles in one thread, and the handle its parent holds.
 
 Whichever robot datagram arrives is answered at once, so no arm waits for the other. Requests are served between two
-cycles. When the parent dies the arms hold until they stand, then the process ends.
+cycles, right after the replies. When the parent dies the arms hold until they stand, then the process ends.
 """
 
 from __future__ import annotations
@@ -36,12 +36,14 @@ from yumi.links.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.links.poller import HasFileno, Poller
 from yumi.links.realtime import prepare_process
 from yumi.links.shared_memory import Bell, SharedHistory, SharedMailbox, new_bell, shared_numbers
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import JOINT_COUNT, Side
 
 LAST_HOLD = 2.0
 """How long an arm without a driver is held while it still moves [s]."""
 
 _ANSWER_TIMEOUT = 5.0
+_EXPECTED = 1.5 * CYCLE  # [s] after this time without a datagram requests wait for none
 _TELLING_PERIOD = 10.0  # [s]
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 
@@ -216,22 +218,25 @@ class FastLine:
         self._clock = clock
         self._stop_at: float | None = None
         self._unfinished: list[tuple[Side, Callable[[], None]]] = []
+        self._requests: list[Request] = []
         self._failures: dict[str, float] = {}
         self._poller = Poller()
         wait.prepare({side: self._rehearsal_of(side, arm) for side, arm in arms.items()})
         for side, arm in arms.items():
             self._poller.watch(arm.socket, self._cycle_of(side, arm.line, boxes[side].bell))
-        self._poller.watch(pipe, self._serve)
+        self._poller.watch(pipe, self._receive)
 
     def run(self) -> None:
         """Serve datagrams and requests until told to stop, and until the arms stand."""
         lines = tuple(self._arms.values())
         while not self._may_end():
             self._wait.wait(self._poller, any(line.state is not None for line in lines))
-            self._finish_cycles()
-            for line in lines:
+            has_answered = self._finish_cycles()
+            if self._requests and (has_answered or not self._is_datagram_due()):
+                self._serve_requests()
+            for side, line in self._arms.items():
                 line.watch_silence(self._clock.now())
-                self._tell(line)
+                self._tell(side, line)
         self._wait.close()
         self._poller.close()
 
@@ -253,19 +258,22 @@ class FastLine:
 
         return answer
 
-    def _finish_cycles(self) -> None:
+    def _finish_cycles(self) -> bool:
         """What can wait until after the replies, of both arms: their datagrams often come at the same time."""
-        if self._unfinished:
-            self._poller.wait(0.0)
-        self._finish_answered()
-
-    def _finish_answered(self) -> None:
+        if not self._unfinished:
+            return False
+        self._poller.wait(0.0)
         for side, finish in self._unfinished:
             try:
                 finish()
             except Exception as error:
                 self._note_failure(side, error)
         self._unfinished.clear()
+        return True
+
+    def _is_datagram_due(self) -> bool:
+        now = self._clock.now()
+        return any(line.state is not None and now - line.state.time < _EXPECTED for line in self._arms.values())
 
     def _rehearsal_of(self, side: Side, arm: WiredArm) -> Callable[[], None]:
         def rehearse() -> None:
@@ -288,11 +296,14 @@ class FastLine:
             return False
         return self._clock.now() > self._stop_at or all(line.is_still for line in self._arms.values())
 
-    def _tell(self, line: ArmLine) -> None:
+    def _tell(self, side: Side, line: ArmLine) -> None:
         for event in line.take_events():
-            self._send(event)
+            try:
+                self._send(event)
+            except Exception as error:  # a controller's notice that cannot be pickled
+                self._note_failure(side, error)
 
-    def _serve(self) -> None:
+    def _receive(self) -> None:
         try:
             request = self._pipe.receive()
         except PipeClosed:
@@ -302,8 +313,13 @@ class FastLine:
         if isinstance(request, Stop):
             self._begin_to_end()
         else:
-            self._finish_answered()
+            self._requests.append(request)
+
+    def _serve_requests(self) -> None:
+        """Right after the replies, when the next datagrams are farthest away; at once when none is due."""
+        for request in self._requests:
             self._send(self._desk.serve(request, self._clock.now()))
+        self._requests.clear()
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
@@ -314,4 +330,4 @@ class FastLine:
         try:
             self._pipe.send(value)
         except PipeClosed:
-            return  # the parent is gone; its end of the pipe says so to _serve
+            return  # the parent is gone; its end of the pipe says so to _receive

@@ -6,7 +6,7 @@ from threading import Lock
 from typing import Protocol
 
 from yumi.clock import Clock
-from yumi.control.requests import Done, ListControllers, Request, SwitchControllers
+from yumi.control.requests import Done, HoldArm, Request, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.errors import RobotNotReady
 from yumi.hardware.bringup import Bringup
@@ -100,9 +100,7 @@ class RobotManager:
         """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                infos = self._fast_line.ask(ListControllers(side)).controllers
-                claiming = tuple(info.name for info in infos if info.claimed)
-                self._fast_line.ask(SwitchControllers(side, deactivate=claiming))
+                self._fast_line.ask(HoldArm(side))
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.

@@ -1,0 +1,247 @@
+from __future__ import annotations
+
+import pytest
+
+from unit.control.controller_doubles import RUNNING, Double, Watcher
+from yumi.control.controller import Controller
+from yumi.control.inventory import ControllerInfo
+from yumi.control.lifecycle import State
+from yumi.control.manager import ControllerManager
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side, joint_names
+
+NAMES = joint_names(Side.RIGHT)
+
+
+@pytest.fixture
+def made() -> list[Double]:
+    """What was made by type, in this order."""
+    return []
+
+
+@pytest.fixture
+def manager(made: list[Double]) -> ControllerManager:
+    """Knows two types and has nothing loaded."""
+
+    def make_double(name: str) -> Controller:
+        made.append(Double())
+        return made[-1]
+
+    def make_broken(name: str) -> Controller:
+        raise ValueError(f"{name} is broken")
+
+    return ControllerManager(NAMES, {"test/Double": make_double, "test/Broken": make_broken})
+
+
+@pytest.fixture
+def double(manager: ControllerManager, made: list[Double]) -> Double:
+    """Loaded as ``double``."""
+    manager.load_kind("double", "test/Double")
+    return made[0]
+
+
+def info(manager: ControllerManager) -> ControllerInfo:
+    return manager.controllers()[0]
+
+
+def values(manager: ControllerManager) -> dict[str, object]:
+    return {each.parameter.name: each.value for each in manager.parameters("double")}
+
+
+def test_manager_tells_which_types_it_can_load(manager: ControllerManager) -> None:
+    assert manager.kinds == ("test/Double", "test/Broken")
+
+
+def test_manager_loads_by_type_with_parameters(manager: ControllerManager) -> None:
+    manager.load_kind("double", "test/Double", {"p": 2, "mode": "fast"})
+    assert (info(manager).name, info(manager).kind, info(manager).state) == (
+        "double",
+        "test/Double",
+        State.UNCONFIGURED,
+    )
+    assert values(manager) == {"p": 2.0, "mode": "fast"}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "given", "sentence"),
+    [
+        ("other", "test/None", {}, "type 'test/None' is not known; known are: test/Double, test/Broken"),
+        ("other", "test/Broken", {}, "'other' could not be loaded: ValueError: other is broken"),
+        ("other", "test/Double", {"p": 3.0}, "Parameter 'p' of controller 'other' is 3.0; allowed is 0 to 2 1/s"),
+        ("other", "test/Double", {"q": 3.0}, "'other' has no parameter 'q'; it has: p, mode"),
+        ("double", "test/Double", {}, "'double' is loaded already; unload it first or choose another name"),
+        ("1st", "test/Double", {}, "name '1st' cannot be the name of a node; use letters, digits and underscores"),
+        ("a/b", "test/Double", {}, "name 'a/b' cannot be the name of a node"),
+        ("", "test/Double", {}, "name '' cannot be the name of a node"),
+    ],
+)
+@pytest.mark.usefixtures("double")
+def test_manager_refuses_to_load(
+    manager: ControllerManager, name: str, kind: str, given: dict[str, float], sentence: str
+) -> None:
+    before = manager.activity
+    with pytest.raises(CommandRefused, match=sentence):
+        manager.load_kind(name, kind, given)
+    assert [each.name for each in manager.controllers()] == ["double"]
+    assert manager.activity == before
+
+
+def test_manager_knows_required_interfaces_once_a_controller_is_configured(
+    manager: ControllerManager, double: Double
+) -> None:
+    assert (info(manager).required, info(manager).required_state) == ((), ())
+    manager.configure("double")
+    assert info(manager).required == tuple(f"{name}/position" for name in NAMES)
+    assert len(info(manager).required_state) == 14
+    manager.clean_up("double")
+    assert (info(manager).state, info(manager).required) == (State.UNCONFIGURED, ())
+
+
+def test_manager_configures_an_inactive_controller_anew(manager: ControllerManager, double: Double) -> None:
+    manager.configure("double")
+    manager.configure("double", {"mode": "fast"})
+    assert double.done == ["configure", "clean_up", "configure"]
+    assert (info(manager).state, double.values) == (State.INACTIVE, {"p": 1.0, "mode": "fast"})
+
+
+def test_manager_leaves_a_controller_unconfigured_that_fails_to_configure(
+    manager: ControllerManager, double: Double
+) -> None:
+    manager.configure("double")
+    double.faults["configure"] = KeyError("gain")
+    with pytest.raises(CommandRefused, match="'double' could not be configured: KeyError: 'gain'"):
+        manager.configure("double")
+    assert info(manager).state is State.UNCONFIGURED
+
+
+def test_manager_keeps_an_inactive_controller_when_a_value_is_refused(
+    manager: ControllerManager, double: Double
+) -> None:
+    manager.configure("double")
+    with pytest.raises(CommandRefused, match="'p' of controller 'double' is 5"):
+        manager.configure("double", {"p": 5})
+    assert (info(manager).state, double.done) == (State.INACTIVE, ["configure"])
+
+
+def test_manager_refuses_a_controller_that_names_an_interface_twice(manager: ControllerManager, double: Double) -> None:
+    double.kinds = ("position", "position")
+    with pytest.raises(CommandRefused, match="'double' names interface yumi_joint_1_r/position twice"):
+        manager.configure("double")
+    assert info(manager).state is State.UNCONFIGURED
+
+
+@pytest.mark.parametrize("verb", ["configure", "clean_up", "unload"])
+def test_manager_leaves_an_active_controller_as_it_is(manager: ControllerManager, double: Double, verb: str) -> None:
+    manager.configure("double")
+    manager.switch(["double"], [], RUNNING)
+    with pytest.raises(CommandRefused, match="'double' is active and cannot"):
+        getattr(manager, verb)("double")
+    assert info(manager).state is State.ACTIVE
+
+
+@pytest.mark.parametrize("verb", ["configure", "clean_up", "unload", "parameters"])
+def test_manager_names_what_is_loaded_when_asked_for_something_else(manager: ControllerManager, verb: str) -> None:
+    with pytest.raises(CommandRefused, match="There is no controller 'other'; loaded are: none"):
+        getattr(manager, verb)("other")
+
+
+@pytest.mark.usefixtures("double")
+def test_manager_cleans_up_an_unconfigured_controller_without_a_word(manager: ControllerManager) -> None:
+    manager.clean_up("double")
+    assert info(manager).state is State.UNCONFIGURED
+
+
+@pytest.mark.parametrize("is_configured", [False, True])
+def test_manager_unloads_what_is_not_active(manager: ControllerManager, double: Double, is_configured: bool) -> None:
+    if is_configured:
+        manager.configure("double")
+    manager.unload("double")
+    assert manager.controllers() == ()
+    assert ("clean_up" in double.done) is is_configured
+
+
+def test_manager_changes_parameters_of_an_unconfigured_controller_for_later(
+    manager: ControllerManager, double: Double
+) -> None:
+    manager.set_parameters("double", {"p": 0.5, "mode": "fast"})
+    assert double.done == []
+    manager.configure("double")
+    assert double.values == {"p": 0.5, "mode": "fast"}
+
+
+def test_manager_changes_parameters_of_an_active_controller_at_once(manager: ControllerManager, double: Double) -> None:
+    manager.configure("double")
+    manager.switch(["double"], [], RUNNING)
+    manager.set_parameters("double", {"p": 0.5, "mode": "slow"})
+    assert double.values == {"p": 0.5, "mode": "slow"}
+    assert info(manager).state is State.ACTIVE
+
+
+def test_manager_keeps_a_read_only_parameter_once_configured(manager: ControllerManager, double: Double) -> None:
+    manager.configure("double")
+    with pytest.raises(CommandRefused, match="'mode' of controller 'double' is settled while it is inactive; clean"):
+        manager.set_parameters("double", {"p": 0.5, "mode": "fast"})
+    assert double.values == {"p": 1.0, "mode": "slow"}
+    manager.clean_up("double")
+    manager.set_parameters("double", {"mode": "fast"})
+    assert values(manager)["mode"] == "fast"
+
+
+@pytest.mark.parametrize("fault", [CommandRefused("They do not go together."), ZeroDivisionError("by zero")])
+def test_manager_keeps_the_values_when_a_controller_refuses_the_new_ones(
+    manager: ControllerManager, double: Double, fault: Exception
+) -> None:
+    manager.configure("double")
+    double.faults["configure"] = fault
+    with pytest.raises(CommandRefused, match=r"do not go together|could not be given parameters: ZeroDivisionError"):
+        manager.set_parameters("double", {"p": 0.5})
+    assert values(manager) == {"p": 1.0, "mode": "slow"}
+
+
+def test_activity_counts_every_change_of_what_there_is(manager: ControllerManager) -> None:
+    counts = [manager.activity]
+    for act in (
+        lambda: manager.load_kind("double", "test/Double"),
+        lambda: manager.configure("double"),
+        lambda: manager.switch(["double"], [], RUNNING),
+        lambda: manager.set_hardware_state("arm", State.INACTIVE),
+        lambda: manager.clean_up("double"),
+        lambda: manager.unload("double"),
+    ):
+        act()
+        counts.append(manager.activity)
+    assert counts == sorted(set(counts))
+
+
+@pytest.mark.usefixtures("double")
+def test_activity_does_not_count_parameters_and_cycles(manager: ControllerManager) -> None:
+    before = manager.activity
+    manager.set_parameters("double", {"p": 0.5})
+    manager.update(RUNNING)
+    manager.watch(RUNNING)
+    manager.deactivate_commanding()
+    assert manager.activity == before
+
+
+def test_watching_controller_that_fails_is_deactivated_and_the_others_go_on(
+    manager: ControllerManager, double: Double
+) -> None:
+    watcher, other = Watcher(), Watcher()
+    for name, each in (("watcher", watcher), ("other", other)):
+        manager.load(name, each)
+    for name in ("double", "watcher", "other"):
+        manager.configure(name)
+    manager.switch(["double", "watcher", "other"], [], RUNNING)
+    watcher.faults["update"] = OSError("disk full")
+    manager.watch(RUNNING)
+    assert manager.failures == ["Controller 'watcher' failed with OSError: disk full; it was deactivated."]
+    assert [each.state for each in manager.controllers()] == [State.ACTIVE, State.INACTIVE, State.ACTIVE]
+
+
+def test_statistics_of_a_controller_begin_anew_when_it_is_activated(manager: ControllerManager, double: Double) -> None:
+    manager.configure("double")
+    for _ in range(2):
+        manager.switch(["double"], [], RUNNING)
+        manager.note_times(RUNNING, [0.0] * 8)
+        assert info(manager).execution_time.count == 1
+        manager.switch([], ["double"], RUNNING)

@@ -1,0 +1,198 @@
+from __future__ import annotations
+
+import pytest
+
+from unit.control.controller_doubles import RUNNING, Double, Watcher
+from yumi.control.lifecycle import State
+from yumi.control.manager import ControllerManager
+from yumi.control.requests import Strictness
+from yumi.errors import CommandRefused, SwitchFailed
+from yumi.robot.joints import Side, joint_names
+
+STRICT, BEST_EFFORT = Strictness.STRICT, Strictness.BEST_EFFORT
+LENIENT = [BEST_EFFORT, Strictness.AUTO, Strictness.FORCE_AUTO]
+NOTHING = "After checking the controllers, no controllers need to be activated or deactivated."
+
+
+@pytest.fixture
+def doubles() -> dict[str, Double]:
+    return {"first": Double(), "second": Double(), "speed": Double("velocity"), "watcher": Watcher()}
+
+
+@pytest.fixture
+def manager(doubles: dict[str, Double]) -> ControllerManager:
+    """``first`` is active; ``second`` wants the same interfaces; ``raw`` is not configured."""
+    manager = ControllerManager(joint_names(Side.RIGHT))
+    for name, double in doubles.items():
+        manager.load(name, double)
+        manager.configure(name)
+    manager.load("raw", Double())
+    manager.switch(["first"], [], RUNNING)
+    return manager
+
+
+def active(manager: ControllerManager) -> list[str]:
+    return [info.name for info in manager.controllers() if info.state is State.ACTIVE]
+
+
+def test_switch_says_what_clients_of_ros2_control_know(manager: ControllerManager) -> None:
+    assert manager.switch(["second"], ["first"], RUNNING) == "Successfully switched controllers!"
+    assert active(manager) == ["second"]
+    assert manager.switch([], [], RUNNING) == NOTHING
+
+
+@pytest.mark.parametrize(
+    ("activate", "deactivate", "sentence"),
+    [
+        (["watcher", "nobody"], [], "There is no controller 'nobody'; loaded are: first, second, speed, watcher, raw."),
+        (["watcher"], ["nobody"], "There is no controller 'nobody'"),
+        (["watcher", "raw"], [], "'raw' is unconfigured and cannot activate; it can configure, shutdown."),
+        (["watcher", "first"], [], "'first' is active and cannot activate; it can deactivate, shutdown."),
+        (["watcher"], ["second"], "'second' is inactive and cannot deactivate; it can activate, cleanup, shutdown."),
+    ],
+)
+def test_strict_switch_changes_nothing_when_one_controller_cannot(
+    manager: ControllerManager, activate: list[str], deactivate: list[str], sentence: str
+) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        manager.switch(activate, deactivate, RUNNING)
+    assert active(manager) == ["first"]
+
+
+@pytest.mark.parametrize("strictness", LENIENT)
+@pytest.mark.parametrize("cannot", ["nobody", "raw", "first"])
+def test_lenient_switch_leaves_out_who_cannot(manager: ControllerManager, strictness: Strictness, cannot: str) -> None:
+    sentence = manager.switch([cannot, "watcher"], ["speed"], RUNNING, strictness)
+    assert sentence.startswith("Successfully switched controllers! Controller 'speed' is inactive and cannot")
+    assert cannot in sentence
+    assert active(manager) == ["first", "watcher"]
+
+
+@pytest.mark.parametrize("strictness", LENIENT)
+def test_lenient_switch_of_unknown_controllers_alone_is_refused(
+    manager: ControllerManager, strictness: Strictness
+) -> None:
+    with pytest.raises(CommandRefused, match=r"There is no controller 'a'.* There is no controller 'b'"):
+        manager.switch(["b"], ["a"], RUNNING, strictness)
+
+
+def test_lenient_switch_is_done_when_nothing_is_left_of_it(manager: ControllerManager) -> None:
+    assert manager.switch(["first"], [], RUNNING, BEST_EFFORT).startswith(f"{NOTHING} Controller 'first' is active")
+
+
+@pytest.mark.parametrize("strictness", list(Strictness))
+def test_no_strictness_lets_two_controllers_claim_an_interface(
+    manager: ControllerManager, strictness: Strictness
+) -> None:
+    with pytest.raises(CommandRefused, match="'second' needs yumi_joint_1_r/position, which 'first' has claimed"):
+        manager.switch(["second"], [], RUNNING, strictness)
+    with pytest.raises(CommandRefused, match="'second' needs yumi_joint_1_r/position, which 'first' has claimed"):
+        manager.switch(["first", "second"], ["first"], RUNNING, strictness)
+    assert active(manager) == ["first"]
+
+
+@pytest.mark.parametrize("strictness", list(Strictness))
+def test_no_strictness_activates_what_needs_an_interface_the_arm_lacks(
+    manager: ControllerManager, strictness: Strictness
+) -> None:
+    manager.load("strong", Double("effort"))
+    manager.configure("strong")
+    with pytest.raises(CommandRefused, match="'strong' needs yumi_joint_1_r/effort, which this arm does not have"):
+        manager.switch(["strong"], [], RUNNING, strictness)
+
+
+def test_controllers_with_disjoint_claims_are_active_at_once(manager: ControllerManager) -> None:
+    manager.switch(["speed", "watcher"], [], RUNNING)
+    assert active(manager) == ["first", "speed", "watcher"]
+
+
+def test_controller_in_both_lists_begins_anew(manager: ControllerManager, doubles: dict[str, Double]) -> None:
+    manager.switch(["first"], ["first"], RUNNING)
+    assert doubles["first"].done == ["configure", "activate", "deactivate", "take_notices", "activate"]
+    assert active(manager) == ["first"]
+
+
+@pytest.mark.parametrize("strictness", LENIENT)
+def test_lenient_switch_activates_an_inactive_controller_in_both_lists(
+    manager: ControllerManager, strictness: Strictness
+) -> None:
+    manager.switch(["speed"], ["speed"], RUNNING, strictness)
+    assert active(manager) == ["first", "speed"]
+
+
+def test_controller_named_twice_is_switched_once(manager: ControllerManager, doubles: dict[str, Double]) -> None:
+    manager.switch(["watcher", "watcher"], ["first", "first"], RUNNING)
+    assert active(manager) == ["watcher"]
+    assert doubles["watcher"].done.count("activate") == 1
+
+
+def test_strict_switch_takes_back_what_it_activated_when_one_cannot_begin(
+    manager: ControllerManager, doubles: dict[str, Double]
+) -> None:
+    doubles["speed"].faults["activate"] = ValueError("no")
+    with pytest.raises(SwitchFailed, match=r"'speed' could not be activated: ValueError: no\. Active now: none"):
+        manager.switch(["second", "speed", "watcher"], ["first"], RUNNING)
+    assert active(manager) == []
+    assert manager.update(RUNNING) is None
+    assert "activate" not in doubles["watcher"].done
+
+
+def test_lenient_switch_keeps_what_it_activated_when_one_cannot_begin(
+    manager: ControllerManager, doubles: dict[str, Double]
+) -> None:
+    doubles["second"].faults["activate"] = ValueError("no")
+    with pytest.raises(SwitchFailed, match="Active now: speed, watcher"):
+        manager.switch(["second", "speed", "watcher"], ["first"], RUNNING, BEST_EFFORT)
+    assert active(manager) == ["speed", "watcher"]
+
+
+@pytest.mark.parametrize("deed", ["deactivate", "take_notices"])
+def test_controller_that_fails_on_its_way_out_is_out(
+    manager: ControllerManager, doubles: dict[str, Double], deed: str
+) -> None:
+    doubles["first"].faults[deed] = ValueError("no")
+    manager.switch(["second"], ["first"], RUNNING)
+    assert active(manager) == ["second"]
+    assert manager.failures == ["Controller 'first' failed while it was deactivated: ValueError: no."]
+
+
+def test_notices_are_told_in_order_and_once_even_by_who_has_left(
+    manager: ControllerManager, doubles: dict[str, Double]
+) -> None:
+    manager.switch(["watcher"], [], RUNNING)
+    doubles["first"].notices = ["arrived", "aborted"]
+    doubles["watcher"].notices = ["seen"]
+    manager.switch([], ["first"], RUNNING)
+    assert manager.take_notices() == [("first", "arrived"), ("first", "aborted"), ("watcher", "seen")]
+    assert manager.take_notices() == ()
+
+
+def test_controller_that_fails_to_tell_is_deactivated(manager: ControllerManager, doubles: dict[str, Double]) -> None:
+    doubles["first"].faults["take_notices"] = ValueError("no")
+    assert manager.take_notices() == ()
+    assert active(manager) == []
+    assert manager.failures[0] == (
+        "Controller 'first' failed with ValueError: no; it was deactivated and the arm holds."
+    )
+
+
+def test_orders_reach_active_controllers_only(manager: ControllerManager, doubles: dict[str, Double]) -> None:
+    manager.receive("first", "good", RUNNING)
+    assert doubles["first"].orders == ["good"]
+    with pytest.raises(CommandRefused, match="'second' is inactive and takes no orders; activate it first"):
+        manager.receive("second", "good", RUNNING)
+    with pytest.raises(CommandRefused, match="The order is bad; send a good one"):
+        manager.receive("first", "bad", RUNNING)
+    with pytest.raises(CommandRefused, match="There is no controller 'nobody'"):
+        manager.receive("nobody", "good", RUNNING)
+    assert (doubles["first"].orders, doubles["second"].orders) == (["good"], [])
+
+
+def test_fault_of_who_was_asked_is_told_after_others_have_left(
+    manager: ControllerManager, doubles: dict[str, Double]
+) -> None:
+    manager.switch(["speed"], [], RUNNING)
+    manager.switch([], ["first"], RUNNING)
+    doubles["speed"].faults["update"] = ValueError("no")
+    assert manager.update(RUNNING) is None
+    assert manager.failures == ["Controller 'speed' failed with ValueError: no; it was deactivated and the arm holds."]
