@@ -180,7 +180,7 @@ def test_connection_whose_fast_line_died_can_be_recovered(own_virtual: VirtualRo
         motion = robot.right.move_to(FAR, wait=False, speed=0.05)
         for child in multiprocessing.active_children():
             child.kill()
-        with pytest.raises(GoalNotReached, match="The fast-line process has ended"):
+        with pytest.raises(GoalNotReached, match="Right arm: its fast-line process has ended"):
             motion.wait(TIMEOUT)
         robot.recover()
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
+from ipaddress import ip_address
 from math import radians
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -16,7 +17,7 @@ from yumi.app import Controllers
 from yumi.errors import SettingsError
 from yumi.parameter_file import Entry
 from yumi.robot.joints import Side
-from yumi.settings import ControllerSettings, Settings, is_loopback, override, read_controllers, read_settings
+from yumi.settings import ControllerSettings, Settings, override, read_controllers, read_settings
 
 P = ParamSpec("P")
 Given = Mapping[str, Any]
@@ -132,9 +133,16 @@ def _address(address: str | None, rws_port: int | None) -> Given:
         raise SettingsError(
             f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
         )
-    usual = VIRTUAL_RWS_PORT if is_loopback(host) else None
+    usual = VIRTUAL_RWS_PORT if _is_this_machine(host) else None
     given = int(port) if colon else rws_port
     return {"address": host, "rws_port": usual if given is None else given}
+
+
+def _is_this_machine(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _share(name: str, value: float) -> float:

@@ -10,11 +10,11 @@ from functools import partial
 
 from yumi.api.guidance import GOAL_CONTROLLER, Guidance
 from yumi.api.motions import LAST_STOP, MotionBook
-from yumi.app import Controllers, build_arms, build_grippers, only_at_robot, plan_egm
+from yumi.app import Controllers, build_arm, build_grippers, only_at_robot, plan_egm
 from yumi.clock import SystemClock
-from yumi.errors import YumiError
+from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
@@ -60,7 +60,7 @@ class Connection:
             only.claim()
             stack.callback(only.release)
             client = stack.enter_context(self._client())
-            self._fast_line = self._started(client, stack)
+            self._fast_lines = self._started(client, stack)
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
@@ -74,12 +74,14 @@ class Connection:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        if self._fast_line.is_alive:
-            self._come_to_rest()
-            self.manager.start_egm()
-        else:
+        try:
+            self._fast_lines.check()
+        except RobotNotReady:
             self.close()
             self.open()
+        else:
+            self._come_to_rest()
+            self.manager.start_egm()
         self._book.clear_faults()
 
     def close(self) -> None:
@@ -93,19 +95,19 @@ class Connection:
             f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
         )
 
-    def _started(self, client: RwsClient, stack: ExitStack) -> FastLineProcess:
+    def _started(self, client: RwsClient, stack: ExitStack) -> FastLines:
         settings, clock, report = self._settings, SystemClock(), partial(log.info, "%s")
         bringup = Bringup(client, settings.egm_motion, clock, report, self._arms)
         bringup.check_controller()
         plan = plan_egm(settings, self._controllers)
-        fast_line = FastLineProcess(partial(build_arms, plan), self._book.tell, settings.egm.wake)
-        fast_line.start()
-        stack.callback(fast_line.stop)
+        fast_lines = FastLines(partial(build_arm, plan), self._book.tell, settings.egm.wake)
+        fast_lines.start()
+        stack.callback(fast_lines.stop)
         self.grippers = build_grippers(client, clock, settings)
-        self.manager = RobotManager(bringup, fast_line, clock, GOAL_CONTROLLER, self._arms)
-        goals = {side: boxes.goals for side, boxes in fast_line.boxes.items()}
-        self.guidance = Guidance(fast_line, goals, self._book, self._arms)
-        return fast_line
+        self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms)
+        goals = {side: boxes.goals for side, boxes in fast_lines.boxes.items()}
+        self.guidance = Guidance(fast_lines, goals, self._book, self._arms)
+        return fast_lines
 
     def _end_motion(self) -> None:
         self._come_to_rest()

@@ -9,7 +9,7 @@ from concurrent.futures import TimeoutError as NotInTime
 from itertools import count
 from threading import Lock
 
-from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
+from yumi.control.requests import ControllerNotice, Event, is_fault
 from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
 from yumi.errors import GoalNotReached
 from yumi.robot.joints import Side
@@ -97,13 +97,13 @@ class MotionBook:
             log.info(sentence)
         else:
             log.warning(sentence)
-            self.fail(tuple(Side) if isinstance(event, FastLineEnded) else (event.side,), sentence)
+            self.fail(event.side, sentence)
 
-    def fail(self, sides: Iterable[Side], sentence: str) -> None:
-        """Something stopped these arms."""
+    def fail(self, side: Side, sentence: str) -> None:
+        """Something stopped this arm."""
         with self._lock:
-            self._faults.update(dict.fromkeys(sides, sentence))
-            failed = [motion for motion in self._open.values() if motion.side in sides]
+            self._faults[side] = sentence
+            failed = [motion for motion in self._open.values() if motion.side is side]
             for motion in failed:
                 del self._open[motion.identity]
         for motion in failed:

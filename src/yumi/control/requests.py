@@ -152,15 +152,25 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
+class CheckOrders:
+    """Tell whether the controllers would take their orders now; nothing is changed."""
+
+    orders: tuple[Order, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SendOrders:
-    """Have controllers of both arms take their orders between the same two cycles, all or none."""
+    """Have controllers of one or both arms take their orders, each between two cycles of its arm, all or none.
+
+    Orders that shall begin at the same time name it: each arm has a clock of its own, its robot's datagrams.
+    """
 
     orders: tuple[Order, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """End the fast line; every arm holds until its robot has been told to stop."""
+    """End the fast line when its arm stands."""
 
 
 ArmRequest = (
@@ -179,7 +189,7 @@ ArmRequest = (
 )
 """What concerns one arm."""
 
-Request = ArmRequest | SendOrders | Stop
+Request = ArmRequest | CheckOrders | SendOrders
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +242,18 @@ class SessionStarted:
             f"{arm} arm: the robot began EGM session {self.session} in the middle of a motion; "
             f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
         )
+
+
+@dataclass(frozen=True, slots=True)
+class SessionResumed:
+    """The robot's datagrams arrive again after a silence during which it went on with its session."""
+
+    side: Side
+    session: int
+
+    def __str__(self) -> str:
+        arm = self.side.word.capitalize()
+        return f"{arm} arm: EGM feedback is back, session {self.session} goes on and the arm holds."
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,14 +351,15 @@ class CycleFailed:
 
 @dataclass(frozen=True, slots=True)
 class FastLineEnded:
-    """The fast-line process has ended by itself."""
+    """An arm's fast-line process has ended by itself."""
 
+    side: Side
     exit_code: int | None
 
     def __str__(self) -> str:
         return (
-            f"The fast-line process has ended (exit code {self.exit_code}); the robot gets no answers any more and "
-            "keeps its last references. Stop EGM and restart the driver."
+            f"{self.side.word.capitalize()} arm: its fast-line process has ended (exit code {self.exit_code}); the "
+            "robot gets no answers any more and keeps its last references. Stop EGM and restart the driver."
         )
 
 
@@ -347,13 +370,14 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-ArmEvent = (
+Event = (
     SessionStarted
+    | SessionResumed
     | SessionLost
     | RobotFollows
     | RobotStoppedFollowing
     | ControllerFailed
     | ControllerNotice
     | CycleFailed
+    | FastLineEnded
 )
-Event = ArmEvent | FastLineEnded

@@ -15,11 +15,12 @@ from math import degrees
 from yumi.control.calming import STANDING, Calming, largest_difference
 from yumi.control.controller import Controller
 from yumi.control.goals import check_position, peek_goal
-from yumi.control.guard import LONGEST_STEP
+from yumi.control.guard import LATE_CYCLE
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -97,11 +98,13 @@ class JointGoalController(Controller):
     Args:
         goals: where goals arrive that nobody waits for, see :mod:`yumi.control.goals`.
         limits: what the joints may do.
+        period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
     """
 
     kind = "yumi_controllers/JointGoalController"
 
-    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS, period: float = CYCLE) -> None:
+        self._longest_step = LATE_CYCLE * period  # the guard's
         self._goals = goals
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
@@ -148,7 +151,7 @@ class JointGoalController(Controller):
             self._take(state)
         if self._calming is not None and not self._has_come_to_rest(self._calming, state):
             return None
-        self._time += min(state.dt, LONGEST_STEP)
+        self._time += min(state.dt, self._longest_step)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
             self._watch(state)

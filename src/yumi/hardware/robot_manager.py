@@ -22,12 +22,11 @@ POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
 
 
-class FastLine(Protocol):
-    """What is needed of the fast line."""
+class FastLines(Protocol):
+    """What is needed of the fast lines."""
 
-    @property
-    def is_alive(self) -> bool:
-        """Whether it runs."""
+    def check(self) -> None:
+        """See that they run; raises RobotNotReady."""
 
     def snapshot(self, side: Side) -> Snapshot:
         """What is known of an arm."""
@@ -41,7 +40,7 @@ class RobotManager:
 
     Args:
         bringup: what is done over RWS.
-        fast_line: where the controllers live.
+        fast_lines: where the controllers live.
         clock: where waiting time comes from.
         leading: name of the controller that commands an arm after EGM has started.
         arms: the arms that are guided; the others stand still.
@@ -50,13 +49,13 @@ class RobotManager:
     def __init__(
         self,
         bringup: Bringup,
-        fast_line: FastLine,
+        fast_lines: FastLines,
         clock: Clock,
         leading: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
     ) -> None:
         self._bringup = bringup
-        self._fast_line = fast_line
+        self._fast_lines = fast_lines
         self._clock = clock
         self._leading = leading
         self._arms = arms
@@ -75,12 +74,12 @@ class RobotManager:
             YumiError: a step failed; the message says which.
         """
         with self._lock:
-            self._check_fast_line()
+            self._fast_lines.check()
             if not self._is_guided():
                 self._begin_egm()
             for side in self._arms:
                 if not self._snapshot(side).is_commanded:
-                    self._fast_line.ask(SwitchControllers(side, activate=(self._leading,)))
+                    self._fast_lines.ask(SwitchControllers(side, activate=(self._leading,)))
         return "EGM runs on both arms, the position controllers are active"
 
     def stop_egm(self) -> str:
@@ -100,7 +99,7 @@ class RobotManager:
         """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                self._fast_line.ask(HoldArm(side))
+                self._fast_lines.ask(HoldArm(side))
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -117,7 +116,7 @@ class RobotManager:
         Raises:
             RobotNotReady: it cannot; the message says why.
         """
-        self._check_fast_line()
+        self._fast_lines.check()
         if self._is_guided():
             return "ready, EGM runs"
         reason = self._bringup.why_not_ready()
@@ -130,10 +129,6 @@ class RobotManager:
         controller = self._bringup.describe()
         arms = "; ".join(f"{side.word} arm {self._bringup.state(side).name}, EGM {self._egm(side)}" for side in Side)
         return f"{controller}; {arms}"
-
-    def _check_fast_line(self) -> None:
-        if not self._fast_line.is_alive:
-            raise RobotNotReady("The fast-line process has ended; restart the driver.")
 
     def _begin_egm(self) -> None:
         if any(self._snapshot(side).is_running for side in Side):
@@ -169,4 +164,4 @@ class RobotManager:
         return "running" if snapshot.is_running else "streaming" if snapshot.is_streaming else "off"
 
     def _snapshot(self, side: Side) -> Snapshot:
-        return self._fast_line.snapshot(side)
+        return self._fast_lines.snapshot(side)

@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 from types import ModuleType
 from typing import Any
 
-from yumi.links.realtime import leave_process
+from yumi.links.realtime import release_process
 from yumi.links.shared_memory import PROCESSES
 
 
@@ -106,4 +106,4 @@ def _without_main_module() -> Iterator[None]:
 
 def _run(main: Callable[..., None], connection: Connection, *arguments: object) -> None:
     main(PipeEnd(connection), *arguments)
-    leave_process()
+    release_process()

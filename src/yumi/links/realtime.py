@@ -54,8 +54,8 @@ def prepare_process() -> str:
     return f"{_raise_priority()}, {_lock_memory()}"
 
 
-def leave_process() -> None:
-    """Give back what lives; libraries complain on the terminal about objects that outlive them."""
+def release_process() -> None:
+    """Give back what was frozen, so that libraries find nothing of theirs left at the end of the process."""
     gc.unfreeze()
     gc.collect()
 

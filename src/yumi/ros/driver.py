@@ -27,9 +27,9 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, FastLineEnded, is_fault
+from yumi.control.requests import Event, is_fault
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
@@ -51,7 +51,7 @@ class RosDriver:
     """All nodes of the driver in one process, spun by one executor.
 
     Args:
-        fast_line: started.
+        fast_lines: both arms'.
         manager: the robot manager.
         grippers: both hands.
         force: gripper force where a goal names none [N].
@@ -61,15 +61,15 @@ class RosDriver:
 
     def __init__(
         self,
-        fast_line: FastLineProcess,
+        fast_lines: FastLines,
         manager: RobotManager,
         grippers: Mapping[Side, Gripper],
         force: float,
         merged_rate: float,
         clock: Clock,
     ) -> None:
-        self._boxes = fast_line.boxes
-        self._snapshot = fast_line.snapshot
+        self._boxes = fast_lines.boxes
+        self._snapshot = fast_lines.snapshot
         self._manager = manager
         self._grippers = grippers
         self._fingers: dict[Side, float] = {}
@@ -85,7 +85,7 @@ class RosDriver:
             for side, node in self._gripper_nodes.items()
         ]
         self._commands = [
-            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
+            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_lines.snapshot, side))
             for side, node in self._arm_nodes.items()
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup())
@@ -119,9 +119,8 @@ class RosDriver:
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
-        """Log what happened in the fast line."""
-        node = self._manager_node if isinstance(event, FastLineEnded) else self._arm_nodes[event.side]
-        log = node.get_logger()
+        """Log what happened in a fast line."""
+        log = self._arm_nodes[event.side].get_logger()
         if is_fault(event):
             log.error(str(event))
         else:

@@ -82,7 +82,7 @@ def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> N
     robot.fast_line.refuses = True
     with pytest.raises(CommandRefused, match="Not now"):
         robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.fail(tuple(Side), "nothing to fail")
+    robot.book.fail(Side.RIGHT, "nothing to fail")
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
@@ -120,7 +120,7 @@ def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
     ("event", "sides"),
     [
         (ControllerFailed(Side.LEFT, "it broke"), [Side.LEFT]),
-        (FastLineEnded(1), list(Side)),
+        (FastLineEnded(Side.RIGHT, 1), [Side.RIGHT]),
         (SessionLost(Side.RIGHT, 0.08, ()), []),  # an ordered end
     ],
 )

@@ -13,6 +13,7 @@ from yumi.control.manager import ControllerManager
 from yumi.control.request_desk import RequestDesk
 from yumi.control.requests import (
     ArmRequest,
+    CheckOrders,
     CleanupController,
     ConfigureController,
     ControllerNotice,
@@ -29,7 +30,6 @@ from yumi.control.requests import (
     SendOrders,
     SetHardwareState,
     SetParameters,
-    Stop,
     Strictness,
     SwitchControllers,
     UnloadController,
@@ -87,7 +87,6 @@ def test_desk_serves_every_request_there_is(arms: Arms) -> None:
         names = [name for name in kind.__dataclass_fields__ if name in rest]
         reply = arms.desk.serve(kind(RIGHT, **{name: rest[name] for name in names}), 5.0)
         assert isinstance(reply, Done) or "failed with" not in reply.sentence
-    assert arms.desk.serve(Stop(), 5.0) == Done()
 
 
 def test_desk_leads_a_controller_through_its_life(arms: Arms) -> None:
@@ -172,7 +171,13 @@ def test_desk_sends_orders_to_both_arms(arms: Arms) -> None:
 )
 def test_desk_sends_no_order_when_one_is_refused(arms: Arms, second: Order, sentence: str) -> None:
     assert arms.refusal(SendOrders((Order(LEFT, "double", "good"), second))) == sentence
+    assert arms.refusal(CheckOrders((Order(LEFT, "double", "good"), second))) == sentence
     assert [double.orders for double in arms.doubles.values()] == [[], []]
+
+
+def test_desk_checks_orders_without_sending_them(arms: Arms) -> None:
+    arms.ask(CheckOrders((Order(LEFT, "double", "good"),)))
+    assert arms.doubles[LEFT].orders == []
 
 
 def test_line_passes_notices_on(arms: Arms) -> None:
