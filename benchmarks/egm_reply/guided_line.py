@@ -20,6 +20,7 @@ from yumi.control.snapshot import peek_snapshot
 from yumi.errors import CommandRefused
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.wake import WakeMode
+from yumi.parameter_file import Entry
 from yumi.robot.joints import Joints, Side, chain_from_abb
 from yumi.settings import Settings, read_controllers, read_settings
 
@@ -45,9 +46,10 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     settings = read_settings()
     egm = replace(settings.egm, wake=WakeMode(arguments.wake), left_port=left, right_port=right)
     settings = replace(settings, robot=replace(settings.robot, address="127.0.0.1"), egm=egm)
+    gain = Entry(arguments.gain, "--gain", is_general=False)
     controllers = {
         side: tuple(
-            replace(entry, values={**entry.values, "p": arguments.gain}) if entry.name == POSITION else entry
+            replace(entry, entries={**entry.entries, "p": gain}) if entry.name == POSITION else entry
             for entry in read_controllers(side)
         )
         for side in Side

@@ -60,13 +60,15 @@ class Place:
     Attributes:
         name: the controller's name.
         side: its arm.
-        boxes: what is shared with the other process.
+        boxes: what its arm shares with the other processes.
+        partner: what the other arm shares with them.
         period: time between two datagrams of the arm [s].
     """
 
     name: str
     side: Side
     boxes: ArmBoxes
+    partner: ArmBoxes
     period: float
 
 
@@ -119,37 +121,39 @@ def check_controllers(controllers: Controllers) -> Controllers:
     Raises:
         SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    return {side: start_controllers(_manager_of(side, ArmBoxes()), entries) for side, entries in controllers.items()}
+    boxes = {side: ArmBoxes() for side in Side}
+    return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
 
 
-def _manager_of(side: Side, boxes: ArmBoxes, period: float = CYCLE) -> ControllerManager:
+def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes], period: float = CYCLE) -> ControllerManager:
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes, period))
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], period))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
 
 
-def build_arm(plan: EgmPlan, side: Side, boxes: ArmBoxes) -> WiredArm:
+def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> WiredArm:
     """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
     arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
-    recorder = FlightRecorder(boxes.flight)
-    line = ArmLine(side, arm, manager, guard, boxes.snapshots, recorder, stations, plan.period)
+    own = boxes[side]
+    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
 
 def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
     """The stand-in has boxes of its own: nobody looks into them."""
     socket = UdpServer("127.0.0.1", 0)
-    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), socket), SystemClock())
+    boxes = {each: ArmBoxes() for each in Side}
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, boxes, socket), SystemClock())
 
 
 def _parts_of_arm(
     side: Side,
     plan: EgmPlan,
-    boxes: ArmBoxes,
+    boxes: Mapping[Side, ArmBoxes],
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:

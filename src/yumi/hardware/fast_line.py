@@ -7,7 +7,7 @@ then the process ends.
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -75,11 +75,11 @@ class WiredArm:
     rehearse: Callable[[], None] = lambda: None
 
 
-Build = Callable[[Side, ArmBoxes], WiredArm]
-"""Builds an arm inside its process; must be picklable."""
+Build = Callable[[Side, Mapping[Side, ArmBoxes]], WiredArm]
+"""Builds an arm inside its process, with the boxes of both arms; must be picklable."""
 
 
-def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: ArmBoxes, wake: WakeMode) -> None:
+def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the process."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
@@ -91,7 +91,7 @@ def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: ArmBoxes, wake
     clock = SystemClock()
     wait = way_to_wait(wake, clock)
     pipe.send(f"Fast line: {prepare_process()}, {describe(wait)}.")
-    FastLine(pipe, side, arm, boxes.bell, clock, wait).run()
+    FastLine(pipe, side, arm, boxes[side].bell, clock, wait).run()
 
 
 class FastLine:

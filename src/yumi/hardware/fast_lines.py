@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from threading import Event as Flag
 from threading import Lock, Thread
 
@@ -40,20 +40,27 @@ class FastLineProcess:
     Args:
         side: the arm.
         build: how to build it in the child.
+        boxes: what both arms share with their parent, and with each other.
         on_event: called on a thread of its own for everything the fast line tells.
         wake: how it waits for datagrams.
 
     Attributes:
-        boxes: what it shares with its parent.
         started_as: what the operating system permitted it, in a sentence.
     """
 
-    def __init__(self, side: Side, build: Build, on_event: Callable[[Event], None], wake: WakeMode) -> None:
-        self.boxes = ArmBoxes()
+    def __init__(
+        self,
+        side: Side,
+        build: Build,
+        boxes: Mapping[Side, ArmBoxes],
+        on_event: Callable[[Event], None],
+        wake: WakeMode,
+    ) -> None:
+        self._snapshots = boxes[side].snapshots
         self.started_as = ""
         self._side = side
         self._is_wanted = True
-        self._child = ChildProcess(f"yumi-fast-line-{side.value}", run_fast_line, build, side, self.boxes, wake)
+        self._child = ChildProcess(f"yumi-fast-line-{side.value}", run_fast_line, build, side, boxes, wake)
         self._on_event = on_event
         self._lock = Lock()
         self._answers: list[Reply] = []
@@ -87,7 +94,7 @@ class FastLineProcess:
 
     def snapshot(self) -> Snapshot:
         """What is known of the arm; nothing when the process is gone."""
-        return peek_snapshot(self.boxes.snapshots) if self.is_alive else Snapshot()
+        return peek_snapshot(self._snapshots) if self.is_alive else Snapshot()
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
@@ -157,8 +164,8 @@ class FastLines:
     """
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
-        self._lines = {side: FastLineProcess(side, build, on_event, wake) for side in Side}
-        self.boxes = {side: line.boxes for side, line in self._lines.items()}
+        self.boxes = {side: ArmBoxes() for side in Side}
+        self._lines = {side: FastLineProcess(side, build, self.boxes, on_event, wake) for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
 
     def start(self) -> None:
@@ -197,6 +204,8 @@ class FastLines:
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles of its arm.
+
+        Orders for both arms are checked on both before any is sent: what stands against one stands against all.
 
         Raises:
             CommandRefused: a rule stands against it; nothing was changed.
