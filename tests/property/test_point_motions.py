@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import pi
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
@@ -39,6 +39,7 @@ def setpoints(motion: PointMotion) -> Iterator[Setpoint]:
     return (motion.at(count * STEP) for count in range(int(motion.duration / STEP) + 2))
 
 
+@settings(deadline=None)
 @given(positions(), positions(), limits())
 def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
     here: Joints, there: Joints, kept: JointLimits
@@ -50,6 +51,7 @@ def test_motion_from_rest_keeps_every_limit_and_ends_at_its_goal(
     assert motion.at(motion.duration) == Setpoint(there)
 
 
+@settings(deadline=None)
 @given(starts(), positions(), limits())
 def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
@@ -60,6 +62,7 @@ def test_replanned_motion_begins_where_the_joints_are(start: Setpoint, goal: Joi
         assert now == pytest.approx(before, abs=1e-6)
 
 
+@settings(deadline=None)
 @given(starts(), positions(), limits())
 def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Joints, kept: JointLimits) -> None:
     try:
@@ -71,6 +74,7 @@ def test_replanned_motion_stays_in_range_or_is_refused(start: Setpoint, goal: Jo
         assert all(low - 1e-5 <= value <= high + 1e-5 for low, value, high in bounds)
 
 
+@settings(deadline=None)
 @given(starts())
 def test_stop_ends_at_rest_within_the_shortest_time_of_the_slowest_joint(start: Setpoint) -> None:
     motion = stop(start, YUMI_LIMITS)

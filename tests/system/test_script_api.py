@@ -20,7 +20,7 @@ from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 TURNED = (*RIGHT[:6], RIGHT[6] + 0.5)
@@ -45,6 +45,8 @@ def connected(virtual: VirtualRobot) -> Iterator[Robot]:
 
 @pytest.fixture
 def robot(connected: Robot) -> Robot:
+    if ArmMode.FAULT in (connected.right.state, connected.left.state):
+        connected.recover()  # the machine stood still during the test before
     connected.move_to(right=RIGHT, left=LEFT, speed=1.0, acceleration=1.0)
     return connected
 
