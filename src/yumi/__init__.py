@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from yumi.api.angles import degrees, in_degrees
+    from yumi.api.connect import connect, connect_async
     from yumi.hardware.egm_server import EgmServer
 
 __version__ = "0.1.0"
-__all__ = ["EgmServer", "__version__"]
+__all__ = ["EgmServer", "__version__", "connect", "connect_async", "degrees", "in_degrees"]
+
+_OFFERS = {
+    "EgmServer": "yumi.hardware.egm_server",
+    "connect": "yumi.api.connect",
+    "connect_async": "yumi.api.connect",
+    "degrees": "yumi.api.angles",
+    "in_degrees": "yumi.api.angles",
+}
 
 
 def __getattr__(name: str) -> object:
     """Load what the package offers when it is asked for; ``import yumi`` itself loads nothing."""
-    if name == "EgmServer":
-        from yumi.hardware.egm_server import EgmServer  # noqa: PLC0415
-
-        return EgmServer
+    if name in _OFFERS:
+        return getattr(import_module(_OFFERS[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

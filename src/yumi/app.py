@@ -1,4 +1,4 @@
-"""The wiring plan: which objects, threads and processes make up the driver and the virtual controller.
+"""The wiring plan: which objects, threads and processes make up the driver.
 
 ::
 
@@ -7,7 +7,6 @@
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
-    yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
 
 from __future__ import annotations
@@ -21,8 +20,6 @@ from functools import partial
 from math import radians
 from pathlib import Path
 from threading import Event as Flag
-from threading import Lock
-from typing import TYPE_CHECKING
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
@@ -35,6 +32,7 @@ from yumi.control.requests import Event
 from yumi.control.stations import StationClock
 from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
+from yumi.controllers.joint_goal import JointGoalController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.controllers.joint_trajectory import JointTrajectoryController
@@ -49,23 +47,15 @@ from yumi.hardware.fast_line import ArmBoxes, WiredArm
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
+from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.initial_controllers import start_controllers
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
 from yumi.links.only import Only
-from yumi.links.realtime import prefer_process
-from yumi.links.udp import UdpClient, UdpServer, address_towards, resolve
+from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.settings import ControllerSettings, Settings
-from yumi.virtual.gripper import Workpiece
-from yumi.virtual.rws_adapter import RwsAdapter
-from yumi.virtual.world import World, WorldSettings
-
-if TYPE_CHECKING:
-    from yumi.ros.robot_manager import RobotManager
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
@@ -80,13 +70,15 @@ class Place:
         boxes: what its arm shares with the other processes.
         partner: what the other arm shares with them.
         limits: what the joints may do in the robot's EGM motion.
+        period: time between two datagrams of the arm [s].
     """
 
     name: str
     side: Side
     boxes: ArmBoxes
     partner: ArmBoxes
-    limits: JointLimits = YUMI_LIMITS
+    limits: JointLimits
+    period: float
 
 
 def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
@@ -104,6 +96,7 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
         place.side, place.boxes.dual_trajectory, place.boxes.told, place.partner.told, place.limits
     ),
+    JointGoalController.kind: lambda place: JointGoalController(place.boxes.point_goals, place.limits, place.period),
 }
 """How a controller of each type is made."""
 
@@ -166,9 +159,11 @@ def check_controllers(controllers: Controllers) -> Controllers:
     return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
 
 
-def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes], limits: JointLimits = YUMI_LIMITS) -> ControllerManager:
+def _manager_of(
+    side: Side, boxes: Mapping[Side, ArmBoxes], limits: JointLimits = YUMI_LIMITS, period: float = CYCLE
+) -> ControllerManager:
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits))
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits, period))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -198,7 +193,7 @@ def _parts_of_arm(
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes, plan.limits)
+    manager = _manager_of(side, boxes, plan.limits, plan.period)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
     return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
@@ -224,7 +219,6 @@ def run_driver(
         YumiError: the robot cannot be reached or used; nothing was started.
     """
     from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.robot_manager import RobotManager  # noqa: PLC0415
 
     clock = SystemClock()
     robot = settings.robot
@@ -241,11 +235,11 @@ def run_driver(
 
         fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_lines, clock)
-        grippers = _grippers(client, clock, settings)
+        grippers = build_grippers(client, clock, settings)
         with ExitStack() as stack:
-            only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
-            only.claim()
-            stack.callback(only.release)
+            for only in (_only_in_ros_domain(), only_at_robot(settings)):
+                only.claim()
+                stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
             force, rate = settings.gripper.force, settings.ros.merged_rate
@@ -265,7 +259,23 @@ def run_driver(
             is_over.wait()
 
 
-def _grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
+def _only_in_ros_domain() -> Only:
+    return Only(
+        f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
+        "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its own "
+        "ROS_DOMAIN_ID.",
+    )
+
+
+def only_at_robot(settings: Settings) -> Only:
+    """What makes sure that one program of this machine drives the robot of ``settings``."""
+    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
+    refusal = f"The robot at {address} is driven by another program ({{owner}}); end it first."
+    return Only(f"yumi-drives-{address}", refusal)
+
+
+def build_grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
+    """Both hands of a connected robot."""
     routines = GripperRoutines(client, clock)
     return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
 
@@ -275,75 +285,3 @@ def _end_motion(manager: RobotManager, say: Callable[[str], None]) -> None:
         manager.end_motion()
     except YumiError as error:
         say(f"The robot could not be told to end EGM: {error}")
-
-
-def world_settings(
-    *, robot_name: str, egm_host: str, egm_ports: Mapping[Side, int], objects: Mapping[Side, float | None]
-) -> WorldSettings:
-    """A virtual robot whose clock shows the time of day.
-
-    Args:
-        robot_name: name of the controller's system.
-        egm_host: where the arms send their datagrams.
-        egm_ports: UDP port per arm.
-        objects: width of what lies between each arm's fingers [m]; None for nothing.
-    """
-    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
-    return WorldSettings(
-        robot_name=robot_name, egm_host=egm_host, egm_ports=egm_ports, workpieces=workpieces, start_time=time.time()
-    )
-
-
-class VirtualController:
-    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
-
-    Args:
-        settings: what the virtual robot is like.
-        rws_port: port of the HTTP server, 0 for any.
-        user: user name that may log in.
-        password: its password.
-        host: address to listen on.
-    """
-
-    def __init__(self, settings: WorldSettings, *, rws_port: int, user: str, password: str, host: str) -> None:
-        self._clock = SystemClock()
-        self._lock = Lock()
-        self.world = World(settings)
-        self._adapter = RwsAdapter(self.world.controller, user=user, password=password)
-        self._server = HttpServer(self._handle, host=host, port=rws_port)
-        self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
-
-    def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
-        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
-
-        Raises:
-            NoConnection: the port is taken.
-        """
-        prefer_process()
-        with self._server as server:
-            on_ready(server.port)
-            due = self._clock.now()
-            while not is_over.is_set():
-                self._cycle()
-                due = self._wait_until(due + CYCLE)
-        for link in self._links.values():
-            link.close()
-
-    def _cycle(self) -> None:
-        inboxes = {side: link.receive() for side, link in self._links.items()}
-        with self._lock:
-            datagrams = self.world.cycle(inboxes)
-        for side, datagram in datagrams.items():
-            self._links[side].send(datagram)
-
-    def _wait_until(self, due: float) -> float:
-        """Wait; a machine that has fallen behind by more than a few cycles lets them go, as time does."""
-        now = self._clock.now()
-        if due > now:
-            self._clock.wait(due - now)
-            return due
-        return due if now - due < 5 * CYCLE else now
-
-    def _handle(self, request: HttpRequest) -> HttpReply:
-        with self._lock:
-            return self._adapter.handle(request, self._clock.now())

@@ -113,7 +113,7 @@ def controller(
       yumi controller --rws-port 8080 --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
-    from yumi.app import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
+    from yumi.virtual_controller import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     settings = world_settings(
         robot_name=robot_name,

@@ -9,6 +9,7 @@
     │   └── TrajectoryRefused    the request was a trajectory; with the result code of FollowJointTrajectory
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
+    ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
     ├── ControllerRefused    the controller answered "no", with ABB's code
@@ -53,6 +54,10 @@ class SwitchFailed(YumiError):
 
 class RobotNotReady(YumiError):
     """The robot is not in the state the request needs; the message says what to do first."""
+
+
+class GoalNotReached(YumiError):
+    """A motion or a grip was begun and ended elsewhere than ordered; the arm holds, the message says why."""
 
 
 class NoConnection(YumiError):

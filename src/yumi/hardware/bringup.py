@@ -39,20 +39,29 @@ Report = Callable[[str], None]
 
 
 class Bringup:
-    """Brings one controller to ready, and starts and stops EGM on both arms.
+    """Brings one controller to ready, and starts and stops EGM on its arms.
 
     Args:
         client: a connected client.
         motion: what EGM motions start with.
         clock: where waiting time comes from.
         report: told each step.
+        arms: those that EGM shall guide; the others stand still meanwhile.
     """
 
-    def __init__(self, client: RwsClient, motion: EgmMotionSettings, clock: Clock, report: Report) -> None:
+    def __init__(
+        self,
+        client: RwsClient,
+        motion: EgmMotionSettings,
+        clock: Clock,
+        report: Report,
+        arms: tuple[Side, ...] = tuple(Side),
+    ) -> None:
         self._client = client
         self._motion = motion
         self._clock = clock
         self._report = report
+        self._arms = arms
         self._is_checked = False
 
     def check_controller(self) -> None:
@@ -102,16 +111,17 @@ class Bringup:
         return f"mode {mode}; controller {motors}; RAPID {self._client.execution().value}"
 
     def start_egm(self) -> None:
-        """Write the EGM settings and start EGM joint motion on both arms.
+        """Write the EGM settings and start EGM joint motion.
 
         Raises:
             RobotNotReady: an arm did not begin.
         """
         for side in Side:
             self._write_settings(side)
-        self._report("start EGM on both arms")
+        self._report(f"start EGM on {'both arms' if len(self._arms) > 1 else f'the {self._arms[0].word} arm'}")
         self._client.pulse_signal(START_JOINT)
-        self._wait_for(MachineState.RUN_EGM_ROUTINE, 1.0, "see that the RAPID program runs and EGM motions are allowed")
+        remedy = "see that the RAPID program runs and EGM motions are allowed"
+        self._wait_for(MachineState.RUN_EGM_ROUTINE, 1.0, remedy, self._arms)
 
     def stop_egm(self) -> None:
         """Stop EGM; both arms come to rest.
@@ -189,7 +199,7 @@ class Bringup:
 
     def _write_settings(self, side: Side) -> None:
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-        wanted = merge_egm_settings(current, self._motion)
+        wanted = merge_egm_settings(current, self._motion, is_allowed=side in self._arms)
         if _equal(current, wanted):
             return
         self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(wanted))
@@ -197,12 +207,14 @@ class Bringup:
         if not _equal(written, wanted):
             raise RobotNotReady(f"{side.task} did not take the EGM settings: wrote {wanted}, it holds {written}.")
 
-    def _wait_for(self, wanted: MachineState, deadline: float, remedy: str) -> None:
+    def _wait_for(
+        self, wanted: MachineState, deadline: float, remedy: str, arms: tuple[Side, ...] = tuple(Side)
+    ) -> None:
         def sentence() -> str:
-            states = ", ".join(f"{side.word} arm {self.state(side).name}" for side in Side)
+            states = ", ".join(f"{side.word} arm {self.state(side).name}" for side in arms)
             return f"The state machines did not reach {wanted.name} within {deadline:g} s ({states}); {remedy}."
 
-        self._wait(lambda: all(self.state(side) == wanted for side in Side), deadline, sentence)
+        self._wait(lambda: all(self.state(side) == wanted for side in arms), deadline, sentence)
 
     def _wait(self, is_so: Callable[[], bool], deadline: float, sentence: Callable[[], str]) -> None:
         end = self._clock.now() + deadline

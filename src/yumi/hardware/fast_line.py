@@ -49,7 +49,8 @@ class ArmBoxes:
     Attributes:
         states: the newest measured states, see the joint state broadcaster.
         snapshots: everything else about the arm.
-        goals: where it shall go.
+        goals: where it shall go, for controllers that follow a stream of goals.
+        point_goals: the same for controllers that plan the way to a single point.
         speeds: how fast it shall go.
         forward_positions: positions by index.
         forward_speeds: speeds by index.
@@ -70,6 +71,7 @@ class ArmBoxes:
         self.trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.told = SharedMailbox(PARTNER_SIZE)
+        self.point_goals = SharedMailbox(GOAL_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 

@@ -137,6 +137,10 @@ class Gripper:
         """Where its fingers were not longer ago than ``age`` [s], or are now [m]; raises as ``position``."""
         return self.last_position if self._clock.now() - self._looked_at < age else self.position()
 
+    def is_holding(self) -> bool:
+        """Whether it holds something now; raises as ``position``."""
+        return self._hand_state() is HandState.KEEP_OBJECT and self.position() > THINNEST
+
     def is_calibrated(self) -> bool:
         """Whether its positions mean anything."""
         return self._signal("hand_StatusCalibrated") != 0

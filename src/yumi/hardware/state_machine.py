@@ -72,14 +72,19 @@ class EgmMotionSettings:
     pos_corr_gain: float = bounded(1.0, 0.0, 1.0)
 
 
-def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings) -> RapidValue:
+def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
     """The RAPID record ``EGMSettings`` with the values of ``motion``; tool, frames and the rest are kept.
+
+    Args:
+        record: as it is on the robot.
+        motion: what EGM shall be started with.
+        is_allowed: whether EGM may guide this arm.
 
     Raises:
         ProtocolError: ``record`` is not laid out as version 1.1 of the state machine lays it out.
     """
     try:
-        allow, presync, setup, activate, run, stop = cast("tuple[RapidValue, ...]", record)
+        _, presync, setup, activate, run, stop = cast("tuple[RapidValue, ...]", record)
         _, _ = cast("tuple[RapidValue, ...]", setup)
         tool, wobj, correction_frame, sensor_frame, *_numbers = cast("tuple[RapidValue, ...]", activate)
         _, _, offset, _ = cast("tuple[RapidValue, ...]", run)
@@ -89,7 +94,7 @@ def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings) -> RapidVa
             f"{EGM}/settings on the robot has an unknown layout: {record}; load the RAPID modules of this version."
         ) from error
     return (
-        allow,
+        is_allowed,
         presync,
         (motion.use_filtering, motion.comm_timeout),
         (

@@ -18,9 +18,11 @@ class Only:
 
     Args:
         name: what there shall be one of.
+        refusal: what another one is told; ``{owner}`` in it becomes the process that is the one.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, refusal: str) -> None:
+        self._refusal = refusal
         self._address = f"\0{name}"
         self._socket: socket.socket | None = None
 
@@ -37,10 +39,7 @@ class Only:
             claimed.bind(self._address)
         except OSError as error:
             claimed.close()
-            raise RobotNotReady(
-                f"Another driver runs on this machine in the same ROS domain ({self._owner()}); stop it or give one of "
-                "the two its own ROS_DOMAIN_ID."
-            ) from error
+            raise RobotNotReady(self._refusal.format(owner=self._owner())) from error
         claimed.listen()
         self._socket = claimed
 

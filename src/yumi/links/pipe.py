@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from types import ModuleType
 from typing import Any
 
 from yumi.links.realtime import release_process
@@ -73,7 +76,8 @@ class ChildProcess:
         return self._process.exitcode
 
     def start(self) -> None:
-        self._process.start()
+        with _without_main_module():
+            self._process.start()
         self._theirs.close()  # so that the pipe ends when the child does
 
     def join(self, timeout: float) -> bool:
@@ -84,6 +88,20 @@ class ChildProcess:
     def kill(self) -> None:
         self._process.kill()
         self._process.join()
+
+
+@contextmanager
+def _without_main_module() -> Iterator[None]:
+    """A spawned process would import the program's main module first: a script that connects would connect again.
+
+    Our children need nothing of it; :mod:`multiprocessing` has no other way to say so.
+    """
+    real = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = real
 
 
 def _run(main: Callable[..., None], connection: Connection, *arguments: object) -> None:

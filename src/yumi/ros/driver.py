@@ -44,11 +44,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import ControllerNotice, Event
+from yumi.control.requests import Event
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.arm_manager import ArmManager
@@ -64,7 +65,7 @@ from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
-from yumi.ros.robot_manager import RobotManager, RobotManagerServices
+from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
 from yumi.settings import ControllerSettings
 
@@ -108,7 +109,9 @@ class RosDriver:
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
+        self._dual_node = rclpy.create_node(DUAL_ARM)
         self._trajectories = TrajectoryControllers(
+            self._dual_node,
             {side: boxes.trajectory for side, boxes in self._boxes.items()},
             {side: boxes.dual_trajectory for side, boxes in self._boxes.items()},
             fast_lines.ask,
@@ -119,7 +122,6 @@ class RosDriver:
         self._arms = {
             side: ArmManager(side, fast_lines, controllers[side], self._executor, interfaces, clock) for side in Side
         }
-        self._dual_node = rclpy.create_node(DUAL_ARM)
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
@@ -130,7 +132,6 @@ class RosDriver:
             GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
             for side, node in self._gripper_nodes.items()
         ]
-        self._dual = self._trajectories.offer_dual(self._dual_node)
         self._commands = [
             topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
             for side, node in self._stream_nodes.items()
@@ -169,7 +170,7 @@ class RosDriver:
                 thread.join()
         for action in self._actions:
             action.destroy()
-        self._dual.destroy()
+        self._trajectories.destroy()
         for arm in self._arms.values():
             arm.destroy()
         for node in (self._manager_node, self._dual_node, *self._gripper_nodes.values(), *self._streaming()):
@@ -178,8 +179,6 @@ class RosDriver:
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
         self._arms[event.side].tell(event)
-        if isinstance(event, ControllerNotice):
-            self._trajectories.tell(event)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""

@@ -121,6 +121,11 @@ class TrajectoryAction:
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
         node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
 
+    @property
+    def is_common(self) -> bool:
+        """Whether it is for both arms."""
+        return len(self._sides) > 1
+
     def take_notice(self, side: Side, notice: object) -> None:
         """Take what a controller has told; from any thread."""
         if not isinstance(notice, TrajectoryEnded):

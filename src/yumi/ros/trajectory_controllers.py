@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import ControllerNotice
+from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.joint_trajectory import JointTrajectoryController
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
@@ -18,10 +19,33 @@ DUAL_ARM = "dual_arm_trajectory_controller"
 """Name of the controllers that follow one trajectory together, of their node and of their action's."""
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """An arm's controller's part of an action.
+
+    Attributes:
+        action: its own, or the common one of both arms.
+        side: the arm.
+    """
+
+    action: TrajectoryAction
+    side: Side
+
+    def tell(self, notice: object) -> None:
+        """Pass on what the controller told; from any thread."""
+        self.action.take_notice(self.side, notice)
+
+    def destroy(self) -> None:
+        """End the action when it is the controller's own."""
+        if not self.action.is_common:
+            self.action.destroy()
+
+
 class TrajectoryControllers:
-    """Makes the actions, and brings them what their controllers tell.
+    """The actions by the kind of their controllers.
 
     Args:
+        node: of the action for both arms.
         single: where each arm's trajectory controller lets others see how it follows.
         dual: the same of the dual-arm controller's halves.
         ask: has a request served by the fast line.
@@ -31,6 +55,7 @@ class TrajectoryControllers:
 
     def __init__(
         self,
+        node: Any,
         single: Mapping[Side, Mailbox],
         dual: Mapping[Side, Mailbox],
         ask: Ask,
@@ -38,30 +63,20 @@ class TrajectoryControllers:
         limits: JointLimits,
     ) -> None:
         self._single = single
-        self._dual = dual
         self._with = (ask, clock, limits)
-        self._actions: dict[tuple[Side, str], TrajectoryAction] = {}
+        self._dual = TrajectoryAction(node, DUAL_ARM, dual, *self._with)
 
     @property
     def interfaces(self) -> Mapping[str, MakeInterface]:
         """What controllers of a kind offer on their nodes."""
-        return {JointTrajectoryController.kind: self._make}
+        return {JointTrajectoryController.kind: self._make, DualArmTrajectoryController.kind: self._halve}
 
-    def offer_dual(self, node: Any) -> TrajectoryAction:
-        """Serve trajectories for both arms on ``node``."""
-        action = TrajectoryAction(node, DUAL_ARM, self._dual, *self._with)
-        return self._known(action, tuple(self._dual), DUAL_ARM)
+    def destroy(self) -> None:
+        """End the action for both arms; goals that are open are aborted."""
+        self._dual.destroy()
 
-    def tell(self, event: ControllerNotice) -> None:
-        """Pass on what a controller told; from any thread."""
-        action = self._actions.get((event.side, event.controller))
-        if action is not None:
-            action.take_notice(event.side, event.notice)
+    def _make(self, node: Any, side: Side, name: str) -> Part:
+        return Part(TrajectoryAction(node, name, {side: self._single[side]}, *self._with), side)
 
-    def _make(self, node: Any, side: Side, name: str) -> TrajectoryAction:
-        action = TrajectoryAction(node, name, {side: self._single[side]}, *self._with)
-        return self._known(action, (side,), name)
-
-    def _known(self, action: TrajectoryAction, sides: Sequence[Side], name: str) -> TrajectoryAction:
-        self._actions |= {(side, name): action for side in sides}
-        return action
+    def _halve(self, node: Any, side: Side, name: str) -> Part:
+        return Part(self._dual, side)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from yumi.controllers.joint_goal import JointGoalController
 from yumi.controllers.joint_position import JointPositionController
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
@@ -32,6 +33,7 @@ def test_delivered_controllers_have_the_names_of_the_interface(side: Side) -> No
     assert kinds["joint_state_broadcaster"] == "joint_state_broadcaster/JointStateBroadcaster"
     assert kinds["joint_position_controller"] == JointPositionController.kind
     assert {"joint_velocity_controller", "forward_position_controller", "forward_velocity_controller"} < {*kinds}
+    assert kinds["joint_goal_controller"] == JointGoalController.kind
 
 
 def test_delivered_gain_is_the_thesis_s_cautious_one() -> None:

@@ -1,0 +1,173 @@
+"""How a script gets its robot: the address, and what else may be said about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from inspect import signature
+from ipaddress import ip_address
+from math import radians
+from pathlib import Path
+from typing import Any, ParamSpec
+
+from yumi.api.asynchronous import AsyncRobot
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.robot import Robot
+from yumi.app import Controllers
+from yumi.errors import SettingsError
+from yumi.parameter_file import Entry
+from yumi.robot.joints import Side
+from yumi.settings import ControllerSettings, Settings, override, read_controllers, read_settings
+
+P = ParamSpec("P")
+Given = Mapping[str, Any]
+"""Settings of one group by name; None where nothing was given."""
+
+VIRTUAL_RWS_PORT = 8080
+"""Where ``yumi controller`` serves unless told otherwise."""
+
+
+def connect(
+    address: str | None = None,
+    *,
+    arms: str | Sequence[str] = ("right", "left"),
+    speed: float = 0.5,
+    acceleration: float = 0.5,
+    rws_port: int | None = None,
+    left_egm_port: int | None = None,
+    right_egm_port: int | None = None,
+    user: str | None = None,
+    password: str | None = None,
+    config: Path | str | None = None,
+    controllers: Path | str | None = None,
+) -> Robot:
+    """A robot at ``address``, to be connected by ``with``.
+
+    ::
+
+        with yumi.connect("192.168.125.1") as robot:
+            robot.right.move_to(yumi.degrees(0, -130, -135, 30, 0, 40, 0))
+            robot.left.gripper.grasp(force=10.0)
+
+    On the way in the robot is brought to ready: motors on, RAPID program running, EGM on the arms, hands calibrated. On
+    every way out, be it an error or Ctrl-C, the arms come to rest first, then EGM ends.
+
+    Args:
+        address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
+            machine 8080, where ``yumi controller`` serves.
+        arms: the arms to guide; the other one stands still.
+        speed: share of the joints' highest speeds, above 0 up to 1, where a motion does not say.
+        acceleration: the same for accelerations and jerks.
+        rws_port: HTTP port of Robot Web Services.
+        left_egm_port: UDP port where the left arm's datagrams arrive.
+        right_egm_port: the same of the right arm.
+        user: user name on the controller; ABB's default unless given.
+        password: its password.
+        config: settings instead of the delivered ``yumi.yaml``.
+        controllers: controllers instead of the delivered ``controllers.yaml``.
+
+    Raises:
+        SettingsError: a value is wrong; nothing was connected.
+    """
+    where = {"left_port": left_egm_port, "right_port": right_egm_port}
+    settings = settings_for(address, rws_port, {"user": user, "password": password}, where, config)
+    return Robot(settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms))
+
+
+def _asynchronous(build: Callable[P, Robot]) -> Callable[P, AsyncRobot]:
+    def connect_async(*args: P.args, **options: P.kwargs) -> AsyncRobot:
+        """The same robot for asyncio: ``async with yumi.connect_async(address) as robot``; see :func:`connect`."""
+        return AsyncRobot(build(*args, **options))
+
+    connect_async.__signature__ = signature(build)  # type: ignore[attr-defined]
+    return connect_async
+
+
+connect_async = _asynchronous(connect)
+
+
+def settings_for(
+    address: str | None,
+    rws_port: int | None = None,
+    login: Given | None = None,
+    egm: Given | None = None,
+    config: Path | str | None = None,
+) -> Settings:
+    """The settings with what was given to ``connect`` on top; None leaves a value as it is.
+
+    Raises:
+        SettingsError: a value is wrong.
+    """
+    values = {"robot": {**_address(address, rws_port), **(login or {})}, "egm": egm or {}}
+    given = {
+        group: {key: value for key, value in entries.items() if value is not None} for group, entries in values.items()
+    }
+    return override(read_settings(Path(config) if config else None), given, "connect")
+
+
+def controllers_for(
+    settings: Settings, speed: float, acceleration: float, file: Path | str | None = None
+) -> Controllers:
+    """The controllers, those for single points with the shares of the joints' limits and the robot's top speed.
+
+    Raises:
+        SettingsError: a value is wrong, or a controller is missing.
+    """
+    scales = {
+        "speed_scale": _share("speed", speed),
+        "acceleration_scale": _share("acceleration", acceleration),
+        "top_speed": radians(settings.egm_motion.max_speed_deviation),
+    }
+    path = Path(file) if file else None
+    chosen = {side: _checked(side, read_controllers(side, path)) for side in Side}
+    return {side: tuple(_scaled(entry, scales) for entry in entries) for side, entries in chosen.items()}
+
+
+def _address(address: str | None, rws_port: int | None) -> Given:
+    if address is None:
+        return {"rws_port": rws_port}
+    host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
+    if not host or (colon and not port.isdigit()):
+        raise SettingsError(f"{address!r} is no address; give a host name or IPv4 address, with :port if need be.")
+    if colon and rws_port is not None:
+        raise SettingsError(
+            f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
+        )
+    usual = VIRTUAL_RWS_PORT if _is_this_machine(host) else None
+    given = int(port) if colon else rws_port
+    return {"address": host, "rws_port": usual if given is None else given}
+
+
+def _is_this_machine(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _share(name: str, value: float) -> float:
+    if not 0.0 < value <= 1.0:  # NaN too
+        raise SettingsError(f"connect: {name} is {value}; allowed is above 0 up to 1.")
+    return float(value)
+
+
+def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
+    words = (arms,) if isinstance(arms, str) else tuple(arms)
+    known = {side.word: side for side in Side}
+    if not words or any(word not in known for word in words) or len(set(words)) != len(words):
+        raise SettingsError(f"connect: arms is {arms!r}; name 'right', 'left' or both.")
+    return tuple(known[word] for word in words)
+
+
+def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[ControllerSettings, ...]:
+    missing = {GOAL_CONTROLLER, STREAM_CONTROLLER} - {entry.name for entry in entries}
+    if missing:
+        raise SettingsError(f"The controllers of the {side.word} arm lack {', '.join(sorted(missing))}; add them.")
+    return entries
+
+
+def _scaled(controller: ControllerSettings, scales: Mapping[str, float]) -> ControllerSettings:
+    if controller.name != GOAL_CONTROLLER:
+        return controller
+    entries = {name: Entry(value, "connect", is_general=False) for name, value in scales.items()}
+    return replace(controller, entries={**controller.entries, **entries})

@@ -1,0 +1,122 @@
+"""A connection to a robot: what is opened for a script, in this order, and closed in the other."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
+from functools import partial
+
+from yumi.api.guidance import GOAL_CONTROLLER, Guidance
+from yumi.api.motions import LAST_STOP, MotionBook
+from yumi.app import Controllers, build_arm, build_grippers, only_at_robot, plan_egm
+from yumi.clock import SystemClock
+from yumi.errors import RobotNotReady, YumiError
+from yumi.hardware.bringup import Bringup
+from yumi.hardware.fast_lines import FastLines
+from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.robot_manager import RobotManager
+from yumi.hardware.rws_client import RwsClient
+from yumi.robot.joints import Side
+from yumi.settings import Settings
+
+log = logging.getLogger(__name__)
+
+
+class Connection:
+    """A robot that is connected, ready and guided, from :meth:`open` to :meth:`close`.
+
+    Args:
+        settings: where the robot is, and how it shall move.
+        controllers: what runs on each arm.
+        arms: those that are guided; the others stand still.
+
+    Attributes:
+        guidance: orders for the arms.
+        grippers: the hands of all arms.
+        manager: the robot's readiness.
+    """
+
+    guidance: Guidance
+    grippers: Mapping[Side, Gripper]
+    manager: RobotManager
+
+    def __init__(self, settings: Settings, controllers: Controllers, arms: tuple[Side, ...]) -> None:
+        self._settings = settings
+        self._controllers = controllers
+        self._arms = arms
+        self._book = MotionBook()
+        self._stack = ExitStack()
+
+    def open(self) -> None:
+        """Connect, bring the robot to ready, start EGM on its arms and calibrate hands that need it.
+
+        Raises:
+            YumiError: a step failed, the message says which; everything is as before.
+        """
+        with ExitStack() as stack:
+            only = only_at_robot(self._settings)
+            only.claim()
+            stack.callback(only.release)
+            client = stack.enter_context(self._client())
+            self._fast_lines = self._started(client, stack)
+            atexit.register(self.close)  # a notebook that is shut down ends its motions too
+            stack.callback(atexit.unregister, self.close)
+            stack.callback(self._end_motion)
+            self.manager.start_egm()
+            calibrate(self.grippers, log.info, log.warning)
+            self._stack = stack.pop_all()
+
+    def recover(self) -> None:
+        """Bring the robot back to where it may move, after whatever stopped it.
+
+        Raises:
+            YumiError: a step failed; the message says which and what to do.
+        """
+        try:
+            self._fast_lines.check()
+        except RobotNotReady:
+            self.close()
+            self.open()
+        else:
+            self._come_to_rest()
+            self.manager.start_egm()
+        self._book.clear_faults()
+
+    def close(self) -> None:
+        """Let the arms come to rest, end EGM and give everything back; does nothing when that is done."""
+        stack, self._stack = self._stack, ExitStack()
+        stack.close()
+
+    def _client(self) -> RwsClient:
+        robot = self._settings.robot
+        return RwsClient(
+            f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
+        )
+
+    def _started(self, client: RwsClient, stack: ExitStack) -> FastLines:
+        settings, clock, report = self._settings, SystemClock(), partial(log.info, "%s")
+        bringup = Bringup(client, settings.egm_motion, clock, report, self._arms)
+        bringup.check_controller()
+        plan = plan_egm(settings, self._controllers)
+        fast_lines = FastLines(partial(build_arm, plan), self._book.tell, settings.egm.wake)
+        fast_lines.start()
+        stack.callback(fast_lines.stop)
+        self.grippers = build_grippers(client, clock, settings)
+        self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms)
+        goals = {side: boxes.goals for side, boxes in fast_lines.boxes.items()}
+        self.guidance = Guidance(fast_lines, goals, self._book, self._arms)
+        return fast_lines
+
+    def _end_motion(self) -> None:
+        self._come_to_rest()
+        try:
+            self.manager.end_motion()
+        except YumiError as error:
+            log.warning("The robot could not be told to end EGM: %s", error)
+
+    def _come_to_rest(self) -> None:
+        with suppress(YumiError):  # an arm that cannot be stopped by its controller is held by the guard
+            for motion in self.guidance.stop(self._arms):
+                motion.wait(LAST_STOP)

@@ -1,0 +1,122 @@
+"""Motions under way, and how each of them ends: what a script waits for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotInTime
+from itertools import count
+from threading import Lock
+
+from yumi.control.requests import ControllerNotice, Event, is_fault
+from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
+from yumi.errors import GoalNotReached
+from yumi.robot.joints import Side
+
+LAST_STOP = 5.0
+"""An arm must have come to rest within this time [s]; it takes a tenth of it."""
+
+log = logging.getLogger(__name__)
+
+
+class Motion:
+    """One motion of one arm.
+
+    Attributes:
+        side: the arm.
+        identity: its number.
+        future: done when the motion has ended; raises what :meth:`wait` raises.
+    """
+
+    def __init__(self, side: Side, identity: int) -> None:
+        self.side = side
+        self.identity = identity
+        self.future: Future[None] = Future()
+        self.future.set_running_or_notify_cancel()  # who no longer waits does not end the motion
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended, at its goal or elsewhere."""
+        return self.future.done()
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until the arm stands at its goal; waiting longer than ``timeout`` [s] does not stop the arm.
+
+        Raises:
+            GoalNotReached: the motion ended elsewhere, or its time is up; the message says why.
+        """
+        try:
+            self.future.result(timeout)
+        except NotInTime:
+            raise GoalNotReached(
+                f"The {self.side.word} arm has not reached its goal within {timeout:g} s; it is still on its way."
+            ) from None
+
+
+class MotionBook:
+    """All motions under way, and what has gone wrong since the last recovery; safe from any thread."""
+
+    def __init__(self) -> None:
+        self._numbers = count(1)
+        self._open: dict[int, Motion] = {}
+        self._faults: dict[Side, str] = {}
+        self._lock = Lock()
+
+    def begin(self, side: Side) -> Motion:
+        """A new motion, to be ordered under its number."""
+        with self._lock:
+            motion = Motion(side, next(self._numbers))
+            self._open[motion.identity] = motion
+        return motion
+
+    def forget(self, motions: Iterable[Motion]) -> None:
+        """They were refused: nobody moves."""
+        with self._lock:
+            for motion in motions:
+                self._open.pop(motion.identity, None)
+
+    def fault(self, side: Side) -> str | None:
+        """What stopped the arm, in a sentence; None when nothing did."""
+        return self._faults.get(side)
+
+    def clear_faults(self) -> None:
+        """The robot is ready again."""
+        with self._lock:
+            self._faults.clear()
+
+    def tell(self, event: Event) -> None:
+        """Take in what the fast line tells."""
+        if isinstance(event, ControllerNotice):
+            if isinstance(event.notice, GoalEnded):
+                self._settle(event.notice)
+            return
+        # In a script the way back is a method, with ROS it is a service.
+        sentence = str(event).replace("start_egm", "robot.recover()")
+        if not is_fault(event):
+            log.info(sentence)
+        else:
+            log.warning(sentence)
+            self.fail(event.side, sentence)
+
+    def fail(self, side: Side, sentence: str) -> None:
+        """Something stopped this arm."""
+        with self._lock:
+            self._faults[side] = sentence
+            failed = [motion for motion in self._open.values() if motion.side is side]
+            for motion in failed:
+                del self._open[motion.identity]
+        for motion in failed:
+            motion.future.set_exception(GoalNotReached(sentence))
+
+    def _settle(self, ended: GoalEnded) -> None:
+        with self._lock:
+            motion = self._open.pop(ended.identity, None)
+        if motion is None:
+            return
+        if ended.outcome is GoalOutcome.REACHED:
+            motion.future.set_result(None)
+        else:
+            motion.future.set_exception(
+                GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {ended.sentence}.")
+            )

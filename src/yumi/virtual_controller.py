@@ -1,0 +1,91 @@
+"""The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from threading import Event as Flag
+from threading import Lock
+
+from yumi.clock import SystemClock
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+from yumi.links.realtime import prefer_process
+from yumi.links.udp import UdpClient
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Side
+from yumi.virtual.gripper import Workpiece
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.world import World, WorldSettings
+
+
+def world_settings(
+    *, robot_name: str, egm_host: str, egm_ports: Mapping[Side, int], objects: Mapping[Side, float | None]
+) -> WorldSettings:
+    """A virtual robot whose clock shows the time of day.
+
+    Args:
+        robot_name: name of the controller's system.
+        egm_host: where the arms send their datagrams.
+        egm_ports: UDP port per arm.
+        objects: width of what lies between each arm's fingers [m]; None for nothing.
+    """
+    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
+    return WorldSettings(
+        robot_name=robot_name, egm_host=egm_host, egm_ports=egm_ports, workpieces=workpieces, start_time=time.time()
+    )
+
+
+class VirtualController:
+    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
+
+    Args:
+        settings: what the virtual robot is like.
+        rws_port: port of the HTTP server, 0 for any.
+        user: user name that may log in.
+        password: its password.
+        host: address to listen on.
+    """
+
+    def __init__(self, settings: WorldSettings, *, rws_port: int, user: str, password: str, host: str) -> None:
+        self._clock = SystemClock()
+        self._lock = Lock()
+        self.world = World(settings)
+        self._adapter = RwsAdapter(self.world.controller, user=user, password=password)
+        self._server = HttpServer(self._handle, host=host, port=rws_port)
+        self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
+
+    def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
+        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
+
+        Raises:
+            NoConnection: the port is taken.
+        """
+        prefer_process()
+        with self._server as server:
+            on_ready(server.port)
+            due = self._clock.now()
+            while not is_over.is_set():
+                self._cycle()
+                due = self._wait_until(due + CYCLE)
+        for link in self._links.values():
+            link.close()
+
+    def _cycle(self) -> None:
+        inboxes = {side: link.receive() for side, link in self._links.items()}
+        with self._lock:
+            datagrams = self.world.cycle(inboxes)
+        for side, datagram in datagrams.items():
+            self._links[side].send(datagram)
+
+    def _wait_until(self, due: float) -> float:
+        """Wait; a machine that has fallen behind by more than a few cycles lets them go, as time does."""
+        now = self._clock.now()
+        if due > now:
+            self._clock.wait(due - now)
+            return due
+        return due if now - due < 5 * CYCLE else now
+
+    def _handle(self, request: HttpRequest) -> HttpReply:
+        with self._lock:
+            return self._adapter.handle(request, self._clock.now())

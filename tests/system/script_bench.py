@@ -1,0 +1,92 @@
+"""What the tests of the Python API work with: a virtual controller in a process of its own, and scripts in theirs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.state_machine import MAIN, MachineState
+from yumi.links.command import Command
+from yumi.links.udp import free_port
+from yumi.robot.joints import Side
+from yumi.rws import rapid_values
+
+TIMEOUT = 60.0
+
+
+class VirtualRobot:
+    """A virtual controller; can be killed and started again at the same address."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._rws_port = 0
+        self._ports = {"left_egm_port": free_port(), "right_egm_port": free_port()}
+        self._command: Command | None = None
+
+    @property
+    def address(self) -> str:
+        return f"127.0.0.1:{self._rws_port}"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """For ``yumi.connect``."""
+        return {"address": self.address, **self._ports}
+
+    def start(self) -> None:
+        ports = [text for name, port in self._ports.items() for text in (f"--{name.replace('_', '-')}", str(port))]
+        arguments = ["controller", "--rws-port", str(self._rws_port), "--left-object", "0.02", *ports]
+        self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
+        self._rws_port = int(self._command.wait_until_ready(TIMEOUT).rpartition(":")[2])
+
+    def kill(self) -> None:
+        """As a power cut."""
+        assert self._command is not None
+        self._command.kill()
+        self._command = None
+
+    def stop(self) -> None:
+        if self._command is not None:
+            self._command.stop()
+
+    def is_guided(self, side: Side) -> bool:
+        """Whether EGM runs on an arm, as the controller says."""
+        with RwsClient(self.address) as client:
+            state = rapid_values.decode(client.symbol(side.task, MAIN, "current_state"))
+        return state == MachineState.RUN_EGM_ROUTINE
+
+    def script(self, text: str) -> subprocess.Popen[str]:
+        """A script in a process of its own that finds the robot's options as ``OPTIONS``."""
+        file = self._folder / "script.py"
+        file.write_text(f"OPTIONS = {self.options!r}\n{text}", encoding="utf-8")
+        return run_python(self._folder, str(file))
+
+    def example(self, file: Path) -> subprocess.Popen[str]:
+        """An example in a process of its own, with this robot's address."""
+        return self.script(f"EXAMPLE = {str(file)!r}\n{_EXAMPLE}")
+
+
+_EXAMPLE = """
+import functools, runpy, sys, yumi
+sys.argv = [EXAMPLE, OPTIONS.pop("address")]
+yumi.connect, yumi.connect_async = (functools.partial(each, **OPTIONS) for each in (yumi.connect, yumi.connect_async))
+runpy.run_path(EXAMPLE, run_name="__main__")
+"""
+"""An example with EGM ports that nobody else uses."""
+
+
+def run_python(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """A Python of its own in which ROS cannot be imported."""
+    (folder / "rclpy.py").write_text("raise ImportError('there is no ROS here')\n", encoding="utf-8")
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        [sys.executable, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+        start_new_session=True,
+    )

@@ -1,0 +1,241 @@
+"""The Python API as a script uses it, against a virtual controller in another process, over the true wire."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import signal
+from collections.abc import Iterator
+from math import nan, radians
+from pathlib import Path
+
+import pytest
+from script_bench import TIMEOUT, VirtualRobot
+
+import yumi
+from yumi.api.arm import ArmMode
+from yumi.api.robot import Robot
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.robot.gripper import Outcome
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
+EXAMPLES = Path(__file__).parents[2] / "examples"
+RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
+TURNED = (*RIGHT[:6], RIGHT[6] + 0.5)
+FAR = (RIGHT[0] + 1.5, *RIGHT[1:])
+CLOSE = radians(0.15)
+
+
+@pytest.fixture(scope="module")
+def virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualRobot]:
+    virtual = VirtualRobot(tmp_path_factory.mktemp("robot"))
+    virtual.start()
+    yield virtual
+    virtual.stop()
+
+
+@pytest.fixture(scope="module")
+def connected(virtual: VirtualRobot) -> Iterator[Robot]:
+    """One connection for all tests that leave it as they found it."""
+    with yumi.connect(**virtual.options) as robot:
+        yield robot
+
+
+@pytest.fixture
+def robot(connected: Robot) -> Robot:
+    if ArmMode.FAULT in (connected.right.state, connected.left.state):
+        connected.recover()  # the machine stood still during the test before
+    connected.move_to(right=RIGHT, left=LEFT, speed=1.0, acceleration=1.0)
+    return connected
+
+
+def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
+    before = robot.right.pose
+    robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+    assert robot.right.state is ArmMode.HOLDING
+    assert robot.right.pose.position == pytest.approx(before.position, abs=1e-3)
+    assert robot.right.pose.orientation != pytest.approx(before.orientation, abs=0.1)
+
+
+def test_both_arms_move_at_once(robot: Robot) -> None:
+    robot.move_to(right=TURNED, left=(*LEFT[:6], 0.3), speed=1.0, timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+    assert robot.left.position[6] == pytest.approx(0.3, abs=CLOSE)
+
+
+def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
+    motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+    assert not motion.is_done
+    robot.stop()
+    assert robot.right.state is ArmMode.HOLDING
+    with pytest.raises(GoalNotReached, match="The right arm did not reach its goal: the arm was told to stop"):
+        motion.wait()
+
+
+def test_motion_that_takes_too_long_is_stopped(robot: Robot) -> None:
+    with pytest.raises(GoalNotReached, match=r"The right arm did not arrive within 0\.5 s and was stopped"):
+        robot.right.move_to(FAR, speed=0.05, timeout=0.5)
+    assert robot.right.state is ArmMode.HOLDING
+
+
+def test_arm_follows_a_stream_until_it_gets_a_goal(robot: Robot) -> None:
+    for step in range(20):
+        robot.right.stream((*RIGHT[:6], RIGHT[6] + 0.005 * step))
+    robot.right.move_to(RIGHT, timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(RIGHT, abs=CLOSE)
+
+
+@pytest.mark.parametrize(
+    ("goal", "sentence"),
+    [
+        ((nan, *RIGHT[1:]), "yumi_joint_1_r is nan; a position is a finite number"),
+        ((*RIGHT[:6], 9.0), r"yumi_joint_6_r is 515\.7°; its range is"),
+        (RIGHT[:6], "it has 6 positions; an arm has 7 joints: yumi_joint_1_r"),
+    ],
+)
+def test_impossible_goal_moves_neither_arm(robot: Robot, goal: tuple[float, ...], sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        robot.move_to(left=(*LEFT[:6], 1.0), right=goal)
+    assert robot.left.state is robot.right.state is ArmMode.HOLDING
+
+
+def test_gripper_grasps_what_lies_between_its_fingers(robot: Robot) -> None:
+    gripper = robot.left.gripper
+    assert gripper.open().outcome is Outcome.OPEN
+    assert not gripper.is_holding
+    assert gripper.grasp(force=8.0, width=0.02).width == pytest.approx(0.02, abs=1e-3)
+    assert gripper.is_holding
+    with pytest.raises(GoalNotReached, match=r"holds something 20\.0 mm wide, not 10\.0 mm"):
+        gripper.grasp(width=0.01)
+
+
+def test_gripper_that_grasps_nothing_says_so(robot: Robot) -> None:
+    with pytest.raises(GoalNotReached, match="The right gripper holds nothing: it is closed"):
+        robot.right.gripper.grasp()
+
+
+def test_second_connection_to_a_robot_is_refused(robot: Robot, virtual: VirtualRobot) -> None:
+    with (
+        pytest.raises(RobotNotReady, match=rf"The robot at {virtual.address} is driven by another program \(process"),
+        yumi.connect(**virtual.options),
+    ):
+        pass
+    assert robot.right.state is ArmMode.HOLDING
+
+
+@pytest.fixture
+def own_virtual(tmp_path: Path) -> Iterator[VirtualRobot]:
+    """A robot for tests that treat it badly."""
+    virtual = VirtualRobot(tmp_path)
+    virtual.start()
+    yield virtual
+    virtual.stop()
+
+
+def test_exception_in_mid_motion_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
+    def script() -> None:
+        with yumi.connect(**own_virtual.options) as robot:
+            robot.right.move_to(FAR, wait=False, speed=0.1)
+            robots.append(robot)
+            raise ZeroDivisionError
+
+    robots: list[Robot] = []
+    with pytest.raises(ZeroDivisionError):
+        script()
+    assert not own_virtual.is_guided(Side.RIGHT)
+    with pytest.raises(RobotNotReady, match="The robot is not connected"):
+        _ = robots[0].right.position
+
+
+def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
+    script = own_virtual.script(
+        "import yumi\n"
+        "with yumi.connect(**OPTIONS) as robot:\n"
+        "    motion = robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
+        "    print('moving')\n"
+        "    motion.wait()\n"
+    )
+    assert script.stdout is not None
+    assert script.stdout.readline() == "moving\n"
+    script.send_signal(signal.SIGINT)
+    output, _ = script.communicate(timeout=TIMEOUT)
+    assert output.rstrip().endswith("KeyboardInterrupt")
+    assert not own_virtual.is_guided(Side.RIGHT)
+
+
+def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
+    script = own_virtual.script(
+        "import yumi\n"
+        "robot = yumi.connect(**OPTIONS).open()\n"
+        "robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
+    )
+    output, _ = script.communicate(timeout=TIMEOUT)
+    assert (script.returncode, output) == (0, "")
+    assert not own_virtual.is_guided(Side.RIGHT)
+
+
+def test_connection_whose_fast_line_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed=0.05)
+        for child in multiprocessing.active_children():
+            child.kill()
+        with pytest.raises(GoalNotReached, match="Right arm: its fast-line process has ended"):
+            motion.wait(TIMEOUT)
+        robot.recover()
+        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options, arms="right") as robot:
+        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        assert own_virtual.is_guided(Side.RIGHT)
+        assert not own_virtual.is_guided(Side.LEFT)
+        with pytest.raises(RobotNotReady, match=r"The left arm is not guided; name it in connect\(arms="):
+            robot.left.move_to(LEFT)
+
+
+def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+        own_virtual.kill()
+        with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.* Call robot.recover\(\) when"):
+            motion.wait(TIMEOUT)
+        with pytest.raises(RobotNotReady, match=r"The right arm was stopped and waits for robot.recover\(\)"):
+            robot.right.move_to(FAR)
+        assert robot.right.state is ArmMode.FAULT
+        own_virtual.start()
+        robot.recover()
+        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual: VirtualRobot) -> None:
+    async def script() -> None:
+        async with yumi.connect_async(**own_virtual.options) as robot:
+            await robot.move_to(right=TURNED, left=LEFT, speed=1.0, timeout=TIMEOUT)
+            assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+            task = asyncio.create_task(robot.right.move_to(FAR, speed=0.05))
+            await robot.left.gripper.close()
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert robot.right.state is ArmMode.HOLDING
+
+    asyncio.run(script())
+    assert not own_virtual.is_guided(Side.RIGHT)
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("script_move_and_grip.py", "left gripper: holding at 20 mm"),
+        ("script_both_arms.py", "right arm: holding, left arm: holding"),
+    ],
+)
+def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str) -> None:
+    output, _ = own_virtual.example(EXAMPLES / name).communicate(timeout=TIMEOUT)
+    assert line in output.splitlines()

@@ -1,0 +1,85 @@
+"""A robot without a robot: it notes what it is asked, and its motions end when the test says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, Guidance
+from yumi.api.motions import MotionBook
+from yumi.control.inventory import ControllerInfo
+from yumi.control.lifecycle import State
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.requests import (
+    ControllerNotice,
+    Done,
+    ListControllers,
+    Order,
+    Request,
+    SendOrders,
+    SwitchControllers,
+)
+from yumi.control.snapshot import Snapshot
+from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+
+
+class FakeFastLine:
+    """Both arms stand at home and follow."""
+
+    def __init__(self) -> None:
+        self.orders: list[Order] = []
+        self.switches: list[SwitchControllers] = []
+        self.refuses = False
+        self.on_order: Callable[[Order], None] = lambda order: None
+        self.snapshots = {
+            side: Snapshot(session=1, is_streaming=True, is_running=True, activation=1, position=home(side))
+            for side in Side
+        }
+        self._active = dict.fromkeys(Side, GOAL_CONTROLLER)
+
+    def snapshot(self, side: Side) -> Snapshot:
+        return self.snapshots[side]
+
+    def ask(self, request: Request) -> Done:
+        if isinstance(request, ListControllers):
+            return Done(
+                controllers=tuple(self._info(name, request.side) for name in (GOAL_CONTROLLER, STREAM_CONTROLLER))
+            )
+        if isinstance(request, SwitchControllers):
+            self._switch(request)
+        if isinstance(request, SendOrders):
+            if self.refuses:
+                raise CommandRefused("Not now.")
+            self.orders += request.orders
+            for order in request.orders:
+                self.on_order(order)
+        return Done()
+
+    def _info(self, name: str, side: Side) -> ControllerInfo:
+        is_active = self._active[side] == name
+        claimed = ("joint/position",) if is_active else ()
+        return ControllerInfo(name, "kind", State.ACTIVE if is_active else State.INACTIVE, ("joint/position",), claimed)
+
+    def _switch(self, request: SwitchControllers) -> None:
+        self.switches.append(request)
+        (self._active[request.side],) = request.activate
+        before = self.snapshots[request.side]
+        self.snapshots[request.side] = replace(before, activation=before.activation + 1)
+
+
+class FakeRobot:
+    """A guidance with a fake fast line below."""
+
+    def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
+        self.fast_line = FakeFastLine()
+        self.goals = {side: MemoryMailbox() for side in Side}
+        self.book = MotionBook()
+        self.guidance = Guidance(self.fast_line, self.goals, self.book, arms)
+
+    def end(self, order: Order, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
+        """The fast line tells how an order has ended."""
+        identity = order.message.identity  # type: ignore[attr-defined]
+        self.book.tell(ControllerNotice(order.side, order.controller, GoalEnded(identity, outcome, sentence)))

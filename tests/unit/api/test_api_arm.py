@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from fake_robot import FakeRobot
+
+from yumi.api.arm import Arm, ArmMode
+from yumi.api.gripper import Gripper
+from yumi.control.requests import SessionLost
+from yumi.control.snapshot import Snapshot
+from yumi.controllers.joint_goal import StopMotion
+from yumi.errors import RobotNotReady
+from yumi.robot.joints import Side, joint_names
+from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.poses import home
+from yumi.robot.values import ZERO
+
+RIGHT = home(Side.RIGHT)
+
+
+@pytest.fixture
+def robot() -> FakeRobot:
+    return FakeRobot()
+
+
+@pytest.fixture
+def arm(robot: FakeRobot) -> Arm:
+    return Arm(Side.RIGHT, lambda: robot.guidance, Gripper(Side.RIGHT, no_hand, 10.0))
+
+
+def no_hand() -> None:
+    raise AssertionError("the arm needs no hand")
+
+
+def show(robot: FakeRobot, **values: object) -> None:
+    robot.fast_line.snapshots[Side.RIGHT] = replace(robot.fast_line.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
+
+
+def test_arm_tells_what_is_measured(arm: Arm) -> None:
+    assert arm.position == RIGHT
+    assert arm.velocity == ZERO
+    assert arm.pose == tool0_to_body(Side.RIGHT, RIGHT)
+    assert arm.joint_names == joint_names(Side.RIGHT)
+
+
+@pytest.mark.parametrize(
+    ("values", "mode"),
+    [
+        ({"is_streaming": False, "is_running": False}, ArmMode.SILENT),
+        ({"is_running": False}, ArmMode.IDLE),
+        ({}, ArmMode.HOLDING),
+        ({"velocity": (0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0)}, ArmMode.MOVING),
+    ],
+)
+def test_arm_tells_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
+    show(robot, **values)
+    assert arm.state is mode
+
+
+def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot, arm: Arm) -> None:
+    robot.book.tell(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
+    assert arm.state is ArmMode.FAULT
+    robot.book.clear_faults()
+    assert arm.state is ArmMode.HOLDING
+
+
+@pytest.mark.parametrize("look", [lambda arm: arm.position, lambda arm: arm.velocity, lambda arm: arm.pose])
+def test_silent_arm_has_no_position(robot: FakeRobot, arm: Arm, look: Callable[[Arm], object]) -> None:
+    robot.fast_line.snapshots[Side.RIGHT] = Snapshot()
+    with pytest.raises(RobotNotReady, match="The robot sends no positions of its right arm: EGM is not running"):
+        look(arm)
+
+
+def test_arm_stops_and_waits_until_it_stands(robot: FakeRobot, arm: Arm) -> None:
+    robot.fast_line.on_order = robot.end
+    arm.stop()
+    assert isinstance(robot.fast_line.orders[0].message, StopMotion)
+
+
+def test_arm_waits_for_its_goal_unless_told_otherwise(robot: FakeRobot, arm: Arm) -> None:
+    assert not arm.move_to(RIGHT, wait=False).is_done
+    robot.fast_line.on_order = robot.end
+    assert arm.move_to(RIGHT).is_done

@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import cast
+
+import pytest
+from fake_robot import FakeRobot
+
+from yumi.api.arm import Arm
+from yumi.api.asynchronous import AsyncArm, AsyncRobot
+from yumi.api.gripper import Gripper
+from yumi.api.motions import Motion
+from yumi.api.robot import Robot
+from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.errors import CommandRefused, GoalNotReached
+from yumi.hardware.gripper import Gripper as Hand
+from yumi.robot.gripper import Outcome
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+
+RIGHT = home(Side.RIGHT)
+
+
+class FakeHand:
+    last_position = 0.01
+
+    def begin(self, position: float, force: float) -> None: ...
+
+    def wait(self, position: float, on_feedback: object) -> Outcome:
+        return Outcome.HOLDING
+
+
+class FakeConnected:
+    """A robot that is always connected; its arms come to rest when they are told to."""
+
+    def __init__(self) -> None:
+        self.fake = FakeRobot()
+        self.guidance = self.fake.guidance
+        self.fake.fast_line.on_order = lambda order: (
+            self.fake.end(order) if isinstance(order.message, StopMotion) else None
+        )
+        gripper = Gripper(Side.RIGHT, lambda: cast("Hand", FakeHand()), 10.0)
+        self.arm = AsyncArm(cast("Robot", self), Arm(Side.RIGHT, lambda: self.guidance, gripper))
+
+    @property
+    def stops(self) -> int:
+        return sum(isinstance(order.message, StopMotion) for order in self.fake.fast_line.orders)
+
+    async def ordered(self) -> None:
+        """Until the first goal is on its way."""
+        while not any(isinstance(order.message, JointGoal) for order in self.fake.fast_line.orders):
+            await asyncio.sleep(0)
+
+
+@pytest.fixture
+def robot() -> FakeConnected:
+    return FakeConnected()
+
+
+def run(script: Coroutine[None, None, None]) -> None:
+    asyncio.run(asyncio.wait_for(script, 30.0))
+
+
+def test_awaited_motion_is_over(robot: FakeConnected) -> None:
+    async def script() -> None:
+        robot.fake.fast_line.on_order = robot.fake.end
+        assert (await robot.arm.move_to(RIGHT)).is_done
+
+    run(script())
+
+
+def test_motion_ends_elsewhere_with_its_reason(robot: FakeConnected) -> None:
+    async def script() -> None:
+        robot.fake.fast_line.on_order = lambda order: robot.fake.end(order, GoalOutcome.ABORTED, "axis 2 was held")
+        with pytest.raises(GoalNotReached, match="axis 2 was held"):
+            await robot.arm.move_to(RIGHT)
+
+    run(script())
+
+
+def test_cancelled_task_stops_its_arm(robot: FakeConnected) -> None:
+    async def script() -> None:
+        task = asyncio.create_task(robot.arm.move_to(RIGHT))
+        await robot.ordered()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    run(script())
+    assert robot.stops == 1
+
+
+def test_motion_that_takes_too_long_is_stopped(robot: FakeConnected) -> None:
+    async def script() -> None:
+        with pytest.raises(GoalNotReached, match=r"The right arm did not arrive within 0\.01 s and was stopped"):
+            await robot.arm.move_to(RIGHT, timeout=0.01)
+
+    run(script())
+    assert robot.stops == 1
+
+
+def test_motion_that_nobody_awaits_goes_on(robot: FakeConnected) -> None:
+    async def script() -> Motion:
+        return await robot.arm.move_to(RIGHT, wait=False)
+
+    assert not asyncio.run(script()).is_done
+    assert robot.stops == 0
+
+
+def test_refusal_reaches_who_awaits(robot: FakeConnected) -> None:
+    async def script() -> None:
+        with pytest.raises(CommandRefused, match="it has 2 positions"):
+            await robot.arm.move_to([0.0, 0.0])
+
+    run(script())
+    assert robot.stops == 0
+
+
+def test_gripper_is_awaited(robot: FakeConnected) -> None:
+    async def script() -> None:
+        assert (await robot.arm.gripper.grasp(width=0.02)).outcome is Outcome.HOLDING
+
+    run(script())
+
+
+def test_measured_values_are_known_at_once(robot: FakeConnected) -> None:
+    assert robot.arm.position == RIGHT
+    assert robot.arm.side is Side.RIGHT
+
+
+class SlowRobot:
+    """Connecting takes until the test lets it."""
+
+    right = left = None
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.began = asyncio.Event()
+        self.is_closed = False
+        self._loop = loop
+
+    def open(self) -> None:
+        self._loop.call_soon_threadsafe(self.began.set)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda robot, arm: None)
+
+    async def script() -> None:
+        slow = SlowRobot(asyncio.get_running_loop())
+        task = asyncio.create_task(AsyncRobot(cast("Robot", slow)).open())
+        await slow.began.wait()
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert slow.is_closed
+
+    run(script())

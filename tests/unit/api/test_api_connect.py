@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+from math import nan, pi
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import yumi
+from yumi.api.asynchronous import AsyncRobot
+from yumi.api.connect import controllers_for, settings_for
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
+from yumi.links.udp import free_port
+from yumi.robot.joints import Side
+
+NOBODY = "127.0.0.1:1"
+
+
+@pytest.mark.parametrize(
+    ("address", "where"),
+    [
+        ("192.168.125.1", ("192.168.125.1", 80)),
+        ("192.168.125.1:8080", ("192.168.125.1", 8080)),
+        ("127.0.0.1", ("127.0.0.1", 8080)),
+        ("localhost:80", ("localhost", 80)),
+        (None, ("192.168.125.1", 80)),
+    ],
+)
+def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, where: tuple[str, int]) -> None:
+    robot = settings_for(address).robot
+    assert (robot.address, robot.rws_port) == where
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"address": ""}, "'' is no address; give a host name or IPv4 address"),
+        ({"address": "robot:http"}, "'robot:http' is no address; give a host name or IPv4 address"),
+        ({"speed": 0.0}, "connect: speed is 0.0; allowed is above 0 up to 1"),
+        ({"speed": nan}, "connect: speed is nan; allowed is above 0 up to 1"),
+        ({"acceleration": 1.1}, "connect: acceleration is 1.1; allowed is above 0 up to 1"),
+        ({"arms": "middle"}, "connect: arms is 'middle'; name 'right', 'left' or both"),
+        ({"arms": ()}, r"connect: arms is \(\); name 'right', 'left' or both"),
+        ({"arms": ("left", "left")}, "name 'right', 'left' or both"),
+        ({"left_egm_port": 70000}, "connect: egm: left_port is 70000; allowed is 1 to 65535"),
+        ({"rws_port": 80}, "connect: the port is given twice, in '127.0.0.1:1' and as rws_port=80; give it once"),
+        ({"address": "127.0.0.1", "rws_port": 0}, "connect: robot: rws_port is 0; allowed is 1 to 65535"),
+        ({"config": "nowhere.yaml"}, "Cannot read nowhere.yaml"),
+    ],
+)
+def test_connect_refuses_what_is_no_robot(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(SettingsError, match=sentence):
+        yumi.connect(**{"address": NOBODY, **options})
+
+
+def test_connect_demands_the_controllers_it_moves_with(tmp_path: Path) -> None:
+    file = tmp_path / "controllers.yaml"
+    only = "{ros__parameters: {joint_position_controller: {type: yumi_controllers/JointPositionController}}}"
+    file.write_text(f"/r/controller_manager: {only}\n/l/controller_manager: {only}\n")
+    with pytest.raises(SettingsError, match="The controllers of the right arm lack joint_goal_controller; add them"):
+        yumi.connect(NOBODY, controllers=file)
+
+
+def test_connect_gives_the_shares_to_the_goal_controllers() -> None:
+    for entries in controllers_for(settings_for(NOBODY), speed=0.3, acceleration=0.7).values():
+        (values,) = [entry.values for entry in entries if entry.name == "joint_goal_controller"]
+        assert (values["speed_scale"], values["acceleration_scale"]) == (0.3, 0.7)
+        assert values["top_speed"] == pytest.approx(pi)  # MaxSpeedDeviation of the delivered settings
+
+
+def test_robot_that_does_not_answer_is_not_connected() -> None:
+    robot = yumi.connect(NOBODY, left_egm_port=free_port(), right_egm_port=free_port())
+    for _ in range(2):  # nothing is left claimed
+        with pytest.raises(NoConnection), robot:
+            pass
+    assert not robot.is_connected
+
+
+def test_robot_that_is_not_connected_says_so() -> None:
+    robot = yumi.connect(NOBODY)
+    assert repr(robot) == "<yumi.Robot at 127.0.0.1:1, not connected>"
+    for ask in (
+        lambda: robot.right.position,
+        lambda: robot.left.move_to([0.0] * 7),
+        lambda: robot.right.stream([0.0] * 7),
+        robot.right.gripper.open,
+        lambda: robot.move_to(left=[0.0] * 7),
+        robot.stop,
+        robot.recover,
+        robot.describe,
+    ):
+        with pytest.raises(RobotNotReady, match=r"The robot is not connected; write `with yumi\.connect"):
+            ask()
+    robot.close()
+
+
+def test_robot_needs_a_goal_for_one_arm_at_least() -> None:
+    with pytest.raises(CommandRefused, match="No arm has a goal; give right=, left= or both"):
+        yumi.connect(NOBODY).move_to()
+
+
+def test_connect_async_takes_the_same_options() -> None:
+    assert isinstance(yumi.connect_async(NOBODY, arms="left"), AsyncRobot)
+    with pytest.raises(SettingsError, match="speed is 2"):
+        yumi.connect_async(NOBODY, speed=2.0)
+
+
+def test_degrees_become_radians_and_back() -> None:
+    angles = (0.0, -130.0, 135.0, 30.0, 0.0, 40.0, 180.0)
+    assert yumi.degrees(*angles)[6] == pytest.approx(pi)
+    assert yumi.degrees(angles) == yumi.degrees(list(angles)) == yumi.degrees(*angles)
+    assert yumi.in_degrees(yumi.degrees(angles)) == pytest.approx(angles)
+
+
+@pytest.mark.parametrize("angles", [(), (1.0,), (1.0,) * 6, ([1.0] * 8,)])
+def test_degrees_are_seven(angles: tuple[Any, ...]) -> None:
+    with pytest.raises(ValueError, match="an arm has 7 joints"):
+        yumi.degrees(*angles)
+
+
+def test_package_offers_what_it_says_and_nothing_else() -> None:
+    for name in yumi.__all__:
+        assert getattr(yumi, name) is not None
+    with pytest.raises(AttributeError, match="module 'yumi' has no attribute 'disconnect'"):
+        _ = yumi.disconnect
+
+
+def test_sides_of_the_robot_are_its_arms() -> None:
+    robot = yumi.connect(NOBODY)
+    assert (robot.right.side, robot.left.gripper.side) == (Side.RIGHT, Side.LEFT)

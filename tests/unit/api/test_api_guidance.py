@@ -1,0 +1,181 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+from fake_robot import FakeRobot
+
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.control.goals import peek_goal
+from yumi.control.requests import ControllerFailed, FastLineEnded, SessionLost, SwitchControllers
+from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+
+RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
+LOST = SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,))
+
+
+@pytest.fixture
+def robot() -> FakeRobot:
+    return FakeRobot()
+
+
+def test_guidance_orders_both_arms_at_once(robot: FakeRobot) -> None:
+    motions = robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: list(LEFT)}, 0.3, None)
+    assert [(order.side, order.message) for order in robot.fast_line.orders] == [
+        (Side.RIGHT, JointGoal(RIGHT, motions[0].identity, 0.3, None)),
+        (Side.LEFT, JointGoal(LEFT, motions[1].identity, 0.3, None)),
+    ]
+
+
+def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> None:
+    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    assert not motion.is_done
+    robot.end(robot.fast_line.orders[0])
+    motion.wait(0.0)
+    assert motion.is_done
+
+
+@pytest.mark.parametrize("outcome", [GoalOutcome.ABORTED, GoalOutcome.REPLACED, GoalOutcome.STOPPED])
+def test_motion_that_ends_elsewhere_says_why(robot: FakeRobot, outcome: GoalOutcome) -> None:
+    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.end(robot.fast_line.orders[0], outcome, "something came between")
+    with pytest.raises(GoalNotReached, match=r"The right arm did not reach its goal: something came between\."):
+        motion.wait()
+
+
+def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
+    (motion,) = robot.guidance.move({Side.LEFT: LEFT}, None, None)
+    with pytest.raises(
+        GoalNotReached, match="The left arm has not reached its goal within 0 s; it is still on its way"
+    ):
+        motion.wait(0.0)
+    robot.end(robot.fast_line.orders[0])
+    motion.wait(0.0)
+
+
+@pytest.mark.parametrize(
+    ("goal", "sentence"),
+    [
+        ((nan, *RIGHT[1:]), "yumi_joint_1_r is nan; a position is a finite number of radians"),
+        ((*RIGHT[:6], inf), "yumi_joint_6_r is inf; a position is a finite number of radians"),
+        ((0.0, 1.0, *RIGHT[2:]), r"yumi_joint_2_r is 57\.3°; its range is -143\.5° to 43\.5°"),
+        (RIGHT[:3], "it has 3 positions; an arm has 7 joints: yumi_joint_1_r, yumi_joint_2_r, yumi_joint_7_r"),
+        ("home", "'home' is no list of numbers; give seven angles in radians"),
+        (1.0, "1.0 is no list of numbers; give seven angles in radians"),
+    ],
+)
+def test_guidance_refuses_an_impossible_goal_and_asks_nobody(robot: FakeRobot, goal: object, sentence: str) -> None:
+    for ask in (
+        lambda: robot.guidance.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
+        lambda: robot.guidance.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(CommandRefused, match=sentence):
+            ask()
+    assert robot.fast_line.orders == robot.fast_line.switches == []
+
+
+def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> None:
+    robot.fast_line.refuses = True
+    with pytest.raises(CommandRefused, match="Not now"):
+        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.book.fail(Side.RIGHT, "nothing to fail")
+
+
+def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
+    robot.fast_line.snapshots[Side.LEFT] = replace(robot.fast_line.snapshots[Side.LEFT], is_running=False)
+    with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
+        robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
+    assert robot.fast_line.orders == []
+
+
+def test_arm_that_nobody_named_is_not_moved() -> None:
+    robot = FakeRobot((Side.RIGHT,))
+    with pytest.raises(RobotNotReady, match=r"The left arm is not guided; name it in connect\(arms=\.\.\.\)"):
+        robot.guidance.move({Side.LEFT: LEFT}, None, None)
+
+
+def test_fault_ends_the_motions_of_its_arm_only(robot: FakeRobot) -> None:
+    right, left = robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
+    robot.book.tell(LOST)
+    with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.*Call robot\.recover\(\) when"):
+        right.wait()
+    assert not left.is_done
+
+
+def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
+    robot.book.tell(LOST)
+    with pytest.raises(
+        RobotNotReady, match=r"The right arm was stopped and waits for robot\.recover\(\)\. Right arm: EGM"
+    ):
+        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.book.clear_faults()
+    assert robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+
+
+@pytest.mark.parametrize(
+    ("event", "sides"),
+    [
+        (ControllerFailed(Side.LEFT, "it broke"), [Side.LEFT]),
+        (FastLineEnded(Side.RIGHT, 1), [Side.RIGHT]),
+        (SessionLost(Side.RIGHT, 0.08, ()), []),  # an ordered end
+    ],
+)
+def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Side]) -> None:
+    robot.book.tell(event)  # type: ignore[arg-type]
+    assert [side for side in Side if robot.guidance.fault(side)] == sides
+
+
+def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
+    for _ in range(3):
+        robot.guidance.stream(Side.RIGHT, RIGHT)
+    assert robot.fast_line.switches == [
+        SwitchControllers(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))
+    ]
+    assert peek_goal(robot.goals[Side.RIGHT], 1) == (3, RIGHT)
+
+
+def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
+    robot.guidance.stream(Side.RIGHT, RIGHT)
+    robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.guidance.stream(Side.RIGHT, RIGHT)
+    assert [switch.activate for switch in robot.fast_line.switches] == [
+        (STREAM_CONTROLLER,),
+        (GOAL_CONTROLLER,),
+        (STREAM_CONTROLLER,),
+    ]
+
+
+def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
+    robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.fast_line.on_order = robot.end
+    robot.guidance.stream(Side.RIGHT, RIGHT)
+    assert isinstance(robot.fast_line.orders[-1].message, StopMotion)
+
+
+def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.end
+    robot.guidance.stream(Side.LEFT, LEFT)
+    (motion,) = robot.guidance.stop((Side.LEFT,))
+    assert robot.fast_line.orders[-1].message == StopMotion(motion.identity)
+    assert robot.fast_line.switches[-1].activate == (GOAL_CONTROLLER,)
+    motion.wait(0.0)
+
+
+def test_arm_that_nobody_commands_needs_no_stop(robot: FakeRobot) -> None:
+    robot.fast_line.snapshots[Side.LEFT] = replace(robot.fast_line.snapshots[Side.LEFT], activation=0)
+    assert robot.guidance.stop((Side.LEFT,)) == ()
+
+
+def test_numbers_of_any_kind_are_a_goal(robot: FakeRobot) -> None:
+    class Number:
+        def __float__(self) -> float:
+            return 0.0
+
+    robot.guidance.move({Side.RIGHT: [Number(), *RIGHT[1:]]}, None, None)
+    assert robot.fast_line.orders[0].message.position == RIGHT  # type: ignore[attr-defined]
