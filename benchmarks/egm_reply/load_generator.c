@@ -39,7 +39,7 @@
 
 #include "egm_wire.h"
 
-enum { AXES = 7, ROBAX = 6, MAX_ARMS = 2, LEAD_IN_RIGHT = 25, LOST_IN_A_ROW = 50 };
+enum { AXES = 7, ROBAX = 6, MAX_ARMS = 2, LEAD_IN_RIGHT = 25, LOST_IN_A_ROW = 500 };
 
 static const double CODE_DEG = 1e-4;      /* axis 1 per cycle: a guard that bounds speed, acceleration and jerk passes it */
 static const double OFFSET_DEG = 0.005;   /* goal - start: the reply of a guided arm differs from that of a held one */
