@@ -50,10 +50,7 @@ def main() -> None:
     if options.real_time:
         from real_time import stream_over_ros  # noqa: PLC0415 - the rest works without ROS 2
 
-        runs = [
-            (f"over the wire, {size:g}°", size, stream_over_ros(Sine(radians(size)), DURATION))
-            for size in AMPLITUDES_DEG
-        ]
+        runs = [(OVER_THE_WIRE, size, stream_over_ros(Sine(radians(size)), DURATION)) for size in AMPLITUDES_DEG]
     else:
         runs = [
             (name, size, follow(Sine(radians(size)), DURATION, values, stream))
