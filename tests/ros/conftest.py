@@ -30,7 +30,7 @@ def driver(ros: None, robot: Robot, tmp_path_factory: pytest.TempPathFactory) ->
     log = tmp_path_factory.mktemp("driver") / "driver.log"
     arguments = ["up", "--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
     with Command("driver", arguments, log) as command:
-        command.wait_until_ready(TIMEOUT)
+        command.wait_until_ready(2 * TIMEOUT)  # three processes start, each with all of Python's modules to read
         yield command
 
 

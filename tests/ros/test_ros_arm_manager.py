@@ -245,6 +245,13 @@ def test_parameter_tells_type_unit_and_rule(
     assert (told.type, told.description, told.additional_constraints) == (type_, description, constraints)
 
 
+@pytest.mark.parametrize("node", ["controller_manager", "watcher"])
+def test_rate_of_the_manager_and_its_controllers_is_fixed(watcher: Watcher, manager: Manager, node: str) -> None:
+    assert get_parameter(manager.client, f"/r/{node}", "update_rate").integer_value == 248
+    refused = set_parameter(manager.client, f"/r/{node}", "update_rate", integer(100))
+    assert refused.reason == "Trying to set a read-only parameter: update_rate."
+
+
 def test_whole_numbers_tell_their_range(watcher: Watcher, manager: Manager) -> None:
     request = DescribeParameters.Request(names=["count"])
     (told,) = manager.client.call(DescribeParameters, "/r/watcher/describe_parameters", request).descriptors

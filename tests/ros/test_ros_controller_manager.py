@@ -332,9 +332,10 @@ def test_rqt_finds_both_managers_by_their_services(client: Client, side: Side) -
     client.until(lambda: expected.items() <= dict(client.node.get_service_names_and_types()).items())
 
 
-def test_rqt_controller_manager_switches_within_its_short_timeout(guided: Manager) -> None:
-    assert guided.switch([POSITION], [], STRICT, asap=False, timeout=0.3).ok
-    assert guided.switch([], [POSITION], STRICT, asap=False, timeout=0.3).ok
+@pytest.mark.parametrize("timeout", [pytest.param(0.3, id="rqt_controller_manager"), pytest.param(0.0, id="moveit")])
+def test_switch_succeeds_with_the_timeouts_of_rqt_and_moveit(guided: Manager, timeout: float) -> None:
+    assert guided.switch([POSITION], [], STRICT, asap=False, timeout=timeout).ok
+    assert guided.switch([], [POSITION], STRICT, asap=False, timeout=timeout).ok
 
 
 def test_rqt_joint_trajectory_controller_finds_a_description_with_joint_limits(client: Client) -> None:
@@ -344,12 +345,7 @@ def test_rqt_joint_trajectory_controller_finds_a_description_with_joint_limits(c
     assert got[0].data.count("<limit ") >= len(POSITIONS)
 
 
-# MoveIt, launch tests, Foxglove
-
-
-def test_moveit_switches_strictly_without_a_timeout(guided: Manager) -> None:
-    assert guided.switch([POSITION], [], STRICT, asap=False, timeout=0.0).ok
-    assert guided.switch([], [POSITION], STRICT, asap=False, timeout=0.0).ok
+# launch tests, Foxglove
 
 
 @pytest.mark.parametrize("side", list(Side))
@@ -397,17 +393,8 @@ def test_diagnostics_have_the_three_tasks_of_a_controller_manager(guided: Manage
     assert any(key.endswith(".read_cycle.execution_time") and "us, StdDev: " in values[key] for key in values)
 
 
-# parameters of a controller
-
-
 def test_gain_set_on_a_controller_is_kept_by_its_node(client: Client) -> None:
     before = get_parameter(client, f"/r/{POSITION}", "p").double_value
     assert set_parameter(client, f"/r/{POSITION}", "p", number(0.9)).successful
     assert get_parameter(client, f"/r/{POSITION}", "p").double_value == 0.9
     assert set_parameter(client, f"/r/{POSITION}", "p", number(before)).successful
-
-
-def test_rate_of_a_manager_and_its_controllers_is_fixed(client: Client) -> None:
-    for node in ("/r/controller_manager", f"/r/{POSITION}"):
-        assert get_parameter(client, node, "update_rate").integer_value == 248
-        assert not set_parameter(client, node, "update_rate", number(100.0)).successful

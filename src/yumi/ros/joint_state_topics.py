@@ -14,7 +14,37 @@ from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.conversions import joint_state
 
 _DEPTH = 10
+_SLEW = 1e-3  # the system's clock is slewed by at most half of this
+_CLOCK_SET_NS = 50_000_000
 _GLANCE = 0.1  # [s] how soon a publisher notices that it shall end
+
+
+class Stamps:
+    """Turns times of the machine's monotonic clock into ROS time, without trembling when the reading is interrupted.
+
+    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
+    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
+
+    Args:
+        ros_now: tells the ROS time [ns].
+        now: tells the monotonic time [s].
+    """
+
+    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
+        self._ros_now = ros_now
+        self._now = now
+        self._difference: int | None = None
+        self._read = 0.0
+
+    def at(self, time: float) -> int:
+        """The ROS time [ns] of the monotonic ``time`` [s]."""
+        now = self._now()
+        difference = self._ros_now() - int(now * 1e9)
+        last = difference if self._difference is None else self._difference
+        if abs(difference - last) < _CLOCK_SET_NS:
+            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
+        self._difference, self._read = difference, now
+        return int(time * 1e9) + difference
 
 
 class JointStatePublisher:
@@ -31,10 +61,10 @@ class JointStatePublisher:
 
     def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        self._ros_clock = node.get_clock()
+        ros_clock = node.get_clock()
+        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
         self._names = joint_names(side)
         self._boxes = boxes
-        self._clock = clock
         self._is_over = Event()
         self._thread = Thread(target=self._run, name=f"joint-states-{side.value}", daemon=True)
 
@@ -58,9 +88,7 @@ class JointStatePublisher:
 
     def _publish(self, values: tuple[float, ...]) -> None:
         time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]
-        age_ns = int((self._clock.now() - time) * 1e9)
-        time_ns = self._ros_clock.now().nanoseconds - age_ns
-        self._publisher.publish(joint_state(self._names, position, velocity, time_ns))
+        self._publisher.publish(joint_state(self._names, position, velocity, self._stamps.at(time)))
 
 
 class MergedJointStates:
