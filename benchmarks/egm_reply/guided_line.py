@@ -1,4 +1,4 @@
-"""The fast line as the driver starts it, with both arms' position controllers held on the benchmark's goal."""
+"""The fast lines as the driver starts them, with both arms' position controllers held on the benchmark's goal."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.app import EgmPlan, build_arms, plan_egm
+from yumi.app import EgmPlan, build_arm, plan_egm
 from yumi.control.goals import put_goal
 from yumi.control.requests import Event, SwitchControllers
 from yumi.control.snapshot import peek_snapshot
 from yumi.errors import CommandRefused
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.wake import WakeMode
+from yumi.parameter_file import Entry
 from yumi.robot.joints import Joints, Side, chain_from_abb
 from yumi.settings import Settings, read_controllers, read_settings
 
 POSITION = "joint_position_controller"
+LINE = "yumi-fast-line"
 GLANCE = 0.25
 """How often it is looked whether an arm has begun a session and wants its controller [s]."""
 
@@ -44,9 +46,10 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     settings = read_settings()
     egm = replace(settings.egm, wake=WakeMode(arguments.wake), left_port=left, right_port=right)
     settings = replace(settings, robot=replace(settings.robot, address="127.0.0.1"), egm=egm)
+    gain = Entry(arguments.gain, "--gain", is_general=False)
     controllers = {
         side: tuple(
-            replace(entry, values={**entry.values, "p": arguments.gain}) if entry.name == POSITION else entry
+            replace(entry, entries={**entry.entries, "p": gain}) if entry.name == POSITION else entry
             for entry in read_controllers(side)
         )
         for side in Side
@@ -58,35 +61,34 @@ class GuidedLine:
     """Started, it guides each arm towards the goal from the moment its robot speaks, in every session anew."""
 
     def __init__(self, settings: Settings, plan: EgmPlan, goal_deg: str) -> None:
-        self.process = FastLineProcess(partial(build_arms, plan), self._tell, settings.egm.wake)
+        self.lines = FastLines(partial(build_arm, plan), self._tell, settings.egm.wake)
         axes = [radians(float(value)) for value in goal_deg.split(",")]
         self._goal: Joints = chain_from_abb(axes[:6], axes[6])
 
     def start(self) -> None:
-        self.process.start()
-        print(self.process.started_as, file=sys.stderr, flush=True)
+        self.lines.start()
+        print(self.lines.started_as, file=sys.stderr, flush=True)
 
     def run(self) -> None:
         """Keep both arms guided until standard input ends."""
         is_over = Flag()
         Thread(target=_wait_for_end_of_input, args=(is_over,), daemon=True).start()
-        (child,) = [each for each in multiprocessing.active_children() if each.name == "yumi-fast-line"]
-        say_ready(child.pid or 0)
+        say_ready(*(each.pid or 0 for each in multiprocessing.active_children() if each.name.startswith(LINE)))
         while not is_over.wait(GLANCE):
             for side in Side:
                 self._guide(side)
-        self.process.stop()
+        self.lines.stop()
 
     def _guide(self, side: Side) -> None:
-        snapshot = peek_snapshot(self.process.boxes[side].snapshots)
+        snapshot = peek_snapshot(self.lines.boxes[side].snapshots)
         if not snapshot.is_running or snapshot.is_commanded:
             return
         try:
-            self.process.ask(SwitchControllers(side, activate=(POSITION,)))
+            self.lines.ask(SwitchControllers(side, activate=(POSITION,)))
         except CommandRefused as refusal:  # the robot fell silent in this moment; it will be looked at again
             print(refusal, file=sys.stderr, flush=True)
         else:
-            put_goal(self.process.boxes[side].goals, snapshot.session, self._goal)
+            put_goal(self.lines.boxes[side].goals, snapshot.session, self._goal)
 
     def _tell(self, event: Event) -> None:
         print(event, file=sys.stderr, flush=True)

@@ -9,7 +9,9 @@
  *
  * Every server under test obeys reply = measured + gain * (goal - measured) on all seven axes (gain 0: an echo). Axis 1
  * moves by a ten-thousandth of a degree per cycle and never comes back, so a reply's axis 1 tells which cycle it
- * answers; the other axes swing smoothly by 10 degrees. All seven values of every reply are checked.
+ * answers; the other axes swing smoothly by 10 degrees. All seven values of every reply are checked. A robot that got
+ * no answer is not where its server thinks it is led, and a server with a guard catches up in steps that are safe: for a
+ * while after an unanswered cycle a reply with other values counts as "recovering", and as the answer to the newest cycle.
  *
  *   lead-in   the robot stands until the server has guided it rightly 25 cycles in a row
  *   warm-up   cycles that are sent but not counted; "begin" is printed before
@@ -44,6 +46,7 @@ static const double OFFSET_DEG = 0.005;   /* goal - start: the reply of a guided
 static const double SWING_DEG = 10.0;
 static const double SWING_CYCLES = 1000.0;
 static const double TOLERANCE_DEG = 1e-6;
+static const long RECOVERY = 50;          /* cycles after an unanswered one in which a guard may still catch up */
 static const int64_t SECOND = 1000000000;
 static const int64_t ANSWER_TIMEOUT = 100000000;  /* ping-pong: after this the reply counts as missed [ns] */
 static const int64_t STRAGGLERS = 50000000;       /* how long replies are still read after the last cycle [ns] */
@@ -148,7 +151,8 @@ static long code_of(const double *axes)
 typedef struct {
     int socket;
     int64_t *sent, *latency; /* per moving cycle, warm-up included; latency 0: no reply */
-    long stale, bad, unparsed, duplicates, right_in_a_row;
+    long stale, bad, recovering, unparsed, duplicates, right_in_a_row;
+    long gap; /* the unanswered cycle sent last */
 } Arm;
 
 static Arm arms[MAX_ARMS];
@@ -175,8 +179,10 @@ static long take_reply(Arm *arm, long cycle)
     if (cycle < 0) { arm->right_in_a_row = is_right(axes, 0) ? arm->right_in_a_row + 1 : 0; return -1; }
     long code = code_of(axes);
     if (code == 0) return -1; /* a late answer to the lead-in */
-    if (code < 0 || code > cycle + 1 || !is_right(axes, code)) { arm->bad++; return -1; }
-    long answered = code - 1; /* code 0 is the lead-in */
+    int is_wrong = code < 0 || code > cycle + 1 || !is_right(axes, code);
+    if (is_wrong && cycle - arm->gap > RECOVERY) { arm->bad++; return -1; }
+    if (is_wrong) arm->recovering++;
+    long answered = is_wrong ? cycle : code - 1; /* code 0 is the lead-in */
     if (arm->latency[answered]) { arm->duplicates++; return -1; }
     arm->latency[answered] = arrived > arm->sent[answered] ? arrived - arm->sent[answered] : 1;
     if (answered != cycle) arm->stale++;
@@ -195,6 +201,7 @@ static void send_all(uint32_t seqno, long cycle)
     measured_at(cycle + 1, axes);
     write_robot(&message, seqno, axes);
     for (int i = 0; i < set.arms; ++i) {
+        if (cycle > 0 && !arms[i].latency[cycle - 1]) arms[i].gap = cycle - 1;
         if (cycle >= 0) arms[i].sent[cycle] = clock_ns(CLOCK_REALTIME);
         if (send(arms[i].socket, message.bytes, message.size, 0) < 0) continue; /* nobody listens: the cycle is missed */
     }
@@ -279,7 +286,7 @@ static void open_arm(int index)
     size_t room = (size_t)(set.warm_up + set.cycles) * sizeof(int64_t);
     arm->socket = socket(AF_INET, SOCK_DGRAM, 0);
     setsockopt(arm->socket, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
-    arm->sent = malloc(room), arm->latency = malloc(room);
+    arm->sent = malloc(room), arm->latency = malloc(room), arm->gap = -2 * RECOVERY;
     if (connect(arm->socket, (struct sockaddr *)&to, sizeof to) || !arm->sent || !arm->latency) { perror("load generator"); exit(2); }
     memset(arm->sent, 0, room), memset(arm->latency, 0, room); /* touched now, not in a cycle */
     readable[index] = (struct pollfd){arm->socket, POLLIN, 0};
@@ -308,8 +315,8 @@ static void report(long cycles, int64_t duration)
         int64_t limit = set.is_ping_pong ? ANSWER_TIMEOUT : set.period;
         for (long c = set.warm_up; c < set.warm_up + cycles; ++c) missed += !arm->latency[c] || arm->latency[c] > limit;
         if (file) fwrite(arm->latency + set.warm_up, sizeof(int64_t), (size_t)cycles, file);
-        printf("%s{\"port\": %d, \"missed\": %ld, \"stale\": %ld, \"bad\": %ld, \"unparsed\": %ld, \"duplicates\": %ld}",
-               i ? ", " : "", set.ports[i], missed, arm->stale, arm->bad, arm->unparsed, arm->duplicates);
+        printf("%s{\"port\": %d, \"missed\": %ld, \"stale\": %ld, \"bad\": %ld, \"recovering\": %ld, \"unparsed\": %ld, \"duplicates\": %ld}",
+               i ? ", " : "", set.ports[i], missed, arm->stale, arm->bad, arm->recovering, arm->unparsed, arm->duplicates);
     }
     puts("]}");
     if (file && fclose(file)) { perror(set.output); exit(2); }

@@ -13,6 +13,6 @@ def end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def say_ready(pid: int) -> None:
-    """Tell the parent that datagrams are answered, and by which process."""
-    print(f"ready {pid}", flush=True)
+def say_ready(*pids: int) -> None:
+    """Tell the parent that datagrams are answered, and by which processes."""
+    print("ready", *pids, flush=True)

@@ -92,7 +92,7 @@ def main() -> None:
     open_ros()
     absent = AbsentRobot()
     grippers = dict.fromkeys(Side, absent)
-    driver = RosDriver(line.process, absent, grippers, settings.gripper.force, settings.ros.merged_rate, SystemClock())
+    driver = RosDriver(line.lines, absent, grippers, settings.gripper.force, settings.ros.merged_rate, SystemClock())
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None

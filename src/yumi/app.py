@@ -2,10 +2,11 @@
 
 ::
 
-    yumi up          process 1   RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, joint-states-r, joint-states-l, fingers, fast-line-events,
-                                            flight-records (when something stops), full-recorder (--record)
-                     process 2   the fast line: both arms' cycles, one thread
+    yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
+                                   threads: executor, streams, joint-states-r, joint-states-l, fingers,
+                                            fast-line-events (two), flight-records (when something stops),
+                                            full-recorder (--record)
+                     process 2, 3  the fast lines: one arm's cycles each, one thread
     yumi controller  one process the world (main thread) and the HTTP server (one thread), under one lock
 """
 
@@ -42,7 +43,8 @@ from yumi.errors import YumiError
 from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
-from yumi.hardware.fast_line import ArmBoxes, FastLineProcess, WiredArm
+from yumi.hardware.fast_line import ArmBoxes, WiredArm
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.rws_client import RwsClient
@@ -73,14 +75,14 @@ class Place:
     Attributes:
         name: the controller's name.
         side: its arm.
-        boxes: what is shared with the other process.
-        shared: what controllers of both arms share, by keys of their own choice.
+        boxes: what its arm shares with the other processes.
+        partner: what the other arm shares with them.
     """
 
     name: str
     side: Side
     boxes: ArmBoxes
-    shared: dict[object, object]
+    partner: ArmBoxes
 
 
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
@@ -88,7 +90,7 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals),
     JointTrajectoryController.kind: lambda place: JointTrajectoryController(place.side, place.boxes.trajectory),
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
-        place.side, place.boxes.dual_trajectory, place.boxes.told, place.boxes.heard
+        place.side, place.boxes.dual_trajectory, place.boxes.dual_status, place.partner.dual_status
     ),
 }
 """How a controller of each type is made."""
@@ -103,6 +105,7 @@ class EgmPlan:
         remote: the robot's address; datagrams from elsewhere are left aside.
         ports: UDP port per arm.
         silence: the robot is lost after this time [s].
+        period: time between two datagrams of an arm [s].
         controllers: what runs on each arm.
     """
 
@@ -110,6 +113,7 @@ class EgmPlan:
     remote: str
     ports: Mapping[Side, int]
     silence: float
+    period: float
     controllers: Controllers
 
 
@@ -123,7 +127,8 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
     remote = resolve(settings.robot.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
     ports = {side: settings.egm.port(side) for side in Side}
-    return EgmPlan(listen, remote, ports, settings.egm.silence, check_controllers(controllers))
+    period = settings.egm_motion.sample_rate * 1e-3
+    return EgmPlan(listen, remote, ports, settings.egm.silence, period, check_controllers(controllers))
 
 
 def check_controllers(controllers: Controllers) -> Controllers:
@@ -132,52 +137,46 @@ def check_controllers(controllers: Controllers) -> Controllers:
     Raises:
         SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    shared: dict[object, object] = {}
-    return {
-        side: start_controllers(_manager_of(side, ArmBoxes(), shared), entries) for side, entries in controllers.items()
-    }
+    boxes = {side: ArmBoxes() for side in Side}
+    return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
 
 
-def _manager_of(side: Side, boxes: ArmBoxes, shared: dict[object, object]) -> ControllerManager:
+def _manager_of(side: Side, boxes: Mapping[Side, ArmBoxes]) -> ControllerManager:
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes, shared))
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other]))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
 
 
-def build_arms(plan: EgmPlan, boxes: Mapping[Side, ArmBoxes]) -> dict[Side, WiredArm]:
-    """Both arms of the fast line, with the controllers that only watch already active."""
-    shared: dict[object, object] = {}
-    return {side: _build_arm(side, plan, boxes[side], shared) for side in Side}
-
-
-def _build_arm(side: Side, plan: EgmPlan, boxes: ArmBoxes, shared: dict[object, object]) -> WiredArm:
+def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> WiredArm:
+    """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
-    arm, manager, guard = _parts_of_arm(side, plan, boxes, shared, socket, stations)
-    line = ArmLine(side, arm, manager, guard, boxes.snapshots, FlightRecorder(boxes.flight), stations)
+    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
+    own = boxes[side]
+    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
 
 def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
     """The stand-in has boxes of its own: nobody looks into them."""
     socket = UdpServer("127.0.0.1", 0)
-    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, ArmBoxes(), {}, socket), SystemClock())
+    boxes = {each: ArmBoxes() for each in Side}
+    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, boxes, socket), SystemClock())
 
 
 def _parts_of_arm(
     side: Side,
     plan: EgmPlan,
-    boxes: ArmBoxes,
-    shared: dict[object, object],
+    boxes: Mapping[Side, ArmBoxes],
     socket: UdpServer,
     stations: StationClock | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes, shared)
+    manager = _manager_of(side, boxes)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS)
+    return EgmArm(socket, session, stations), manager, Guard(YUMI_LIMITS, plan.period)
 
 
 def run_driver(
@@ -215,8 +214,8 @@ def run_driver(
             records.note(event, clock.now(), time.time())
             ros.tell(event)
 
-        fast_line = FastLineProcess(partial(build_arms, plan), on_event, settings.egm.wake)
-        manager = RobotManager(bringup, fast_line, clock)
+        fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
+        manager = RobotManager(bringup, fast_lines, clock)
         grippers = _grippers(client, clock, settings)
         with ExitStack() as stack:
             only = Only(f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}")
@@ -224,20 +223,19 @@ def run_driver(
             stack.callback(only.release)
             open_ros()
             stack.callback(close_ros)
+            force, rate = settings.gripper.force, settings.ros.merged_rate
             limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-            ros = RosDriver(
-                fast_line, manager, grippers, settings.gripper.force, settings.ros.merged_rate, clock, limits
-            )
+            ros = RosDriver(fast_lines, plan.controllers, manager, grippers, force, rate, clock, limits)
             stack.callback(ros.stop)
-            records = Records(settings.recorder, fast_line.recorders, ros.say)
+            records = Records(settings.recorder, fast_lines.recorders, ros.say)
             stack.callback(records.close)
             if record:
                 records.record_all(record, time.time() - clock.now())
-            fast_line.start()
-            stack.callback(fast_line.stop)
+            fast_lines.start()
+            stack.callback(fast_lines.stop)
             stack.callback(_end_motion, manager, ros.say)
             ros.start()
-            ros.say(f"Connected to {client.address}. {fast_line.started_as}")
+            ros.say(f"Connected to {client.address}. {fast_lines.started_as}")
             ros.make_ready()
             on_ready()
             is_over.wait()

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
@@ -300,11 +299,3 @@ def _check_range(item: Field[Any], value: object, place: str) -> None:
     lowest, highest, unit = (item.metadata[key] for key in ("lowest", "highest", "unit"))
     if not lowest <= value <= highest:
         raise SettingsError(f"{place} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}".rstrip() + ".")
-
-
-def is_loopback(address: str) -> bool:
-    """Whether ``address`` is this machine itself."""
-    try:
-        return ip_address(address).is_loopback
-    except ValueError:
-        return address == "localhost"

@@ -64,7 +64,7 @@ class Manager:
         self.name = name
         self.namespace = name.rpartition("/")[0]
 
-    def call(self, service: str, **fields: Any) -> Any:
+    def call(self, service: str, /, **fields: Any) -> Any:
         kind = SERVICES[service]
         return self.client.call(kind, f"{self.name}/{service}", kind.Request(**fields), CALL_TIMEOUT)
 
@@ -137,3 +137,15 @@ def texts(values: list[str]) -> ParameterValue:
 
 def number(value: float) -> ParameterValue:
     return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+
+
+def numbers(values: list[float]) -> ParameterValue:
+    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=values)
+
+
+def integer(value: int) -> ParameterValue:
+    return ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=value)
+
+
+def boolean(value: bool) -> ParameterValue:
+    return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)

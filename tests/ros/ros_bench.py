@@ -14,7 +14,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy
 from rcl_interfaces.msg import Log
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 
 from yumi.links.command import Command
 from yumi.links.udp import free_port
@@ -54,11 +54,12 @@ class Robot:
 class Client:
     """A node that listens and calls; everything waits for what it waits for."""
 
-    def __init__(self) -> None:
+    def __init__(self, executor: Executor | None = None) -> None:
         self.node: Any = rclpy.create_node("test_client")
         self.sentences: list[str] = []
-        self._executor = SingleThreadedExecutor()
+        self._executor = executor or SingleThreadedExecutor()
         self._executor.add_node(self.node)
+        self._callers: dict[str, Any] = {}
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
 
     def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT) -> None:
@@ -69,11 +70,13 @@ class Client:
             self._executor.spin_once(timeout_sec=0.05)
 
     def call(self, kind: Any, name: str, request: Any = None, timeout: float = TIMEOUT) -> Any:
-        client = self.node.create_client(kind, name)
-        self.until(client.service_is_ready)
-        future = client.call_async(request or kind.Request())
+        """Call a service; who calls is kept, since finding a service again may take DDS seconds."""
+        if name not in self._callers:
+            self._callers[name] = self.node.create_client(kind, name)
+        caller = self._callers[name]
+        self.until(caller.service_is_ready)
+        future = caller.call_async(request or kind.Request())
         self.until(future.done, timeout)
-        self.node.destroy_client(client)
         return future.result()
 
     def hears(self, part: str) -> Callable[[], bool]:

@@ -9,7 +9,7 @@ from queue import Queue
 
 import pytest
 
-from yumi.app import EgmPlan, build_arms
+from yumi.app import EgmPlan, build_arm
 from yumi.control.goals import put_goal
 from yumi.control.lifecycle import State
 from yumi.control.requests import Event, ListControllers, SessionLost, SetParameters, SwitchControllers
@@ -17,9 +17,10 @@ from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
 from yumi.errors import CommandRefused, NoConnection
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.links.poller import Poller
 from yumi.links.udp import UdpClient, UdpServer, free_port
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side
 from yumi.settings import read_controllers
 
@@ -63,13 +64,13 @@ def events() -> Queue[Event]:
 
 
 @pytest.fixture
-def fast_line(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[FastLineProcess]:
+def fast_lines(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[FastLines]:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
-    process = FastLineProcess(partial(build_arms, plan), events.put)
-    process.start()
-    yield process
-    process.stop()
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
+    lines = FastLines(partial(build_arm, plan), events.put)
+    lines.start()
+    yield lines
+    lines.stop()
 
 
 @pytest.fixture
@@ -79,59 +80,57 @@ def robot(ports: Mapping[Side, int]) -> Iterator[Robot]:
     robot.close()
 
 
-def snapshot(fast_line: FastLineProcess) -> Snapshot:
+def snapshot(fast_lines: FastLines) -> Snapshot:
     """After the bell: the snapshot is written before it rings."""
-    assert fast_line.boxes[RIGHT].bell.acquire(timeout=5.0)
-    return peek_snapshot(fast_line.boxes[RIGHT].snapshots)
+    assert fast_lines.boxes[RIGHT].bell.acquire(timeout=5.0)
+    return peek_snapshot(fast_lines.boxes[RIGHT].snapshots)
 
 
-def test_fast_line_answers_with_the_measured_position_then_follows_goals(
-    fast_line: FastLineProcess, robot: Robot
-) -> None:
+def test_fast_line_answers_with_the_measured_position_then_follows_goals(fast_lines: FastLines, robot: Robot) -> None:
     assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
-    assert snapshot(fast_line).is_running
-    fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
-    put_goal(fast_line.boxes[RIGHT].goals, 1, ELSEWHERE)
+    assert snapshot(fast_lines).is_running
+    fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+    put_goal(fast_lines.boxes[RIGHT].goals, 1, ELSEWHERE)
     reply = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.004))
     assert reply.position is not None
     assert 0.0 < (reply.position[0] or 0.0) < 0.2
 
 
-def test_fast_line_lists_its_controllers(fast_line: FastLineProcess) -> None:
-    infos = fast_line.ask(ListControllers(RIGHT)).controllers
+def test_fast_line_lists_its_controllers(fast_lines: FastLines) -> None:
+    infos = fast_lines.ask(ListControllers(RIGHT)).controllers
     assert {info.name: info.state for info in infos} == {
         "joint_state_broadcaster": State.ACTIVE,
         POSITION: State.INACTIVE,
     }
 
 
-def test_fast_line_refuses_to_start_controllers_before_egm_runs(fast_line: FastLineProcess) -> None:
+def test_fast_line_refuses_to_start_controllers_before_egm_runs(fast_lines: FastLines) -> None:
     with pytest.raises(CommandRefused, match="EGM is not running on this arm"):
-        fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+        fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
 
 
-def test_fast_line_refuses_a_gain_out_of_range(fast_line: FastLineProcess) -> None:
+def test_fast_line_refuses_a_gain_out_of_range(fast_lines: FastLines) -> None:
     with pytest.raises(CommandRefused, match="'p' of controller 'joint_position_controller' is 9"):
-        fast_line.ask(SetParameters(RIGHT, POSITION, {"p": 9.0}))
+        fast_lines.ask(SetParameters(RIGHT, POSITION, {"p": 9.0}))
 
 
 def test_fast_line_tells_that_the_robot_is_lost_within_100_ms(
-    fast_line: FastLineProcess, robot: Robot, events: Queue[Event]
+    fast_lines: FastLines, robot: Robot, events: Queue[Event]
 ) -> None:
     robot.exchange(MESSAGE)
     while not isinstance(event := events.get(timeout=5.0), SessionLost):
         continue
     assert event.side is RIGHT
     assert event.silence < 0.1
-    assert not peek_snapshot(fast_line.boxes[RIGHT].snapshots).is_streaming
+    assert not peek_snapshot(fast_lines.boxes[RIGHT].snapshots).is_streaming
 
 
 def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, controllers)
-    process = FastLineProcess(partial(build_arms, plan), events.put)
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
+    lines = FastLines(partial(build_arm, plan), events.put)
     with (
         UdpServer("127.0.0.1", ports[RIGHT]),
         pytest.raises(NoConnection, match=f"UDP port {ports[RIGHT]} is taken"),
     ):
-        process.start()
+        lines.start()

@@ -13,7 +13,7 @@ import pytest
 
 from system.test_fast_line_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
-from yumi.app import EgmPlan, build_arms
+from yumi.app import EgmPlan, build_arm
 from yumi.clock import SystemClock
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
@@ -22,7 +22,7 @@ from yumi.control.requests import Event, SwitchControllers, is_fault
 from yumi.control.stations import StationClock
 from yumi.evaluation.recording import Recording, read_recording
 from yumi.evaluation.records import Records
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.links.pipe import ChildProcess, PipeEnd
 from yumi.links.shared_memory import SharedNumbers, shared_numbers
 from yumi.links.udp import free_port
@@ -116,23 +116,23 @@ def port() -> int:
 
 
 @pytest.fixture
-def fast_line(port: int, events: Queue[Event]) -> Iterator[FastLineProcess]:
+def fast_lines(port: int, events: Queue[Event]) -> Iterator[FastLines]:
     controllers = {side: read_controllers(side) for side in Side}
-    plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, controllers)
-    process = FastLineProcess(partial(build_arms, plan), events.put)
-    process.start()
-    yield process
-    process.stop()
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, CYCLE, controllers)
+    lines = FastLines(partial(build_arm, plan), events.put)
+    lines.start()
+    yield lines
+    lines.stop()
 
 
 def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
-    fast_line: FastLineProcess, port: int, events: Queue[Event], tmp_path: Path
+    fast_lines: FastLines, port: int, events: Queue[Event], tmp_path: Path
 ) -> None:
-    records = Records(RecorderSettings(str(tmp_path)), fast_line.recorders, lambda sentence: None)
+    records = Records(RecorderSettings(str(tmp_path)), fast_lines.recorders, lambda sentence: None)
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
-        fast_line.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
-        put_goal(fast_line.boxes[RIGHT].goals, 1, ELSEWHERE)
+        fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+        put_goal(fast_lines.boxes[RIGHT].goals, 1, ELSEWHERE)
         for seqno in range(1, 6):
             robot.exchange(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
     while not is_fault(event := events.get(timeout=5.0)):

@@ -17,16 +17,18 @@ from yumi.control.requests import (
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
+    SessionResumed,
     SessionStarted,
     Strictness,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
 from yumi.control.stations import AFTER_REPLY, StationClock
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 from yumi.robot.values import ZERO, ArmState
 
-INTERRUPTION = 0.020
-"""Feedback that has not come for five cycles is interrupted [s]; later, by the session's own limit, it is lost."""
+INTERRUPTION = 5
+"""Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
 
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
@@ -43,6 +45,7 @@ class ArmLine:
         snapshots: where the outside world looks.
         recorder: what remembers the cycles; without one it has its own, which nobody reads.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
+        period: time between two datagrams of the arm [s].
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class ArmLine:
         snapshots: Mailbox,
         recorder: FlightRecorder | None = None,
         stations: StationClock | None = None,
+        period: float = CYCLE,
     ) -> None:
         self.manager = manager
         self._side = side
@@ -63,7 +67,9 @@ class ArmLine:
         self._recorder = recorder or FlightRecorder(flight_memory())
         self._stations = stations or StationClock()
         self._last: Cycle | None = None
-        self._answered: Cycle | None = None
+        self._interruption = INTERRUPTION * period
+        self._session = 0
+        self._foreign = 0
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
@@ -82,19 +88,8 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
-        self.answer(now)
-        return self.finish()
-
-    def answer(self, now: float) -> bool:
-        """Answer the newest datagram; tells whether there was one. What can wait is left to :meth:`finish`."""
-        self.finish()
         self._stations.begin(now)
-        self._answered = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
-        return self._answered is not None
-
-    def finish(self) -> Cycle | None:
-        """Do what the answered cycle has left; the cycle, or None when there was nothing left to do."""
-        cycle, self._answered = self._answered, None
+        cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)
         return cycle
@@ -129,11 +124,21 @@ class ArmLine:
 
     def _watch_interruption(self, now: float) -> None:
         """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
-        if self._last is None or self._is_interrupted or self._arm.silence(now) <= INTERRUPTION:
+        if self._last is None:
+            self._watch_strangers(now)
+            return
+        if self._is_interrupted or self._arm.silence(now) <= self._interruption:
             return
         self._is_interrupted = True
         self._interruptions += 1
         self.publish(now)
+
+    def _watch_strangers(self, now: float) -> None:
+        """Who waits for a robot wants to know that somebody else is speaking."""
+        foreign = self._arm.wire_counters().foreign
+        if foreign != self._foreign:
+            self._foreign = foreign
+            self.publish(now)
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
@@ -157,9 +162,11 @@ class ArmLine:
         self._recorder.record(cycle, self.manager.reference, self._stations)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
-        if before is None or before.session != state.session:
+        if state.session != self._session:
+            self._session, before = state.session, None
             self._events.append(SessionStarted(self._side, state.session, self.manager.deactivate_commanding()))
-            before = None
+        elif before is None:
+            self._events.append(SessionResumed(self._side, state.session))
         was_running = before is not None and before.is_running
         if state.is_running and not was_running:
             self._events.append(RobotFollows(self._side))
@@ -192,6 +199,7 @@ class ArmLine:
                 stale=wire.stale,
                 repeated=wire.repeated,
                 malformed=wire.malformed,
+                foreign=wire.foreign,
                 refused=guard.refused,
                 position_limited=guard.position_limited,
                 slowed=guard.slowed,

@@ -13,6 +13,7 @@ from yumi.robot.cycle import CYCLE
 
 _STEADINESS = 1.0 / 64.0  # weight of one interval in the learned period
 _BELIEVED = (0.5, 1.5)  # intervals outside of this share of the period are gaps or bursts, not the period
+_ANOTHER_PERIOD = 8  # so many intervals in a row that are not believed are the period after all
 _GROWTH = 1.5
 _SHRINKAGE = 0.995
 _SMALLEST = 50e-6  # [s] less than any sleep is late
@@ -29,6 +30,7 @@ class ArrivalForecast:
         self.period = CYCLE
         self.margin = _SMALLEST * 4
         self._largest_share = largest_share
+        self._unbelieved = 0
         self._last = -inf
 
     def note_arrival(self, now: float, *, was_waiting: bool) -> None:
@@ -40,11 +42,19 @@ class ArrivalForecast:
         """
         interval = now - self._last
         self._last = now
+        self._learn(interval)
+        factor = _GROWTH if was_waiting else _SHRINKAGE
+        self.margin = min(max(self.margin * factor, _SMALLEST), self._largest_share * self.period)
+
+    def _learn(self, interval: float) -> None:
         low, high = _BELIEVED
         if low * self.period < interval < high * self.period:
             self.period += _STEADINESS * (interval - self.period)
-        factor = _GROWTH if was_waiting else _SHRINKAGE
-        self.margin = min(max(self.margin * factor, _SMALLEST), self._largest_share * self.period)
+            self._unbelieved = 0
+            return
+        self._unbelieved += 1
+        if self._unbelieved == _ANOTHER_PERIOD:
+            self.period, self._unbelieved = interval, 0
 
     def wake_at(self) -> float:
         """When to be awake for the next datagram [s]; minus infinity before the first."""

@@ -76,16 +76,26 @@ class FeedForward:
         most, strength, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
         wanted = lead + max(-most, min(most, speed))
         room = limits.upper[index] - now if wanted > 0.0 else now - limits.lower[index]
-        top = min(most, _speed_to_stop(room, strength, jerk))
-        admitted, self._rates[index] = _bounded(wanted, last, self._rates[index], top, strength, jerk, dt)
+        top = min(most, speed_to_stop(room, strength, jerk))
+        admitted, self._rates[index] = ramped(wanted, last, self._rates[index], top, strength, jerk, dt)
         self._speeds[index] = admitted
         return admitted - lead
 
 
-def _bounded(
+def ramped(
     wanted: float, last: float, rate: float, top: float, strength: float, jerk: float, dt: float
 ) -> tuple[float, float]:
-    """The speed after ``dt`` [s] and its rate of change, on the way from ``last`` to ``wanted`` [rad/s]."""
+    """The speed after ``dt`` [s] and its rate of change, on the way from ``last`` to ``wanted`` [rad/s].
+
+    Args:
+        wanted: the speed to come to; one that changes smoothly is followed at once.
+        last: the speed so far.
+        rate: its rate of change so far [rad/s²].
+        top: highest speed allowed.
+        strength: highest rate of change allowed [rad/s²].
+        jerk: highest change of that rate allowed [rad/s³].
+        dt: time that passes [s] > 0.
+    """
     change = (wanted - last) / dt
     if (
         abs(wanted) <= top * _ROUNDING
@@ -102,7 +112,7 @@ def _bounded(
     return last + change * dt, change
 
 
-def _speed_to_stop(room: float, strength: float, jerk: float) -> float:
+def speed_to_stop(room: float, strength: float, jerk: float) -> float:
     """How fast a joint may be that has ``room`` [rad] to stop in, see ``shaper``'s way to stop [rad/s]."""
     if room <= 0.0:
         return 0.0

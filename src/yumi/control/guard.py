@@ -12,6 +12,7 @@ from math import copysign, isfinite
 
 from yumi.control.feed_forward import EGM_GAIN, FeedForward
 from yumi.control.shaper import MotionShaper
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -20,8 +21,8 @@ FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
 
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
-LONGEST_STEP = 0.005
-"""A gap in the feedback gives no more room to move than a late cycle [s]: the robot takes it within one of its own."""
+LATE_CYCLE = 1.25
+"""A gap in the feedback gives no more room to move than a cycle late by a quarter: the robot takes it at once."""
 
 
 @dataclass(slots=True)
@@ -42,14 +43,20 @@ class GuardCounters:
 class Guard:
     """Admits commands of one arm.
 
+    Attributes:
+        counters: what it changed so far.
+        longest_step: no command moves further than the joints may within this time [s].
+
     Args:
         limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves, and how
             the robot moves where a speed is fed forward too.
+        period: time between two states of the arm [s].
         gain: of the robot's position loop [1/s].
     """
 
-    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN) -> None:
+    def __init__(self, limits: JointLimits, period: float = CYCLE, gain: float = EGM_GAIN) -> None:
         self.counters = GuardCounters()
+        self.longest_step = LATE_CYCLE * period
         self._limits = limits
         self._session = 0
         self._shaper = MotionShaper(limits)
@@ -64,16 +71,13 @@ class Guard:
         """
         if wanted is not None and self._passes_at_once(state, wanted):
             return wanted
-        dt = min(state.dt, LONGEST_STEP)
+        dt = min(state.dt, self.longest_step)
         if state.session != self._session or not state.is_running:
             self._session = state.session
             return self._begin(state.position)
         if dt <= 0.0:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
-        if wanted is None:
-            return self._hold(state, dt)
-        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
-            self.counters.refused += 1
+        if wanted is None or not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self._is_at_rest = False
         position = self._shape(self._inside(wanted.position), dt)
@@ -81,8 +85,8 @@ class Guard:
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
-        if not self._is_at_rest and state.dt > 0.0:
-            self._shaper.look_ahead(min(state.dt, LONGEST_STEP))
+        if not self._is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
+            self._shaper.look_ahead(min(state.dt, self.longest_step))
 
     def _passes_at_once(self, state: ArmState, wanted: ArmCommand) -> bool:
         """Whether there is nothing to do about ``wanted``: what most commands are."""
@@ -127,6 +131,23 @@ class Guard:
         self.counters.slowed += 1
         return self._shaper.approach(position, dt)
 
+    def _may_go_on(self, state: ArmState, wanted: ArmCommand) -> bool:
+        if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
+            self.counters.refused += 1
+            return False
+        if not self._is_near(state, 1.0):
+            self.counters.slowed += 1
+            return False
+        return True
+
+    def _is_near(self, state: ArmState, share: float) -> bool:
+        """Whether the robot's speed, and a ``share`` of what its acceleration can add, explain how far we are ahead.
+
+        Else the robot does not get what we say, and all that piles up would reach it as one blow.
+        """
+        leads = zip(self._shaper.position, state.planned, state.velocity, self._limits.acceleration, strict=True)
+        return all(abs(last - now) < share * _useful_lead(speed, gain) for last, now, speed, gain in leads)
+
     def _inside(self, position: Joints) -> Joints:
         """Cut at the range; an arm that stands outside of it may come back but not go further."""
         lower, upper, last = self._limits.lower, self._limits.upper, self._shaper.position
@@ -137,7 +158,11 @@ class Guard:
         return joints([max(min(low, now), min(max(high, now), value)) for low, high, now, value in ranges])
 
 
+def _useful_lead(speed: float, acceleration: float) -> float:
+    """The lead [rad] at which a robot seen at ``speed`` [rad/s] may have come to move; more does not move it faster."""
+    return (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
+
+
 def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:
-    """A lead [rad] after one step of braking; what exceeds the robot's speed [rad/s] does not move it any faster."""
-    useful = (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
-    return copysign(max(0.0, min(abs(lead), useful) - acceleration / EGM_GAIN * dt), lead)
+    """A lead [rad] after one step of braking."""
+    return copysign(max(0.0, min(abs(lead), _useful_lead(speed, acceleration)) - acceleration / EGM_GAIN * dt), lead)

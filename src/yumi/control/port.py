@@ -18,6 +18,7 @@ class WireCounters(NamedTuple):
         stale: states that arrived after a newer one was answered.
         repeated: states that arrived before.
         malformed: datagrams that could not be read.
+        foreign: datagrams from other addresses than the robot's.
         jitter: mean difference of two datagrams' delays [s].
         worst_jitter: the largest such difference [s].
         drift_ppm: by how much the robot's clock is faster than ours [ppm].
@@ -31,6 +32,7 @@ class WireCounters(NamedTuple):
     stale: int = 0
     repeated: int = 0
     malformed: int = 0
+    foreign: int = 0
     jitter: float = 0.0
     worst_jitter: float = 0.0
     drift_ppm: float = 0.0

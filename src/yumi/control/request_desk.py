@@ -1,4 +1,4 @@
-"""Carries out what is asked of the fast line, between two cycles of both arms."""
+"""Carries out what is asked of the fast line, between two cycles."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from yumi.control.arm_line import ArmLine
 from yumi.control.requests import (
+    CheckOrders,
     CleanupController,
     ConfigureController,
     Done,
@@ -23,7 +24,6 @@ from yumi.control.requests import (
     SendOrders,
     SetHardwareState,
     SetParameters,
-    Stop,
     SwitchControllers,
     UnloadController,
 )
@@ -34,7 +34,7 @@ Serve = Callable[[ArmLine, Any, float], Done]
 
 
 class RequestDesk:
-    """Serves requests one after the other; both arms' cycles have to rest meanwhile.
+    """Serves requests one after the other; the arms' cycles have to rest meanwhile.
 
     Args:
         lines: the arms.
@@ -53,14 +53,14 @@ class RequestDesk:
             return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
 
     def _carry_out(self, request: Request, now: float) -> Done:
-        if isinstance(request, Stop):
-            return Done()
+        if isinstance(request, CheckOrders):
+            return self._check_orders(request.orders)
         if isinstance(request, SendOrders):
             return self._send_orders(request.orders)
         return _SERVED[type(request)](self._lines[request.side], request, now)
 
-    def _send_orders(self, orders: tuple[Order, ...]) -> Done:
-        """All are checked before any is taken; a second one for a controller could rest on what the first changes."""
+    def _check_orders(self, orders: tuple[Order, ...]) -> Done:
+        """A second order for a controller could rest on what the first changes."""
         addressees = Counter((order.side, order.controller) for order in orders)
         for (side, name), count in addressees.items():
             if count > 1:
@@ -68,6 +68,11 @@ class RequestDesk:
         for order in orders:
             line = self._lines[order.side]
             line.manager.check(order.controller, order.message, line.state)
+        return Done()
+
+    def _send_orders(self, orders: tuple[Order, ...]) -> Done:
+        """All are checked before any is taken."""
+        self._check_orders(orders)
         for order in orders:
             line = self._lines[order.side]
             line.manager.receive(order.controller, order.message, line.state)

@@ -145,15 +145,22 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
+class CheckOrders:
+    """Tell whether controllers could take their orders; nothing is changed."""
+
+    orders: tuple[Order, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SendOrders:
-    """Have controllers of both arms take their orders between the same two cycles, all or none."""
+    """Have controllers of one arm or of both take their orders between two cycles, all or none."""
 
     orders: tuple[Order, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """End the fast line; every arm holds until its robot has been told to stop."""
+    """End the fast line when its arm stands."""
 
 
 ArmRequest = (
@@ -171,7 +178,9 @@ ArmRequest = (
 )
 """What concerns one arm."""
 
-Request = ArmRequest | SendOrders | Stop
+Orders = CheckOrders | SendOrders
+
+Request = ArmRequest | Orders
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +233,18 @@ class SessionStarted:
             f"{arm} arm: the robot began EGM session {self.session} in the middle of a motion; "
             f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
         )
+
+
+@dataclass(frozen=True, slots=True)
+class SessionResumed:
+    """The robot's datagrams arrive again after a silence during which it went on with its session."""
+
+    side: Side
+    session: int
+
+    def __str__(self) -> str:
+        arm = self.side.word.capitalize()
+        return f"{arm} arm: EGM feedback is back, session {self.session} goes on and the arm holds."
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,14 +342,15 @@ class CycleFailed:
 
 @dataclass(frozen=True, slots=True)
 class FastLineEnded:
-    """The fast-line process has ended by itself."""
+    """An arm's fast-line process has ended by itself."""
 
+    side: Side
     exit_code: int | None
 
     def __str__(self) -> str:
         return (
-            f"The fast-line process has ended (exit code {self.exit_code}); the robot gets no answers any more and "
-            "keeps its last references. Stop EGM and restart the driver."
+            f"{self.side.word.capitalize()} arm: its fast-line process has ended (exit code {self.exit_code}); the "
+            "robot gets no answers any more and keeps its last references. Stop EGM and restart the driver."
         )
 
 
@@ -339,13 +361,14 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
 
 
-ArmEvent = (
+Event = (
     SessionStarted
+    | SessionResumed
     | SessionLost
     | RobotFollows
     | RobotStoppedFollowing
     | ControllerFailed
     | ControllerNotice
     | CycleFailed
+    | FastLineEnded
 )
-Event = ArmEvent | FastLineEnded

@@ -9,7 +9,7 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 21
+_SCALARS = 22
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
 
@@ -36,6 +36,7 @@ class Snapshot:
         stale: datagrams that arrived after a newer one was answered.
         repeated: datagrams that arrived before.
         malformed: datagrams that could not be read.
+        foreign: datagrams from other addresses than the robot's.
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
@@ -63,6 +64,7 @@ class Snapshot:
     stale: int = 0
     repeated: int = 0
     malformed: int = 0
+    foreign: int = 0
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
@@ -98,6 +100,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.stale,
             snapshot.repeated,
             snapshot.malformed,
+            snapshot.foreign,
             snapshot.refused,
             snapshot.position_limited,
             snapshot.slowed,
@@ -123,8 +126,9 @@ def peek_snapshot(box: Mailbox) -> Snapshot:
 def _from_values(values: Values) -> Snapshot:
     time, session, streaming, running, activation, activity, *numbers = values[:_SCALARS]
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
-    counts = (int(number) for number in numbers[:-4])
-    cycles, missed, lost, late, stale, repeated, malformed, refused, position_limited, slowed, interruptions = counts
+    counts = [int(number) for number in numbers[:-4]]
+    cycles, missed, lost, late, stale, repeated, malformed, foreign = counts[:8]
+    refused, position_limited, slowed, interruptions = counts[8:]
     position, velocity, admitted, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
@@ -146,6 +150,7 @@ def _from_values(values: Values) -> Snapshot:
         stale=stale,
         repeated=repeated,
         malformed=malformed,
+        foreign=foreign,
         refused=refused,
         position_limited=position_limited,
         slowed=slowed,

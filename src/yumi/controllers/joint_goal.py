@@ -7,23 +7,33 @@ beside its position, so that the robot's own loop has no error left to make spee
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
-from yumi.control.controller import Controller, Parameter
+from yumi.control.calming import STANDING, Calming, largest_difference
+from yumi.control.controller import Controller
 from yumi.control.goals import check_position, peek_goal
-from yumi.control.guard import LONGEST_STEP
+from yumi.control.guard import LATE_CYCLE
 from yumi.control.mailbox import Mailbox
+from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
-STANDING = 0.05
-"""An arm whose joints all move slower than this has come to rest at its goal [rad/s]; positions jitter."""
+_PARAMETERS = (
+    Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
+    Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
+    Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
+    Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
+    Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
+    Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
+)
+_DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
 class GoalOutcome(Enum):
@@ -81,40 +91,43 @@ class GoalEnded:
 class JointGoalController(Controller):
     """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
 
-    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice.
+    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice. An arm that moves when the
+    controller is activated is held until it stands, and then sent to its goal: what commanded it until then may have
+    led it by another law, whose command is no place to go on from.
 
     Args:
         goals: where goals arrive that nobody waits for, see :mod:`yumi.control.goals`.
         limits: what the joints may do.
+        period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
     """
 
     kind = "yumi_controllers/JointGoalController"
-    parameters = (
-        Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
-        Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
-        Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
-        Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
-        Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
-        Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
-    )
 
-    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS, period: float = CYCLE) -> None:
+        self._longest_step = LATE_CYCLE * period  # the guard's
         self._goals = goals
         self._limits = limits
-        self._values = {parameter.name: parameter.default for parameter in self.parameters}
+        self._values: Mapping[str, float] = _DEFAULTS
         self._letter = 0
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
-        self._rest(Setpoint(ZERO))
+        self._calming: Calming | None = None
+        self._rest_at(ZERO)
 
-    def configure(self, values: dict[str, float]) -> None:
-        self._values = dict(values)
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return _PARAMETERS
+
+    def configure(self, values: Values) -> None:
+        self._values = {item.name: number(values, item.name) for item in _PARAMETERS}
+
+    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
 
     def activate(self, state: ArmState) -> None:
         self._order = None
         letter = self._goals.peek()
         self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
-        self._begin_from(state)
+        self._hold(state)
 
     def deactivate(self) -> None:
         self._end(GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
@@ -136,7 +149,9 @@ class JointGoalController(Controller):
         letter = self._goals.peek()
         if letter is not None and letter[0] != self._letter:
             self._take(state)
-        self._time += min(state.dt, LONGEST_STEP)
+        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
+            return None
+        self._time += min(state.dt, self._longest_step)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
             self._watch(state)
@@ -189,15 +204,24 @@ class JointGoalController(Controller):
             raise CommandRefused(f"Goal refused: {name} is {value}; allowed is above 0 up to 1.")
         return value
 
-    def _begin_from(self, state: ArmState) -> None:
-        """From where the robot is heading, at the speed it has, to rest: nothing jumps, and no load makes it creep."""
-        velocity = state.velocity if max(map(abs, state.velocity)) > STANDING else ZERO
-        self._setpoint = Setpoint(state.planned, velocity)
-        self._start(stop(self._setpoint, self._limits))
+    def _hold(self, state: ArmState) -> None:
+        self._calming = Calming(state)
+        self._rest_at(state.planned)
 
-    def _rest(self, setpoint: Setpoint) -> None:
-        self._setpoint = setpoint
-        self._start(PointMotion(None, setpoint.position))
+    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+        """Once it has, the order that came meanwhile begins, from where the robot plans to be: loads make it creep."""
+        self._setpoint = Setpoint(state.planned)
+        if not calming.is_over(state):
+            return False
+        self._calming = None
+        self._rest_at(state.planned)
+        if self._order is not None:
+            self._start(self._planned(self._order)[1])
+        return True
+
+    def _rest_at(self, position: Joints) -> None:
+        self._setpoint = Setpoint(position)
+        self._start(PointMotion(None, position))
 
     def _start(self, motion: PointMotion) -> None:
         self._motion = motion
@@ -205,11 +229,11 @@ class JointGoalController(Controller):
 
     def _watch(self, state: ArmState) -> None:
         values, wanted = self._values, self._setpoint.position
-        worst = _largest(state.position, wanted)
+        worst = largest_difference(state.position, wanted)
         if self._time < self._motion.duration:
             if 0.0 < values["path_tolerance"] < worst:
                 self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
-                self._begin_from(state)
+                self._hold(state)
         elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
             self._end(GoalOutcome.REACHED, "the goal is reached")
         elif self._time > self._motion.duration + values["goal_time"]:
@@ -236,7 +260,3 @@ def check_goal(position: Joints) -> None:
         raise CommandRefused(f"Goal refused: it has {len(position)} positions; an arm has {JOINT_COUNT} joints.")
     for index, value in enumerate(position):
         check_position(f"axis {CHAIN_AXES[index]}", index, value)
-
-
-def _largest(left: Joints, right: Joints) -> float:
-    return max(abs(a - b) for a, b in zip(left, right, strict=True))

@@ -1,8 +1,8 @@
 """One robot's EGM conversation as we see it: which datagrams count, when a session begins, when the robot is silent.
 
 The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
-(reference/egm.md §2.1, §4). A robot that comes back after a silence counts as a new session here too, so that
-whatever begins with a session begins without a jump.
+(reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the
+session goes on and so does what it was last told, or it has begun anew, then everything begins at where it stands.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 from yumi.egm.arrivals import Arrivals
 from yumi.errors import ProtocolError
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints
 
 SILENCE = 0.020
@@ -28,6 +29,7 @@ LARGEST_GAP = 64
 STRAGGLER = 1.0
 """A datagram older than this by the robot's clock is none: the clock was set [s]."""
 
+_CLOCK_TOLERANCE = 0.05  # by so much the time a robot needed for its datagrams may differ from their number
 _WINDOW = (2 << REORDERED) - 1
 
 
@@ -89,6 +91,7 @@ class SensorSession(Generic[Message]):
     Attributes:
         number: number of the session, 0 before the first.
         is_first: whether the message accepted last is the first of its session.
+        is_resumed: whether it is the first after a silence that the session has outlived.
         arrivals: how regularly its datagrams come.
         last_error: what was wrong with the malformed datagram that came last.
     """
@@ -97,12 +100,12 @@ class SensorSession(Generic[Message]):
         self.counters = SessionCounters()
         self.arrivals = Arrivals()
         self.number = 0
-        self.is_first = False
+        self.is_first = self.is_resumed = False
         self.last_error = ""
         self._codec = codec
         self._silence = silence
         self._first_seqno = self._last_seqno = -1
-        self._last_time = 0.0
+        self._first_time = self._last_time = 0.0
         self._last_arrival = -inf
         self._seen = 0  # a bit for each of the newest sequence numbers, bit 0 for the last
         self._sent = 0  # datagrams the robot sent since the one settled last
@@ -125,7 +128,7 @@ class SensorSession(Generic[Message]):
             What is to be answered, or None.
         """
         accepted: Message | None = None
-        self.is_first = False
+        self.is_first = self.is_resumed = False
         for datagram in datagrams:
             try:
                 message = self._codec.decode(datagram)
@@ -169,13 +172,10 @@ class SensorSession(Generic[Message]):
 
     def _is_newest(self, message: Message, now: float) -> bool:
         ahead = message.seqno - self._last_seqno
-        if not self._is_open or (now - self._last_arrival > self._silence and ahead != 1):
-            self._begin(message, now)  # the very next number after a long time: not the robot was silent, we were
-        elif 0 < ahead <= LARGEST_GAP:
-            self.counters.lost += ahead - 1
-            self._seen = (self._seen << ahead | 1) & _WINDOW
-            self._sent += ahead
-        elif self._is_old(ahead, message.measured_time):
+        is_heard = self._is_open and now - self._last_arrival <= self._silence
+        if self._goes_on(message, ahead, now, is_heard=is_heard):
+            self._go_on(ahead)
+        elif is_heard and self._is_old(ahead, message.measured_time):
             self._count_old(-ahead)
             return False
         else:
@@ -184,12 +184,35 @@ class SensorSession(Generic[Message]):
         self._last_seqno, self._last_time, self._last_arrival = message.seqno, message.measured_time, now
         return True
 
+    def _goes_on(self, message: Message, ahead: int, now: float, *, is_heard: bool) -> bool:
+        if ahead == 1 and self._is_open:
+            return True  # after a long time: not the robot was silent, we were
+        if is_heard:
+            return 0 < ahead <= LARGEST_GAP
+        return ahead > 0 and self.number > 0 and self._has_counted_on(message, ahead, now)
+
+    def _has_counted_on(self, message: Message, ahead: int, now: float) -> bool:
+        """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours."""
+        since = self._last_time - self._first_time
+        cycle = since / (self._last_seqno - self._first_seqno) if since > 0.0 else CYCLE
+        passed = message.measured_time - self._last_time
+        tolerance = cycle + _CLOCK_TOLERANCE * passed
+        return abs(passed - ahead * cycle) <= tolerance and abs(passed - self.silence(now)) <= tolerance + self._silence
+
+    def _go_on(self, ahead: int) -> None:
+        self.is_resumed = self.is_resumed or not self._is_open
+        self._is_open = True
+        self.counters.lost += ahead - 1
+        self._seen = (self._seen << min(ahead, REORDERED + 1) | 1) & _WINDOW
+        self._sent += ahead
+
     def _begin(self, message: Message, now: float) -> None:
         self._is_open = self.is_first = True
+        self.is_resumed = False
         self.number += 1
         self._reply_seqno = self._sent = 0
         self._seen = 1
-        self._first_seqno = message.seqno
+        self._first_seqno, self._first_time = message.seqno, message.measured_time
         self.arrivals.begin(now, message.measured_time)
 
     def _is_old(self, ahead: int, time: float) -> bool:

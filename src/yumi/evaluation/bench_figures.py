@@ -12,6 +12,10 @@ from yumi.evaluation.bench_statistics import LatencyFigures, Spread, ratio, spre
 LATENCIES = ("p50_us", "p99_us", "p999_us", "max_us")
 
 
+COUNTERS = ("missed", "stale", "bad", "recovering", "unparsed", "duplicates")
+"""What is counted of each arm."""
+
+
 @dataclass(frozen=True, slots=True)
 class ArmRun:
     """One arm of a run.
@@ -21,6 +25,7 @@ class ArmRun:
         missed: cycles without a reply in time: one period when paced, 0.1 s in ping-pong.
         stale: replies that came after their cycle.
         bad: replies with a wrong value.
+        recovering: replies of a guard that still caught up after an unanswered cycle.
         unparsed: replies that are no EGM.
         duplicates: second replies to a cycle.
     """
@@ -29,6 +34,7 @@ class ArmRun:
     missed: int
     stale: int
     bad: int
+    recovering: int
     unparsed: int
     duplicates: int
 

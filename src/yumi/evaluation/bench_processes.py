@@ -45,7 +45,7 @@ class Server:
 
     def __init__(self, workshop: Workshop, contender: Contender, arms: int, log: Path) -> None:
         self.ports = [free_port() for _ in range(_PORTS)]
-        self.pid = 0
+        self.pids: list[int] = []
         self.heard: dict[str, int] = {}
         self._contender = contender
         self._log = log
@@ -89,13 +89,12 @@ class Server:
                 self.heard = json.loads(line.removeprefix("heard "))
 
     def cpu_seconds(self) -> tuple[float, float]:
-        """CPU time of the process that answers, and of all that belong to the server [s]."""
-        return _cpu_seconds([self.pid]), _cpu_seconds(_family(self._process.pid))
+        """CPU time of the processes that answer, and of all that belong to the server [s]."""
+        return _cpu_seconds(self.pids), _cpu_seconds(_family(self._process.pid))
 
     def resident_kib(self) -> int:
-        """Memory of the process that answers [KiB]."""
-        status = Path(f"/proc/{self.pid}/status").read_text(encoding="ascii")
-        return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
+        """Memory of the processes that answer [KiB]."""
+        return sum(_resident_kib(pid) for pid in self.pids)
 
     def _wait_until_ready(self) -> None:
         assert self._process.stdout is not None
@@ -103,7 +102,7 @@ class Server:
             first = self._process.stdout.readline().split()
         if first[:1] != ["ready"]:
             raise RobotNotReady(f"The {self._contender.title} did not start; see {self._log}.")
-        self.pid = int(first[1])
+        self.pids = [int(word) for word in first[1:]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +185,7 @@ def arm_runs(load: Load) -> tuple[ArmRun, ...]:
             missed=arm["missed"],
             stale=arm["stale"],
             bad=arm["bad"],
+            recovering=arm["recovering"],
             unparsed=arm["unparsed"],
             duplicates=arm["duplicates"],
         )
@@ -243,6 +243,11 @@ def _read_latencies(file: Path, arms: int) -> tuple[array[int], ...]:
     values = array("q", file.read_bytes())
     each = len(values) // arms
     return tuple(values[index * each : (index + 1) * each] for index in range(arms))
+
+
+def _resident_kib(pid: int) -> int:
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
 
 
 def _cpu_seconds(pids: Sequence[int]) -> float:

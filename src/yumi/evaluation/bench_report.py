@@ -10,13 +10,12 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from yumi.evaluation.bench_contenders import Case
-from yumi.evaluation.bench_figures import LATENCIES, Figures, Run
+from yumi.evaluation.bench_figures import COUNTERS, LATENCIES, Figures, Run
 from yumi.evaluation.bench_statistics import Spread
 from yumi.evaluation.bench_targets import targets
 
 FORMAT = "yumi-bench/1"
 LATENCY_TITLES = ("p50", "p99", "p99.9", "max")
-COUNTERS = ("missed", "stale", "bad", "unparsed", "duplicates")
 
 
 def document(

@@ -9,7 +9,7 @@ from typing import Any
 
 from yumi.evaluation.bench_build import Workshop
 from yumi.evaluation.bench_contenders import ECHO, Case, Contender, Mode
-from yumi.evaluation.bench_figures import LATENCIES, ArmRun
+from yumi.evaluation.bench_figures import COUNTERS, LATENCIES, ArmRun
 from yumi.evaluation.bench_processes import PERIOD_US, Server, arm_runs, put_load
 
 CHUNK = 30.0
@@ -78,7 +78,7 @@ def soak_document(endured: dict[str, Endured]) -> dict[str, Any]:
     return {
         name: {
             "cycles_per_arm": each.cycles,
-            **{counter: each.count(counter) for counter in ("missed", "stale", "bad", "unparsed", "duplicates")},
+            **{counter: each.count(counter) for counter in COUNTERS},
             **{f"worst_{figure}": each.worst(figure) for figure in LATENCIES},
             "resident_kib": each.resident_kib,
             "growth_kib": each.growth_kib,

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 
 from yumi.control.flight_recorder import FlightRecorder, Frame
-from yumi.control.requests import Event, FastLineEnded, is_fault
+from yumi.control.requests import Event, is_fault
 from yumi.errors import YumiError
 from yumi.evaluation.recorded_messages import RecordedEvent
 from yumi.evaluation.recording import BEFORE, recorded_event, write_flight_record
@@ -49,33 +49,27 @@ class FlightRecords:
             time_of_day: at the same moment [s since 1970].
         """
         if is_fault(event):
-            memories = {side: self._recorders[side].copy() for side in _concerned(event)}
-            self._thread.submit(self._write, recorded_event(event, now), memories, time_of_day)
+            memory = self._recorders[event.side].copy()
+            self._thread.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
 
     def close(self) -> None:
         """Wait until everything is written."""
         self._thread.shutdown()
 
-    def _write(self, event: RecordedEvent, memories: Mapping[Side, FlightRecorder], time_of_day: float) -> None:
-        file = self._folder / _file_name(tuple(memories), time_of_day)
-        frames = {side: _recent(memory, event.time) for side, memory in memories.items()}
+    def _write(self, event: RecordedEvent, side: Side, memory: FlightRecorder, time_of_day: float) -> None:
+        file, frames = self._folder / _file_name(side, time_of_day), _recent(memory, event.time)
         try:
-            write_flight_record(file, time_of_day - event.time, event, frames)
+            write_flight_record(file, time_of_day - event.time, event, {side: frames})
             self._make_room()
         except (YumiError, OSError) as error:
             self._say(f"The flight record could not be written to {file}: {error}")
             return
-        seconds = max(each[-1].time - each[0].time if each else 0.0 for each in frames.values())
-        arms = " and the ".join(f"{side.word} arm" for side in frames)
-        self._say(f"The last {seconds:.1f} s of the {arms} are in {file}: yumi record show {file}")
+        seconds = frames[-1].time - frames[0].time if frames else 0.0
+        self._say(f"The last {seconds:.1f} s of the {side.word} arm are in {file}: yumi record show {file}")
 
     def _make_room(self) -> None:
         for file in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
             file.unlink()
-
-
-def _concerned(event: Event) -> tuple[Side, ...]:
-    return tuple(Side) if isinstance(event, FastLineEnded) else (event.side,)
 
 
 def _recent(memory: FlightRecorder, now: float) -> tuple[Frame, ...]:
@@ -83,6 +77,6 @@ def _recent(memory: FlightRecorder, now: float) -> tuple[Frame, ...]:
     return tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)
 
 
-def _file_name(sides: tuple[Side, ...], time_of_day: float) -> str:
-    moment, arm = datetime.fromtimestamp(time_of_day), sides[0].word if len(sides) == 1 else "both"
-    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{arm}.mcap"
+def _file_name(side: Side, time_of_day: float) -> str:
+    moment = datetime.fromtimestamp(time_of_day)
+    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"

@@ -17,7 +17,7 @@ from typing import IO, Any
 
 from yumi import __version__
 from yumi.control.flight_recorder import Frame
-from yumi.control.requests import Event, FastLineEnded, is_fault
+from yumi.control.requests import Event, is_fault
 from yumi.errors import MissingPrerequisite, ProtocolError
 from yumi.evaluation.recorded_messages import (
     CYCLE_SCHEMA,
@@ -68,8 +68,7 @@ class Recording:
 
 def recorded_event(event: Event, time: float) -> RecordedEvent:
     """``event`` as it is recorded, having happened at ``time`` on the monotonic clock [s]."""
-    side = None if isinstance(event, FastLineEnded) else event.side
-    return RecordedEvent(time, side, type(event).__name__, str(event), is_fault(event))
+    return RecordedEvent(time, event.side, type(event).__name__, str(event), is_fault(event))
 
 
 class RecordingWriter:

@@ -26,6 +26,10 @@ _ON, _RUNNING, _STOPPED = MotorState.ON, MciState.RUNNING, RapidState.STOPPED  #
 class DatagramLink(Protocol):
     """A socket that talks to one robot, or anything that behaves like one."""
 
+    @property
+    def foreign(self) -> int:
+        """How many datagrams came from elsewhere and were left aside."""
+
     def receive_next(self) -> bytes | None:
         """The oldest datagram that waits, if any; never waits."""
 
@@ -61,7 +65,7 @@ class EgmArm:
         message = session.accept(datagrams, now)
         if message is None:
             return None
-        before = None if session.is_first else self._before
+        before = None if session.is_first or session.is_resumed else self._before
         self._before = message
         dt = period(before, message)
         return ArmState(
@@ -95,7 +99,7 @@ class EgmArm:
         return self._session.silence(now) if self._session.close_if_silent(now) else None
 
     def wire_counters(self) -> WireCounters:
-        return wire_counters(self._session)
+        return wire_counters(self._session, self._link.foreign)
 
 
 def is_running(message: JointReport | RobotMessage) -> bool:
@@ -111,7 +115,7 @@ def period(before: Counted | None, message: Counted) -> float:
     return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
 
 
-def wire_counters(session: SensorSession[Message]) -> WireCounters:
+def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters:
     counters, arrivals = session.counters, session.arrivals
     return WireCounters(
         session.number,
@@ -121,6 +125,7 @@ def wire_counters(session: SensorSession[Message]) -> WireCounters:
         counters.stale,
         counters.repeated,
         counters.malformed,
+        foreign,
         arrivals.jitter,
         arrivals.worst_jitter,
         arrivals.drift_ppm,

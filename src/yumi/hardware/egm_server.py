@@ -105,7 +105,7 @@ class EgmServer:
     @property
     def wire(self) -> WireCounters:
         """What the connection has seen so far."""
-        return wire_counters(self._session)
+        return wire_counters(self._session, self._link.foreign)
 
     def close(self) -> None:
         """Free the port; the robot holds its last reference until its communication timeout."""
@@ -201,7 +201,8 @@ class EgmServer:
         now, session = self._clock.now(), self._session
         message = session.accept(self._link.receive(), now)
         if message is not None:
-            before = self._state.message if self._state and not session.is_first else None
+            is_fresh = session.is_first or session.is_resumed
+            before = self._state.message if self._state and not is_fresh else None
             self._arrived = self._state = RobotState(
                 now, period(before, message), session.number, session.is_first, message
             )

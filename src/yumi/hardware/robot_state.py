@@ -15,7 +15,7 @@ class RobotState:
 
     Attributes:
         time: when it arrived, on this machine's monotonic clock [s].
-        dt: robot time since the state before, 0 for the first of a session [s].
+        dt: robot time since the state before, 0 for the first of a session or after a silence [s].
         session: counts EGM sessions from 1; a change means that the robot began anew.
         is_first: whether it is the first of its session.
         message: all of it.

@@ -64,7 +64,7 @@ class EgmMotionSettings:
     comm_timeout: float = bounded(60.0, 0.1, 1e6, "s")
     cond_min_max: float = bounded(0.5, 0.0, 180.0, "deg")
     lp_filter: float = bounded(0.0, 0.0, 100.0, "Hz")
-    sample_rate: int = bounded(4, 4, 1000, "ms")
+    sample_rate: int = bounded(4, 4, 16, "ms")
     max_speed_deviation: float = bounded(180.0, 0.1, 400.0, "deg/s")
     cond_time: float = bounded(1e6, 0.1, 1e9, "s")
     ramp_in_time: float = bounded(0.1, 0.0, 10.0, "s")

@@ -3,11 +3,11 @@
 ========== ==================================================== =================================================
 mode       how it waits                                         what it costs
 ========== ==================================================== =================================================
-blocking   asleep until a datagram comes                        nothing; a halted processor wakes up late
-hot        with processors that never halt; awake shortly       idle processors draw power; needs permission
-           before a datagram is due, for a rehearsal
-ahead      the same without permission: after the rehearsal it  at most 15 % of one processor per arm
-           looks for the datagram without pause
+blocking   asleep until a datagram comes; awake shortly before  a rehearsal each cycle; a processor that is halted
+           it is due, for a rehearsal                           wakes up late
+hot        the same beside processors that never halt           idle processors draw power; needs permission
+ahead      after the rehearsal it looks for the datagram        at most 15 % of one processor per arm
+           without pause
 auto       ``hot`` where it is permitted, else ``ahead``
 ========== ==================================================== =================================================
 """
@@ -15,20 +15,17 @@ auto       ``hot`` where it is permitted, else ``ahead``
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from enum import Enum
-from operator import itemgetter
 from typing import Protocol
 
 from yumi.clock import Clock
 from yumi.control.arrival import ArrivalForecast
 from yumi.links.poller import Poller
 from yumi.links.realtime import AwakeProcessors
-from yumi.robot.joints import Side
 
 GLANCE = 0.010
 """How often the silence of the robot is looked at when nothing arrives [s]."""
-
 
 _STEADINESS = 1.0 / 16.0  # weight of one rehearsal in what the next is expected to take
 
@@ -53,30 +50,14 @@ class Wait(Protocol):
             is_streaming: whether a robot sends datagrams now.
         """
 
-    def prepare(self, rehearsals: Mapping[Side, Callable[[], None]]) -> None:
-        """Take what rehearses an arm's cycle; whoever wakes up ahead of a datagram has the time for it."""
+    def prepare(self, rehearse: Callable[[], None]) -> None:
+        """Take what rehearses the arm's cycle; who wakes up ahead of a datagram has the time for it."""
 
-    def note_arrival(self, side: Side, now: float) -> None:
-        """A datagram of an arm came at ``now`` [s]."""
+    def note_arrival(self, now: float) -> None:
+        """A datagram came at ``now`` [s]."""
 
     def close(self) -> None:
         """Give back what it holds."""
-
-
-class BlockingWait:
-    """Sleeps until something comes."""
-
-    def wait(self, poller: Poller, is_streaming: bool) -> None:
-        poller.wait(GLANCE)
-
-    def prepare(self, rehearsals: Mapping[Side, Callable[[], None]]) -> None:
-        """It never wakes up ahead."""
-
-    def note_arrival(self, side: Side, now: float) -> None:
-        """Nothing is learned from it."""
-
-    def close(self) -> None:
-        """It holds nothing."""
 
 
 class RehearsingWait(ABC):
@@ -88,44 +69,51 @@ class RehearsingWait(ABC):
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._forecasts: Mapping[Side, ArrivalForecast] = {side: ArrivalForecast() for side in Side}
-        self._rehearsals: Mapping[Side, Callable[[], None]] = {}
+        self._forecast = ArrivalForecast()
+        self._rehearsal: Callable[[], None] = _nothing
         self._rehearsal_time = 0.0
         self._was_asleep = True
 
-    def prepare(self, rehearsals: Mapping[Side, Callable[[], None]]) -> None:
-        self._rehearsals = rehearsals
+    def prepare(self, rehearse: Callable[[], None]) -> None:
+        self._rehearsal = rehearse
 
     def wait(self, poller: Poller, is_streaming: bool) -> None:
-        now = self._clock.now()
-        upcoming = [(one.wake_at(), side) for side, one in self._forecasts.items() if one.give_up_at() > now]
+        now, forecast = self._clock.now(), self._forecast
         self._was_asleep = True
-        if not is_streaming or not upcoming:
+        if not is_streaming or forecast.give_up_at() <= now:
             poller.wait(GLANCE)
             return
-        wake_at, side = min(upcoming, key=itemgetter(0))
-        pause = wake_at - self._rehearsal_time - now
+        pause = forecast.wake_at() - self._rehearsal_time - now
         if pause > 0.0 and not poller.doze(pause):
-            self._rehearse(side)
-        self._await(poller, self._forecasts[side])
+            self._rehearse()
+        self._await(poller, forecast.give_up_at())
 
-    def note_arrival(self, side: Side, now: float) -> None:
-        self._forecasts[side].note_arrival(now, was_waiting=self._was_asleep)
+    def note_arrival(self, now: float) -> None:
+        self._forecast.note_arrival(now, was_waiting=self._was_asleep)
 
     def close(self) -> None:
         """It holds nothing."""
 
     @abstractmethod
-    def _await(self, poller: Poller, forecast: ArrivalForecast) -> None:
-        """Wait for a datagram that is due soon; the first look finds what came meanwhile."""
+    def _await(self, poller: Poller, late: float) -> None:
+        """Wait for a datagram that is due, until ``late`` [s] at least; the first look finds what came meanwhile."""
 
-    def _rehearse(self, side: Side) -> None:
+    def _rehearse(self) -> None:
         begin = self._clock.now()
-        self._rehearsals.get(side, _nothing)()
+        self._rehearsal()
         self._rehearsal_time += _STEADINESS * (self._clock.now() - begin - self._rehearsal_time)
 
 
-class HotWait(RehearsingWait):
+class BlockingWait(RehearsingWait):
+    """Sleeps until a datagram comes."""
+
+    def _await(self, poller: Poller, late: float) -> None:
+        if not poller.wait(0.0):
+            self._was_asleep = False
+            poller.wait(GLANCE)
+
+
+class HotWait(BlockingWait):
     """Sleeps, while a robot streams beside processors that stay awake."""
 
     def __init__(self, clock: Clock) -> None:
@@ -142,34 +130,28 @@ class HotWait(RehearsingWait):
     def close(self) -> None:
         self._processors.release()
 
-    def _await(self, poller: Poller, forecast: ArrivalForecast) -> None:
-        if not poller.wait(0.0):
-            self._was_asleep = False
-            poller.wait(GLANCE)
-
 
 class AheadWait(RehearsingWait):
     """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
 
-    def _await(self, poller: Poller, forecast: ArrivalForecast) -> None:
-        until = forecast.give_up_at()
+    def _await(self, poller: Poller, late: float) -> None:
         while not poller.wait(0.0):
             self._was_asleep = False
-            if self._clock.now() >= until:
+            if self._clock.now() >= late:
                 return
 
 
 def _nothing() -> None:
-    """Whose arm has no stand-in."""
+    """Until there is something to rehearse."""
 
 
 def way_to_wait(mode: WakeMode, clock: Clock) -> Wait:
     """How to wait in ``mode``; ``auto`` and ``hot`` take what is permitted."""
     if mode is WakeMode.BLOCKING:
-        return BlockingWait()
+        return BlockingWait(clock)
     if mode is not WakeMode.AHEAD and AwakeProcessors.are_permitted():
         return HotWait(clock)
-    return BlockingWait() if mode is WakeMode.HOT else AheadWait(clock)
+    return BlockingWait(clock) if mode is WakeMode.HOT else AheadWait(clock)
 
 
 def describe(wait: Wait) -> str:

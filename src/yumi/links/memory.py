@@ -8,6 +8,8 @@ from collections import deque
 class MemoryLink:
     """One end; make both with :func:`memory_links`."""
 
+    foreign = 0  # nobody else has a way in
+
     def __init__(self, inbox: deque[bytes], outbox: deque[bytes]) -> None:
         self._inbox = inbox
         self._outbox = outbox

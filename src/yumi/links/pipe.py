@@ -6,6 +6,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from yumi.links.realtime import release_process
 from yumi.links.shared_memory import PROCESSES
 
 
@@ -87,3 +88,4 @@ class ChildProcess:
 
 def _run(main: Callable[..., None], connection: Connection, *arguments: object) -> None:
     main(PipeEnd(connection), *arguments)
+    release_process()

@@ -54,6 +54,12 @@ def prepare_process() -> str:
     return f"{_raise_priority()}, {_lock_memory()}"
 
 
+def release_process() -> None:
+    """Give back what was frozen, so that libraries find nothing of theirs left at the end of the process."""
+    gc.unfreeze()
+    gc.collect()
+
+
 def prefer_process() -> None:
     """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace."""
     _raise_nice()

@@ -24,6 +24,11 @@ class Side(Enum):
     LEFT = "l"
 
     @property
+    def other(self) -> Side:
+        """The arm on the other side."""
+        return Side.LEFT if self is Side.RIGHT else Side.RIGHT
+
+    @property
     def word(self) -> str:
         """The arm in a sentence: ``right`` or ``left``."""
         return "right" if self is Side.RIGHT else "left"

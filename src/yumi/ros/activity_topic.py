@@ -6,19 +6,18 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Any
 
-from controller_manager_msgs.msg import ControllerManagerActivity
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from yumi.control.inventory import ControllerInfo, HardwareInfo
 from yumi.control.lifecycle import State
 from yumi.errors import YumiError
-from yumi.ros.controller_messages import activity
+from yumi.ros.controller_messages import ACTIVITY, activity
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class ActivityTopic:
-    """Publishes the states of one arm's controllers and hardware when they have changed.
+    """Publishes the states of one arm's controllers and hardware when they have changed, if there is a type for it.
 
     Args:
         node: the controller manager's node.
@@ -35,10 +34,14 @@ class ActivityTopic:
         self._hardware = hardware
         self._lock = Lock()
         self._last: tuple[tuple[str, State], ...] | None = None
-        self._publisher = node.create_publisher(ControllerManagerActivity, "~/activity", _LATCHED)
+        self._publisher = None
+        if ACTIVITY is not None:
+            self._publisher = node.create_publisher(ACTIVITY, "~/activity", _LATCHED)
 
     def update(self) -> None:
         """Look, and tell if something has changed; without the fast line there is nothing to tell."""
+        if self._publisher is None:
+            return
         with self._lock:
             try:
                 controllers, hardware = self._controllers(), self._hardware()

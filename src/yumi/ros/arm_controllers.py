@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as Overdue
 from typing import Any
 
 from yumi.control.inventory import ControllerInfo
@@ -17,10 +19,14 @@ from yumi.control.requests import (
     SwitchControllers,
     UnloadController,
 )
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.controller_nodes import ControllerNodes, Line
+from yumi.ros.controller_parameters import Presets
 from yumi.ros.manager_parameters import ManagerParameters
+from yumi.settings import ControllerSettings
+
+_SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
 
 
 class ArmControllers:
@@ -31,14 +37,24 @@ class ArmControllers:
         line: where the controllers live.
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
+        known: those of ``controllers.yaml``, loaded or not.
         log: where what is not wrong enough to be refused is told.
     """
 
-    def __init__(self, side: Side, line: Line, nodes: ControllerNodes, parameters: ManagerParameters, log: Any) -> None:
+    def __init__(
+        self,
+        side: Side,
+        line: Line,
+        nodes: ControllerNodes,
+        parameters: ManagerParameters,
+        known: Iterable[ControllerSettings],
+        log: Any,
+    ) -> None:
         self._side = side
         self._line = line
         self._nodes = nodes
         self._parameters = parameters
+        self._known = {settings.name: settings for settings in known}
         self._log = log
 
     def begin(self) -> None:
@@ -47,8 +63,9 @@ class ArmControllers:
         Raises:
             YumiError: the fast line is gone.
         """
+        for settings in self._known.values():
+            self._parameters.note_type(settings.name, settings.kind)
         for info in self.list():
-            self._parameters.note_type(info.name, info.kind)
             self._nodes.add(info)
 
     def list(self) -> tuple[ControllerInfo, ...]:
@@ -68,7 +85,7 @@ class ArmControllers:
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         self._line.ask(LoadController(self._side, name, kind))
         try:
-            self._nodes.add(self._info(name), arguments)
+            self._nodes.add(self._info(name), arguments, self._presets(name, kind))
         except Exception:
             self._line.ask(UnloadController(self._side, name))
             raise
@@ -87,15 +104,28 @@ class ArmControllers:
         self._line.ask(UnloadController(self._side, name))
         self._nodes.remove(name)
 
-    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int) -> str:
+    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int, timeout: float) -> str:
         """Switch between two cycles; what was done as a sentence.
 
+        Args:
+            activate: names of controllers to activate.
+            deactivate: names of controllers to deactivate.
+            strictness: one of the wire's numbers, 0 for the default.
+            timeout: how long to wait for the fast line [s]; 0 for the default.
+
         Raises:
+            RobotNotReady: it took longer; the switch may still be carried out.
             YumiError: a rule stands against it; nothing was changed.
         """
-        chosen = self._strictness(strictness)
+        chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
         request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
-        return self._line.ask(request).sentence or "Successfully switched controllers!"
+        thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
+        waiting = thread.submit(self._line.ask, request)
+        thread.shutdown(wait=False)  # it ends with the answer
+        try:
+            return waiting.result(timeout).sentence
+        except Overdue as error:
+            raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
 
     def reload(self, is_forced: bool) -> None:
         """Unload all controllers; there are no libraries to load again.
@@ -111,6 +141,10 @@ class ArmControllers:
             self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
         for info in controllers:
             self.unload(info.name)
+
+    def _presets(self, name: str, kind: str) -> Presets:
+        settings = self._known.get(name)
+        return settings.entries if settings is not None and settings.kind == kind else {}
 
     def _info(self, name: str) -> ControllerInfo:
         for info in self.list():

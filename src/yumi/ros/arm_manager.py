@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rclpy
@@ -10,7 +10,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, is_fault
+from yumi.control.requests import ControllerNotice, Event, is_fault
 from yumi.errors import YumiError
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
@@ -23,6 +23,7 @@ from yumi.ros.description_topic import DescriptionWait
 from yumi.ros.manager_diagnostics import ManagerDiagnostics
 from yumi.ros.manager_parameters import ManagerParameters
 from yumi.ros.repeats import Repeats
+from yumi.settings import ControllerSettings
 
 RATE = round(1.0 / CYCLE)
 """``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
@@ -34,6 +35,7 @@ class ArmManager:
     Args:
         side: which arm.
         line: where the controllers live.
+        known: the controllers of ``controllers.yaml``, loaded or not.
         executor: what spins this node and those of the controllers.
         interfaces: what controllers of a kind offer besides parameters.
         clock: the machine's clock.
@@ -43,6 +45,7 @@ class ArmManager:
         self,
         side: Side,
         line: Line,
+        known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
@@ -53,7 +56,7 @@ class ArmManager:
         self._repeats = Repeats(clock)
         self._parameters = ManagerParameters(self.node, RATE, self._repeats.forget)
         self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
-        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, self.node.get_logger())
+        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, known, self.node.get_logger())
         self._hardware = ArmHardware(side, line)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
         self._news = self.node.create_guard_condition(self._look, MutuallyExclusiveCallbackGroup())
@@ -69,6 +72,9 @@ class ArmManager:
 
     def tell(self, event: Event) -> None:
         """Log what happened in the fast line and look at who is in which state; from any thread."""
+        if isinstance(event, ControllerNotice):
+            self._nodes.tell(event.controller, event.notice)
+            return
         log = self.node.get_logger()
         if is_fault(event):
             log.error(str(event))
@@ -78,6 +84,7 @@ class ArmManager:
 
     def look(self) -> None:
         """Have the executor look whether the activity has changed; from any thread."""
+        self._repeats.forget()
         self._news.trigger()
 
     def destroy(self) -> None:
@@ -86,7 +93,6 @@ class ArmManager:
         self.node.destroy_node()
 
     def _look(self) -> None:
-        self._repeats.forget()
         if self._wait.is_over:
             self._activity.update()
 

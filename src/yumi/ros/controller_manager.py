@@ -134,8 +134,9 @@ class ControllerManagerServices:
 
     def _switch(self, request: Any, response: Any) -> Any:
         def carry() -> str:
+            timeout = request.timeout.sec + request.timeout.nanosec * 1e-9
             return self._controllers.switch(
-                request.activate_controllers, request.deactivate_controllers, request.strictness
+                request.activate_controllers, request.deactivate_controllers, request.strictness, timeout
             )
 
         try:
@@ -151,7 +152,8 @@ class ControllerManagerServices:
         def carry() -> None:
             self._hardware.bring_to(request.name, state_of(request.target_state))
 
-        response.ok = self._try("set_hardware_component_state", carry)
+        name = "set_hardware_component_state"
+        response.ok = self._try(name, lambda: self._repeats.once((name, request), carry))
         response.state = lifecycle_state(self._hardware.state)
         return response
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from controller_manager_msgs.msg import (
-    ControllerManagerActivity,
-    ControllerState,
-    HardwareComponentState,
-    HardwareInterface,
-    NamedLifecycleState,
-)
+from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from lifecycle_msgs.msg import State as LifecycleState
 
 from yumi.control.inventory import ControllerInfo, HardwareInfo, InterfaceInfo
 from yumi.control.lifecycle import State
 from yumi.errors import CommandRefused
 from yumi.ros.conversions import stamp
+
+try:
+    from controller_manager_msgs.msg import ControllerManagerActivity, NamedLifecycleState
+except ImportError:  # installations from before April 2025
+    ControllerManagerActivity = NamedLifecycleState = None
+
+ACTIVITY: Any = ControllerManagerActivity
+"""The type of ``~/activity``; None where the installed package is older."""
 
 PLUGIN = "yumi_ros2/EgmSystem"
 """What the tools show as the plug-in of an arm's hardware component."""
@@ -104,7 +106,7 @@ def hardware_interfaces(infos: Iterable[InterfaceInfo]) -> list[HardwareInterfac
 
 
 def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time_ns: int) -> ControllerManagerActivity:
-    """Who is in which state."""
+    """Who is in which state; only where the installed package has the type."""
     message = ControllerManagerActivity()
     message.header.stamp = stamp(time_ns)
     message.controllers = [_named_state(info.name, info.state) for info in controllers]

@@ -12,7 +12,7 @@ from yumi.control.inventory import ControllerInfo, ParameterInfo
 from yumi.control.parameter import Values
 from yumi.control.requests import Done, ListParameters, Request, SetParameters
 from yumi.robot.joints import Side
-from yumi.ros.controller_parameters import declare, declare_common, pass_on_changes
+from yumi.ros.controller_parameters import Presets, declare, declare_common, pass_on_changes
 
 
 class Line(Protocol):
@@ -24,6 +24,9 @@ class Line(Protocol):
 
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
+
+    def tell(self, notice: Any) -> None:
+        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_notices`."""
 
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
@@ -55,8 +58,12 @@ class ControllerNode:
         )
         declare_common(self.node, rate)
 
-    def take_parameters(self, line: Line) -> None:
+    def take_parameters(self, line: Line, presets: Presets) -> None:
         """Declare the parameters, give the controller those that its files set, and pass on what is set later.
+
+        Args:
+            line: where the controller lives.
+            presets: what holds where its own files say nothing.
 
         Raises:
             CommandRefused: a value in a file is not allowed.
@@ -67,7 +74,7 @@ class ControllerNode:
         def change(values: Values) -> None:
             line.ask(SetParameters(self._side, self._name, values))
 
-        changed = declare(self.node, infos)
+        changed = declare(self.node, infos, presets)
         if changed:
             change(changed)
         pass_on_changes(self.node, (info.parameter.name for info in infos), change)
@@ -75,6 +82,13 @@ class ControllerNode:
     def offer(self, make: MakeInterface) -> None:
         """Add what the controller's kind has besides parameters."""
         self._interface = make(self.node, self._side, self._name)
+
+    def tell(self, notice: object) -> None:
+        """Pass a notice of the controller on to what it offers; without that it stands in the log."""
+        if self._interface is not None:
+            self._interface.tell(notice)
+        else:
+            self.node.get_logger().info(str(notice))
 
     def destroy(self) -> None:
         if self._interface is not None:
@@ -103,8 +117,13 @@ class ControllerNodes:
         self._rate = rate
         self._nodes: dict[str, ControllerNode] = {}
 
-    def add(self, info: ControllerInfo, arguments: Sequence[str] = ()) -> None:
+    def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
         """Make the node of a loaded controller.
+
+        Args:
+            info: the controller.
+            arguments: ROS arguments of its node, e.g. parameter files.
+            presets: what ``controllers.yaml`` says of a controller that is not loaded from the start.
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
@@ -112,7 +131,7 @@ class ControllerNodes:
         """
         node = ControllerNode(self._side, info, arguments, self._rate)
         try:
-            node.take_parameters(self._line)
+            node.take_parameters(self._line, presets or {})
             if info.kind in self._interfaces:
                 node.offer(self._interfaces[info.kind])
         except Exception:
@@ -127,6 +146,12 @@ class ControllerNodes:
         if node is not None:
             self._executor.remove_node(node.node)
             node.destroy()
+
+    def tell(self, name: str, notice: object) -> None:
+        """Pass a controller's notice on; from any thread."""
+        node = self._nodes.get(name)
+        if node is not None:
+            node.tell(notice)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""

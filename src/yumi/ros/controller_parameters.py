@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from math import isinf
 from typing import Any
 
@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter as RosParameter
 from yumi.control.inventory import ParameterInfo
 from yumi.control.parameter import Parameter, ParameterType, Value, Values
 from yumi.errors import CommandRefused, YumiError
+from yumi.parameter_file import Entry
 
 _TYPES = {
     ParameterType.BOOL: RosParameter.Type.BOOL,
@@ -23,6 +24,9 @@ _TYPES = {
     ParameterType.STRING_ARRAY: RosParameter.Type.STRING_ARRAY,
 }
 _LARGEST_INTEGER = 2**63 - 1
+
+Presets = Mapping[str, Entry]
+"""What ``controllers.yaml`` says of a controller, by parameter."""
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
@@ -69,28 +73,41 @@ def _integer_range(parameter: Parameter) -> list[IntegerRange]:
     return [IntegerRange(from_value=lowest, to_value=highest)]
 
 
-def declare(node: Any, infos: Iterable[ParameterInfo]) -> Values:
-    """Declare parameters on a controller's node; the values that its parameter files give otherwise than ``infos``.
+def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Values:
+    """Declare parameters on a controller's node.
+
+    Args:
+        node: which may have parameter files of its own.
+        infos: the parameters and what the controller holds.
+        presets: what holds where the node's own files say nothing.
+
+    Returns:
+        What the controller shall hold otherwise than it does.
 
     Raises:
         CommandRefused: a file gives a value of the wrong type or out of its range.
     """
-    changed: dict[str, Value] = {}
-    for info in infos:
-        value = _declared(node, info)
-        if value != info.value:
-            changed[info.parameter.name] = value
-    return changed
+    held = {info.parameter.name: info for info in infos}
+    wanted: dict[str, Value] = {
+        name: entry.value for name, entry in presets.items() if name in held or not entry.is_general
+    }
+    for name, info in held.items():
+        wanted[name] = _declared(node, info.parameter, wanted.get(name, info.value))
+    return {name: value for name, value in wanted.items() if name not in held or value != held[name].value}
 
 
-def _declared(node: Any, info: ParameterInfo) -> Value:
-    value = list(info.value) if isinstance(info.value, tuple) else info.value
+def _declared(node: Any, parameter: Parameter, value: Value) -> Value:
+    name = parameter.name
     try:
-        declared = node.declare_parameter(info.parameter.name, value, descriptor(info.parameter))
+        accepted = parameter.accept(value)
+    except CommandRefused as refusal:
+        raise CommandRefused(f"Parameter {name!r} of {node.get_name()!r} {refusal}") from refusal
+    try:
+        initial = list(accepted) if isinstance(accepted, tuple) else accepted
+        declared: Value = value_of(node.declare_parameter(name, initial, descriptor(parameter)))
     except ParameterException as error:
-        raise CommandRefused(f"Parameter {info.parameter.name!r} of {node.get_name()!r}: {error}.") from error
-    accepted: Value = value_of(declared)
-    return accepted
+        raise CommandRefused(f"Parameter {name!r} of {node.get_name()!r}: {error}.") from error
+    return declared
 
 
 def value_of(parameter: Any) -> Any:

@@ -72,6 +72,7 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         "stale": snapshot.stale,
         "repeated": snapshot.repeated,
         "malformed": snapshot.malformed,
+        "foreign": snapshot.foreign,
         "refused": snapshot.refused,
         "position_limited": snapshot.position_limited,
         "slowed": snapshot.slowed,
@@ -94,4 +95,9 @@ def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
         return DiagnosticStatus.OK, "running"
     if snapshot.is_streaming:
         return DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
+    if snapshot.foreign and not snapshot.session:
+        return DiagnosticStatus.WARN, (
+            f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
+            "check robot.address and the controller's UDPUC device"
+        )
     return DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"

@@ -3,14 +3,15 @@
 ============================== ====================================================================
 node                           what it has
 ============================== ====================================================================
-r/controller_manager           the services of ros2_control, activity, joint_states, egm_state, /diagnostics
+r/controller_manager           the services of ros2_control, activity, joint_states, /diagnostics
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-dual_arm_trajectory_controller the same for both arms, and inter_arm_skew
-r/yumi_topics                  joint_commands
+r/yumi_topics                  joint_commands, egm_state
 r/gripper                      gripper_cmd (and all of these for l)
-yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
+dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
+yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description,
+                               /diagnostics
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
 
@@ -20,7 +21,7 @@ entities; what comes or goes hundreds of times a second has a lean one of its ow
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from threading import Event as Flag
 from threading import Thread
@@ -33,9 +34,9 @@ from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecu
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.requests import ControllerNotice, Event, FastLineEnded
+from yumi.control.requests import Event
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
@@ -48,6 +49,7 @@ from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.robot_manager import RobotManager, RobotManagerServices
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
+from yumi.settings import ControllerSettings
 
 _THREADS = 8  # more than there are slow services and actions
 _EGM_STATE_PERIOD = 0.1  # [s]
@@ -59,7 +61,8 @@ class RosDriver:
     """All nodes of the driver in one process.
 
     Args:
-        fast_line: started before this is.
+        fast_lines: both arms'.
+        controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both hands.
         force: gripper force where a goal names none [N].
@@ -70,7 +73,8 @@ class RosDriver:
 
     def __init__(
         self,
-        fast_line: FastLineProcess,
+        fast_lines: FastLines,
+        controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: Mapping[Side, Gripper],
         force: float,
@@ -78,8 +82,8 @@ class RosDriver:
         clock: Clock,
         limits: JointLimits,
     ) -> None:
-        self._boxes = fast_line.boxes
-        self._snapshot = fast_line.snapshot
+        self._boxes = fast_lines.boxes
+        self._snapshot = fast_lines.snapshot
         self._manager = manager
         self._grippers = grippers
         self._fingers: dict[Side, float] = {}
@@ -87,16 +91,19 @@ class RosDriver:
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
+        self._dual_node = rclpy.create_node(DUAL_ARM)
         self._trajectories = TrajectoryControllers(
+            self._dual_node,
             {side: boxes.trajectory for side, boxes in self._boxes.items()},
             {side: boxes.dual_trajectory for side, boxes in self._boxes.items()},
-            fast_line.ask,
+            fast_lines.ask,
             clock,
             limits,
         )
         interfaces = {**CONTROLLER_INTERFACES, **self._trajectories.interfaces}
-        self._arms = {side: ArmManager(side, fast_line, self._executor, interfaces, clock) for side in Side}
-        self._dual_node = rclpy.create_node(DUAL_ARM)
+        self._arms = {
+            side: ArmManager(side, fast_lines, controllers[side], self._executor, interfaces, clock) for side in Side
+        }
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
@@ -107,9 +114,8 @@ class RosDriver:
             GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
             for side, node in self._gripper_nodes.items()
         ]
-        self._dual = self._trajectories.offer_dual(self._dual_node)
         self._commands = [
-            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_line.snapshot, side))
+            JointCommandTopic(node, side, self._boxes[side].goals, partial(fast_lines.snapshot, side))
             for side, node in self._stream_nodes.items()
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
@@ -145,21 +151,15 @@ class RosDriver:
                 thread.join()
         for action in self._actions:
             action.destroy()
-        self._dual.destroy()
+        self._trajectories.destroy()
         for arm in self._arms.values():
             arm.destroy()
         for node in (self._manager_node, self._dual_node, *self._gripper_nodes.values(), *self._streaming()):
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
-        """Log what happened in the fast line."""
-        if isinstance(event, FastLineEnded):
-            self._manager_node.get_logger().error(str(event))
-            self._look()
-        else:
-            self._arms[event.side].tell(event)
-            if isinstance(event, ControllerNotice):
-                self._trajectories.tell(event)
+        """Log what happened in a fast line, and see what has changed."""
+        self._arms[event.side].tell(event)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -194,9 +194,9 @@ class RosDriver:
             executor.spin_once(timeout_sec=0.1)
 
     def _publish_health(self) -> None:
-        for side, arm in self._arms.items():
-            publisher = arm.node.create_publisher(DiagnosticStatus, "egm_state", 1)
-            arm.node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
+        for side, node in self._stream_nodes.items():
+            publisher = node.create_publisher(DiagnosticStatus, "egm_state", 1)
+            node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
         self._diagnostics = self._manager_node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._manager_node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 

@@ -18,7 +18,7 @@ class Repeats:
     """Gives a request that comes again, in flight or just finished, the outcome of the first.
 
     Only a success is remembered, since a refusal has changed nothing; and only the last, since another change in
-    between makes the same request a new one.
+    between, also one that nobody asked for, makes the same request a new one.
 
     Args:
         clock: tells what is just finished.
@@ -28,6 +28,7 @@ class Repeats:
         self._clock = clock
         self._lock = Lock()
         self._last: tuple[object, object, float] | None = None
+        self._changes = 0
 
     def once(self, request: object, carry: Callable[[], T]) -> T:
         """What ``carry`` gives, or has just given for an equal ``request``; what it raises is raised."""
@@ -35,11 +36,13 @@ class Repeats:
             last = self._last
             if last is not None and last[0] == request and self._clock.now() - last[2] <= JUST_FINISHED:
                 return last[1]  # type: ignore[return-value]  # an equal request gave it
-            self._last = None
+            self._last, changes = None, self._changes
             outcome = carry()
-            self._last = (request, outcome, self._clock.now())
+            if changes == self._changes:
+                self._last = (request, outcome, self._clock.now())
             return outcome
 
     def forget(self) -> None:
-        """Something else has changed: the next request is a new one."""
+        """Something else has changed: the next request is a new one; from any thread."""
+        self._changes += 1
         self._last = None

@@ -9,11 +9,11 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from yumi.clock import Clock
-from yumi.control.requests import ListControllers, SwitchControllers
+from yumi.control.requests import SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
-from yumi.hardware.fast_line import FastLineProcess
+from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.state_machine import MachineState
 from yumi.robot.joints import Side
 
@@ -31,13 +31,13 @@ class RobotManager:
 
     Args:
         bringup: what is done over RWS.
-        fast_line: where the controllers live.
+        fast_lines: where the controllers live.
         clock: where waiting time comes from.
     """
 
-    def __init__(self, bringup: Bringup, fast_line: FastLineProcess, clock: Clock) -> None:
+    def __init__(self, bringup: Bringup, fast_lines: FastLines, clock: Clock) -> None:
         self._bringup = bringup
-        self._fast_line = fast_line
+        self._fast_lines = fast_lines
         self._clock = clock
         self._lock = Lock()  # one at a time; the robot has one state
 
@@ -54,12 +54,12 @@ class RobotManager:
             YumiError: a step failed; the message says which.
         """
         with self._lock:
-            self._check_fast_line()
+            self._fast_lines.check()
             if not self._is_guided():
                 self._begin_egm()
             for side in Side:
                 if not self._snapshot(side).is_commanded:
-                    self._fast_line.ask(SwitchControllers(side, activate=(POSITION_CONTROLLER,)))
+                    self._fast_lines.ask(SwitchControllers(side, activate=(POSITION_CONTROLLER,)))
         return "EGM runs on both arms, the position controllers are active"
 
     def stop_egm(self) -> str:
@@ -79,9 +79,7 @@ class RobotManager:
         """Deactivate whatever commands the arms: they come to rest and hold."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                controllers = self._fast_line.ask(ListControllers(side)).controllers
-                commanding = tuple(info.name for info in controllers if info.claimed)
-                self._fast_line.ask(SwitchControllers(side, deactivate=commanding))
+                self._fast_lines.ask(SwitchControllers(side, deactivate=(POSITION_CONTROLLER,)))
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -98,7 +96,7 @@ class RobotManager:
         Raises:
             RobotNotReady: it cannot; the message says why.
         """
-        self._check_fast_line()
+        self._fast_lines.check()
         if self._is_guided():
             return "ready, EGM runs"
         reason = self._bringup.why_not_ready()
@@ -111,10 +109,6 @@ class RobotManager:
         controller = self._bringup.describe()
         arms = "; ".join(f"{side.word} arm {self._bringup.state(side).name}, EGM {self._egm(side)}" for side in Side)
         return f"{controller}; {arms}"
-
-    def _check_fast_line(self) -> None:
-        if not self._fast_line.is_alive:
-            raise RobotNotReady("The fast-line process has ended; restart the driver.")
 
     def _begin_egm(self) -> None:
         if any(self._snapshot(side).is_running for side in Side):
@@ -150,7 +144,7 @@ class RobotManager:
         return "running" if snapshot.is_running else "streaming" if snapshot.is_streaming else "off"
 
     def _snapshot(self, side: Side) -> Snapshot:
-        return self._fast_line.snapshot(side)
+        return self._fast_lines.snapshot(side)
 
 
 class RobotManagerServices:

@@ -8,7 +8,14 @@ from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
 from yumi.control.port import WireCounters
-from yumi.control.requests import ControllerFailed, RobotFollows, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.requests import (
+    ControllerFailed,
+    RobotFollows,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionResumed,
+    SessionStarted,
+)
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
@@ -23,6 +30,7 @@ class ScriptedArm:
         self.told: list[ArmCommand] = []
         self.lost: float | None = None
         self.age = 0.0
+        self.foreign = 0
 
     def read(self, now: float) -> ArmState | None:
         state, self.next = self.next, None
@@ -39,7 +47,7 @@ class ScriptedArm:
         return lost
 
     def wire_counters(self) -> WireCounters:
-        return WireCounters(session=1, missed=3)
+        return WireCounters(session=1, missed=3, foreign=self.foreign)
 
 
 class Pusher(Controller):
@@ -132,6 +140,25 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
     assert peek_snapshot(snapshots) == Snapshot(
         time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
     )
+
+
+def test_line_tells_that_a_session_goes_on_after_a_silence(line: ArmLine, arm: ScriptedArm, middle: Joints) -> None:
+    feed(line, arm, middle)
+    arm.lost = 0.1
+    line.watch_silence(1.1)
+    line.take_events()
+    feed(line, arm, middle)
+    events = line.take_events()
+    assert events == [SessionResumed(Side.LEFT, 1), RobotFollows(Side.LEFT)]
+    assert str(events[0]) == "Left arm: EGM feedback is back, session 1 goes on and the arm holds."
+
+
+def test_line_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
+    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox
+) -> None:
+    arm.foreign = 7
+    line.watch_silence(1.0)
+    assert peek_snapshot(snapshots).foreign == 7
 
 
 def test_line_bears_an_interruption_and_goes_on(

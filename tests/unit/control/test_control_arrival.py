@@ -41,6 +41,12 @@ def test_forecast_does_not_take_gaps_and_bursts_for_the_period(forecast: Arrival
     assert forecast.period == CYCLE
 
 
+def test_forecast_takes_to_a_robot_with_another_period(forecast: ArrivalForecast) -> None:
+    for count in range(10):
+        forecast.note_arrival(count * 3.0 * CYCLE, was_waiting=False)
+    assert forecast.period == pytest.approx(3.0 * CYCLE)
+
+
 def test_margin_grows_at_once_and_shrinks_slowly(forecast: ArrivalForecast) -> None:
     before = forecast.margin
     forecast.note_arrival(1.0, was_waiting=True)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.control.feed_forward import EGM_GAIN
-from yumi.control.guard import LONGEST_STEP, Guard
+from yumi.control.guard import FEEDBACK_DELAY, Guard
 from yumi.control.shaper import MotionShaper
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
@@ -55,16 +55,19 @@ def smooth_path(start: Joints, index: int, distance: float, duration: float) -> 
     return [moved(start, index, distance * share) for share in shares]
 
 
-def follow(guard: Guard, path: Iterable[Joints], *, dt: float = DT) -> list[Joints]:
-    """What is admitted of a path."""
-    return [guard.admit(state(ZERO, dt=dt), ArmCommand(position)).position for position in path]
+def follow(guard: Guard, path: Iterable[Joints], start: Joints, *, dt: float = DT) -> list[Joints]:
+    """What is admitted of a path, for a robot that starts at ``start`` and is where it was told to be."""
+    places = [start]
+    for position in path:
+        places.append(guard.admit(state(places[-1], dt=dt), ArmCommand(position)).position)
+    return places[1:]
 
 
 @pytest.mark.parametrize("index", range(7))
 def test_guard_lets_a_smooth_motion_pass_unchanged(guard: Guard, middle: Joints, index: int) -> None:
     guard.admit(state(middle), None)
     path = smooth_path(middle, index, 0.3, 1.0)
-    assert follow(guard, path) == path
+    assert follow(guard, path, middle) == path
     assert guard.counters.slowed == 0
 
 
@@ -85,7 +88,7 @@ def test_guard_holds_when_a_speed_is_not_finite(guard: Guard, middle: Joints) ->
 def test_guard_stops_each_joint_at_its_range(guard: Guard, index: int, direction: float) -> None:
     limit = (YUMI_LIMITS.upper if direction > 0 else YUMI_LIMITS.lower)[index]
     guard.admit(state(ZERO), None)
-    path = follow(guard, [moved(ZERO, index, limit + direction)] * 1000)
+    path = follow(guard, [moved(ZERO, index, limit + direction)] * 1000, ZERO)
     assert path[-1][index] == pytest.approx(limit)
     assert all(abs(position[index]) <= abs(limit) for position in path)
     assert guard.counters.position_limited == 1000
@@ -94,9 +97,9 @@ def test_guard_stops_each_joint_at_its_range(guard: Guard, index: int, direction
 def test_guard_lets_an_arm_outside_its_range_come_back_but_not_go_further(guard: Guard) -> None:
     outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.01)
     guard.admit(state(outside), None)
-    assert follow(guard, [moved(outside, 1, 0.005)] * 10)[-1] == outside
+    assert follow(guard, [moved(outside, 1, 0.005)] * 10, outside)[-1] == outside
     back = moved(outside, 1, -0.3)
-    path = follow(guard, [back] * 500)
+    path = follow(guard, [back] * 500, outside)
     assert path[-1] == pytest.approx(back)
     assert all(after[1] <= before[1] + 1e-12 for before, after in pairwise(path))
 
@@ -109,7 +112,7 @@ def rates(path: list[Joints], dt: float) -> list[Joints]:
 def test_guard_keeps_speed_acceleration_and_jerk_whatever_is_wanted(wanted: list[Joints], hold: int, dt: float) -> None:
     guard = Guard(YUMI_LIMITS)
     path = [guard.admit(state(ZERO), None).position] * 3
-    path += follow(guard, [position for position in wanted for _ in range(hold)], dt=dt)
+    path += follow(guard, [position for position in wanted for _ in range(hold)], ZERO, dt=dt)
     velocities = rates(path, dt)
     accelerations = rates(velocities, dt)
     for values, limits in ((velocities, YUMI_LIMITS.velocity), (accelerations, YUMI_LIMITS.acceleration)):
@@ -128,7 +131,7 @@ def test_guard_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints | 
     for position in wanted:
         now = guard.admit(state(ZERO, dt=dt), None if position is None else ArmCommand(position)).position
         for old, new, speed in zip(last, now, YUMI_LIMITS.velocity, strict=True):
-            assert abs(new - old) <= speed * min(dt, LONGEST_STEP) * 1.001 + 1e-9
+            assert abs(new - old) <= speed * min(dt, guard.longest_step) * 1.001 + 1e-9
         last = now
 
 
@@ -140,14 +143,15 @@ def test_outlook_changes_nothing_but_the_time_it_takes(
     speeds: list[Joints], hold: int, dt: float, start: Joints
 ) -> None:
     """Speeds that change often and seldom [rad per cycle], at the end of the range, too."""
-    looking, plain, wanted = Guard(YUMI_LIMITS), Guard(YUMI_LIMITS), start
+    looking, plain, wanted, place = Guard(YUMI_LIMITS), Guard(YUMI_LIMITS), start, start
     for guard in (looking, plain):
         guard.admit(state(start), None)
     for speed in (each for each in speeds for _ in range(hold)):
         wanted = joints([old + step for old, step in zip(wanted, speed, strict=True)])
-        (admitted,) = follow(looking, [wanted], dt=dt)
-        assert [admitted] == follow(plain, [wanted], dt=dt)
-        looking.settle(state(ZERO, dt=dt))
+        (admitted,) = follow(looking, [wanted], place, dt=dt)
+        assert [admitted] == follow(plain, [wanted], place, dt=dt)
+        looking.settle(state(place, dt=dt))
+        place = admitted
     assert looking.counters == plain.counters
 
 
@@ -156,17 +160,17 @@ def test_guard_does_not_look_at_each_joint_of_a_smooth_motion(
 ) -> None:
     guard.admit(state(middle), None)
     first, *rest = smooth_path(middle, 1, 0.1, 2.0)
-    follow(guard, [first])
+    follow(guard, [first], middle)
     monkeypatch.delattr(MotionShaper, "passes")
-    for wanted in rest:
-        guard.settle(state(ZERO))
-        assert follow(guard, [wanted]) == [wanted]
+    for place, wanted in pairwise([first, *rest]):
+        guard.settle(state(place))
+        assert follow(guard, [wanted], place) == [wanted]
 
 
 def test_guard_arrives_at_a_step_without_overshoot_and_stays(guard: Guard, middle: Joints) -> None:
     guard.admit(state(middle), None)
     goal = moved(middle, 0, 0.5)
-    path = follow(guard, [goal] * 300)
+    path = follow(guard, [goal] * 300, middle)
     assert path[-1] == pytest.approx(goal, abs=1e-9)
     assert max(position[0] for position in path) <= goal[0] + 1e-9
     assert guard.counters.slowed > 0
@@ -176,19 +180,31 @@ def test_guard_catches_up_with_a_moving_goal(guard: Guard, middle: Joints) -> No
     """A jump onto a ramp: afterwards the ramp is followed without lag."""
     guard.admit(state(middle), None)
     ramp = [moved(middle, 3, 0.2 + 1.0 * DT * count) for count in range(200)]
-    assert follow(guard, ramp)[-1] == pytest.approx(ramp[-1], abs=1e-6)
+    assert follow(guard, ramp, middle)[-1] == pytest.approx(ramp[-1], abs=1e-6)
 
 
 def test_guard_takes_its_lead_back_when_it_shall_hold_then_stays(guard: Guard, middle: Joints) -> None:
     guard.admit(state(middle), None)
-    ahead = follow(guard, [moved(middle, 0, 1.0)] * 80)[-1]
     moving = ArmState(0.0, DT, 1, middle, moved(ZERO, 0, 10.0), middle, is_running=True)
+    ahead = [guard.admit(moving, ArmCommand(moved(middle, 0, 1.0))).position for _ in range(80)][-1]
     path = [guard.admit(moving, None).position for _ in range(200)]
     assert ahead[0] - middle[0] > 0.3
     assert path[-1] == pytest.approx(middle, abs=2e-4)
     assert path[-1] == path[-50]
     brake = YUMI_LIMITS.acceleration[0] / EGM_GAIN * DT
     assert all(0.0 <= old[0] - new[0] <= brake + 1e-12 for old, new in pairwise([ahead, *path]))
+
+
+@pytest.mark.parametrize("direction", [-1.0, 1.0])
+def test_guard_does_not_run_away_from_a_robot_that_does_not_get_its_commands(
+    guard: Guard, middle: Joints, direction: float
+) -> None:
+    guard.admit(state(middle), None)
+    goal = moved(middle, 0, direction)
+    path = [guard.admit(state(middle), ArmCommand(goal)).position for _ in range(500)]
+    far = YUMI_LIMITS.acceleration[0] * FEEDBACK_DELAY / EGM_GAIN
+    assert all(abs(position[0] - middle[0]) < far + 0.01 for position in path)
+    assert follow(guard, [goal] * 500, path[-1])[-1] == pytest.approx(goal)
 
 
 def test_guard_does_nothing_in_no_time(guard: Guard, middle: Joints) -> None:

@@ -152,10 +152,34 @@ def test_session_goes_on_when_the_robots_clock_is_set(session: SensorSession[Joi
     assert session.number == 1
 
 
-def test_session_begins_anew_after_a_silence(session: SensorSession[JointReport]) -> None:
+@pytest.mark.parametrize("is_noticed", [False, True])
+def test_session_goes_on_after_a_silence_when_the_robot_has_counted_on(
+    session: SensorSession[JointReport], is_noticed: bool
+) -> None:
     accept(session, 10)
-    assert accept(session, 30, now=0.08) == 30
-    assert (session.number, session.is_first, session.counters.missed) == (2, True, 0)
+    reply_seqno(session)
+    assert session.close_if_silent(4.0) if is_noticed else session.is_open
+    assert accept(session, 1010, now=4.0) == 1010
+    assert (session.number, session.is_first, session.is_resumed, session.is_open) == (1, False, is_noticed, True)
+    assert (session.counters.lost, reply_seqno(session)) == (999, 1)
+
+
+def test_session_begins_anew_after_a_silence_when_the_robot_had_stopped_its_clock(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert accept(session, 12, now=2.0) == 12
+    assert (session.number, session.is_first) == (2, True)
+
+
+@pytest.mark.parametrize("seqno", [0, 10, 29, 300])
+def test_session_begins_anew_after_a_silence_when_the_robot_has_not(
+    session: SensorSession[JointReport], seqno: int
+) -> None:
+    accept(session, 10)
+    accept(session, 20, now=0.04)
+    assert session.accept([datagram(seqno, 1000.4)], 0.4) is not None
+    assert (session.number, session.is_first, session.is_resumed, session.counters.missed) == (2, True, False, 9)
 
 
 def test_session_is_closed_once_when_the_robot_is_silent(session: SensorSession[JointReport]) -> None:

@@ -12,7 +12,15 @@ LINE = fast_line("blocking")
 def run(number: int, contender: Contender, *p50_us: float, mode: Mode = Mode.PACED, bad: int = 0) -> Run:
     """A run with one arm per median [µs]; p99 is twice that, p99.9 thrice, max four times."""
     arms = tuple(
-        ArmRun(LatencyFigures(p50, 2 * p50, 3 * p50, 4 * p50), missed=1, stale=0, bad=bad, unparsed=0, duplicates=0)
+        ArmRun(
+            LatencyFigures(p50, 2 * p50, 3 * p50, 4 * p50),
+            missed=1,
+            stale=0,
+            bad=bad,
+            recovering=0,
+            unparsed=0,
+            duplicates=0,
+        )
         for p50 in p50_us
     )
     return Run(number, Case(contender, mode, len(arms)), 1000, 4.0, 2.5, 3.5, 10.0, arms, {})

@@ -17,7 +17,7 @@ from yumi.evaluation.bench_histograms import draw_histograms, histogram
 from yumi.evaluation.bench_report import document, latency_table, ratio_table, target_table
 
 SPREAD = {"median", "lowest", "highest", "rounds"}
-COUNTERS = {"missed", "stale", "bad", "unparsed", "duplicates"}
+COUNTERS = {"missed", "stale", "bad", "recovering", "unparsed", "duplicates"}
 LATENCIES = {"p50_us", "p99_us", "p999_us", "max_us"}
 
 

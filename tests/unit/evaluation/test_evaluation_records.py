@@ -53,6 +53,7 @@ def files(folder: Path) -> list[Path]:
         RobotStoppedFollowing(RIGHT, ("joint_position_controller",)),
         ControllerFailed(RIGHT, "Controller 'x' failed."),
         CycleFailed(RIGHT, "OSError: no route"),
+        FastLineEnded(RIGHT, -9),
     ],
 )
 def test_whatever_stops_a_motion_leaves_a_record(
@@ -66,19 +67,6 @@ def test_whatever_stops_a_motion_leaves_a_record(
     assert recording.frames == {RIGHT: recorders[RIGHT].frames()}
     assert recording.stop is not None
     assert (recording.stop.sentence, recording.stop.time) == (str(event), 0.25)
-
-
-def test_fast_line_that_ended_leaves_a_record_of_both_arms(
-    records: Records, recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path
-) -> None:
-    records.note(FastLineEnded(-9), 0.25, EPOCH)
-    records.close()
-    (file,) = files(tmp_path)
-    assert said == [f"The last 0.2 s of the right arm and the left arm are in {file}: yumi record show {file}"]
-    recording = read_recording(file)
-    assert recording.frames == {side: recorder.frames() for side, recorder in recorders.items()}
-    assert recording.stop is not None
-    assert (recording.stop.side, recording.arm) == (None, RIGHT)
 
 
 @pytest.mark.parametrize(

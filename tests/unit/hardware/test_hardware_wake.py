@@ -6,7 +6,6 @@ from yumi.clock import ManualClock
 from yumi.hardware import wake
 from yumi.hardware.wake import GLANCE, AheadWait, BlockingWait, HotWait, WakeMode, describe, way_to_wait
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
 
 LOOK = 2e-6
 
@@ -46,7 +45,7 @@ def ahead(clock: ManualClock) -> AheadWait:
 
 def run(ahead: AheadWait, clock: ManualClock, arrivals: list[float], until: float) -> ScriptedPoller:
     poller = ScriptedPoller(clock, arrivals)
-    poller.handler = lambda now: ahead.note_arrival(Side.LEFT, clock.now())  # type: ignore[assignment]
+    poller.handler = lambda now: ahead.note_arrival(clock.now())  # type: ignore[assignment]
     while clock.now() < until:
         ahead.wait(poller, is_streaming=True)  # type: ignore[arg-type]
     return poller
@@ -71,7 +70,7 @@ def test_waiting_ahead_stops_looking_when_a_datagram_stays_away(ahead: AheadWait
 
 def test_waiting_ahead_rehearses_before_each_datagram_that_is_due(ahead: AheadWait, clock: ManualClock) -> None:
     rehearsed: list[float] = []
-    ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
+    ahead.prepare(lambda: rehearsed.append(clock.now()))
     run(ahead, clock, [count * CYCLE for count in range(1, 101)], 100 * CYCLE)
     assert len(rehearsed) > 90
     assert all(CYCLE * 0.85 < moment % CYCLE < CYCLE for moment in rehearsed)
@@ -79,7 +78,7 @@ def test_waiting_ahead_rehearses_before_each_datagram_that_is_due(ahead: AheadWa
 
 def test_rehearsal_is_left_out_when_something_came_already(ahead: AheadWait, clock: ManualClock) -> None:
     rehearsed: list[float] = []
-    ahead.prepare({Side.LEFT: lambda: rehearsed.append(clock.now())})
+    ahead.prepare(lambda: rehearsed.append(clock.now()))
     run(ahead, clock, [CYCLE, 1.5 * CYCLE], 1.5 * CYCLE)
     assert not rehearsed
 

@@ -1,0 +1,227 @@
+"""The parent's handles on the fast lines: a process per arm, so that no arm ever waits for the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from threading import Event as Flag
+from threading import Lock, Thread
+
+from yumi.control.flight_recorder import FlightRecorder
+from yumi.control.requests import (
+    CheckOrders,
+    Done,
+    Event,
+    FastLineEnded,
+    Refusal,
+    Reply,
+    Request,
+    SendOrders,
+    Stop,
+)
+from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady
+from yumi.hardware.fast_line import LAST_HOLD, ArmBoxes, Build, run_fast_line
+from yumi.hardware.wake import WakeMode
+from yumi.links.pipe import ChildProcess, PipeClosed
+from yumi.robot.joints import Side
+
+_ANSWER_TIMEOUT = 5.0
+
+
+def ended(side: Side) -> str:
+    """What to tell when an arm's process is gone."""
+    return f"The fast-line process of the {side.word} arm has ended; restart the driver."
+
+
+class FastLineProcess:
+    """The handle on one arm's process.
+
+    Args:
+        side: the arm.
+        build: how to build it in the child.
+        boxes: what both arms share with their parent, and with each other.
+        on_event: called on a thread of its own for everything the fast line tells.
+        wake: how it waits for datagrams.
+
+    Attributes:
+        started_as: what the operating system permitted it, in a sentence.
+    """
+
+    def __init__(
+        self,
+        side: Side,
+        build: Build,
+        boxes: Mapping[Side, ArmBoxes],
+        on_event: Callable[[Event], None],
+        wake: WakeMode,
+    ) -> None:
+        self._snapshots = boxes[side].snapshots
+        self.started_as = ""
+        self._side = side
+        self._is_wanted = True
+        self._child = ChildProcess(f"yumi-fast-line-{side.value}", run_fast_line, build, side, boxes, wake)
+        self._on_event = on_event
+        self._lock = Lock()
+        self._answers: list[Reply] = []
+        self._answered = Flag()
+        self._reader = Thread(target=self._read, name="fast-line-events", daemon=True)
+
+    def start(self) -> None:
+        """Start the process; :meth:`wait_until_it_listens` follows."""
+        self._child.start()
+
+    def wait_until_it_listens(self) -> None:
+        """Wait for the end of the start.
+
+        Raises:
+            NoConnection: it cannot listen for the robot.
+        """
+        try:
+            first = self._child.pipe.receive()
+        except PipeClosed as error:
+            raise RobotNotReady("The fast-line process ended while it started; its output says why.") from error
+        if isinstance(first, Refusal):
+            self._child.join(_ANSWER_TIMEOUT)
+            raise NoConnection(first.sentence)
+        self.started_as = first
+        self._reader.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._child.exit_code is None
+
+    def snapshot(self) -> Snapshot:
+        """What is known of the arm; nothing when the process is gone."""
+        return peek_snapshot(self._snapshots) if self.is_alive else Snapshot()
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles.
+
+        Raises:
+            CommandRefused: a rule stands against it; nothing was changed.
+            RobotNotReady: the fast line is gone.
+        """
+        with self._lock:
+            reply = self._exchange(request)
+        if isinstance(reply, Refusal):
+            raise CommandRefused(reply.sentence)
+        return reply
+
+    def tell_to_stop(self) -> None:
+        """Have the process end when the arm stands; :meth:`join` follows."""
+        self._is_wanted = False
+        try:
+            self._child.pipe.send(Stop())
+        except PipeClosed:
+            return  # it has ended by itself, which is what we want
+
+    def join(self) -> None:
+        """Wait for the end of the process, which comes by force when it takes too long."""
+        if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
+            self._child.kill()
+        if self._reader.ident is not None:
+            self._reader.join()
+
+    def _exchange(self, request: Request) -> Reply:
+        self._answered.clear()
+        try:
+            self._child.pipe.send(request)
+        except PipeClosed as error:
+            raise RobotNotReady(ended(self._side)) from error
+        if not self._answered.wait(_ANSWER_TIMEOUT):
+            raise RobotNotReady(f"The fast line did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver.")
+        return self._answers.pop()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                value = self._child.pipe.receive()
+            except PipeClosed:
+                if self._is_wanted:
+                    self._child.join(_ANSWER_TIMEOUT)
+                    self._on_event(FastLineEnded(self._side, self._child.exit_code))
+                return
+            if isinstance(value, Done | Refusal):
+                self._answers.append(value)
+                self._answered.set()
+            else:
+                self._on_event(value)
+
+
+class FastLines:
+    """The fast lines of both arms.
+
+    Args:
+        build: how to build an arm in its process.
+        on_event: called on threads of their own for everything the fast lines tell.
+        wake: how they wait for datagrams.
+
+    Attributes:
+        boxes: what each arm's process shares with its parent.
+        recorders: the memory of each arm's flight recorder.
+    """
+
+    def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
+        self.boxes = {side: ArmBoxes() for side in Side}
+        self._lines = {side: FastLineProcess(side, build, self.boxes, on_event, wake) for side in Side}
+        self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
+
+    def start(self) -> None:
+        """Start both processes and wait until they listen.
+
+        Raises:
+            NoConnection: one cannot listen for the robot; none runs any more.
+        """
+        for line in self._lines.values():
+            line.start()
+        try:
+            for line in self._lines.values():
+                line.wait_until_it_listens()
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def started_as(self) -> str:
+        """What the operating system permitted them, in a sentence."""
+        return self._lines[Side.RIGHT].started_as
+
+    def check(self) -> None:
+        """See that both processes run.
+
+        Raises:
+            RobotNotReady: one has ended.
+        """
+        for side, line in self._lines.items():
+            if not line.is_alive:
+                raise RobotNotReady(ended(side))
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm; nothing when its process is gone."""
+        return self._lines[side].snapshot()
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles of its arm.
+
+        Orders for both arms are checked on both before any is sent: what stands against one stands against all.
+
+        Raises:
+            CommandRefused: a rule stands against it; nothing was changed.
+            RobotNotReady: the arm's fast line is gone.
+        """
+        if not isinstance(request, CheckOrders | SendOrders):
+            return self._lines[request.side].ask(request)
+        parts = {side: tuple(order for order in request.orders if order.side is side) for side in Side}
+        for step in (CheckOrders, type(request)):
+            for side, orders in parts.items():
+                if orders:
+                    self._lines[side].ask(step(orders))
+        return Done()
+
+    def stop(self) -> None:
+        """End both processes; the arms hold as long as they move."""
+        for line in self._lines.values():
+            line.tell_to_stop()
+        for line in self._lines.values():
+            line.join()

@@ -1,0 +1,319 @@
+"""One arm's controller manager in this process, on controllers in memory: what the tools never see at work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from threading import Event, Timer
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from controller_manager_bench import (
+    Manager,
+    boolean,
+    get_parameter,
+    integer,
+    number,
+    numbers,
+    set_parameter,
+    text,
+    texts,
+)
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_bench import Client
+from std_msgs.msg import String
+
+from yumi.clock import SystemClock
+from yumi.control.arm_line import ArmLine
+from yumi.control.controller import Controller
+from yumi.control.guard import Guard
+from yumi.control.mailbox import MemoryMailbox
+from yumi.control.manager import ControllerManager
+from yumi.control.parameter import Parameter, Values
+from yumi.control.request_desk import RequestDesk
+from yumi.control.requests import ControllerFailed, ControllerNotice, Done, Refusal, Request
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.hardware.perfect_arm import PerfectArm
+from yumi.parameter_file import Entry
+from yumi.robot.joints import Side, joint_names
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.model import robot_description
+from yumi.robot.poses import home
+from yumi.robot.values import ArmState
+from yumi.ros.arm_manager import ArmManager
+from yumi.settings import ControllerSettings
+
+pytestmark = pytest.mark.ros
+
+KIND = "tests/Watcher"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Watcher(Controller):
+    """Watches, and has a parameter of each type."""
+
+    kind = KIND
+    is_command = False
+
+    def __init__(self) -> None:
+        self.values: Values = {}
+
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return (
+            Parameter("gain", 1.0, 0.0, 2.0, "1/s", "Stiffness."),
+            Parameter("count", 3, 1, 5, description="How many."),
+            Parameter("is_loud", False, description="Whether it is loud."),
+            Parameter("mode", "slow", choices=("slow", "fast"), description="How."),
+            Parameter("weights", (1.0, 2.0), 0.0, 9.0, "kg", "How heavy."),
+            Parameter("joints", joint_names, description="Which joints.", read_only=True),
+        )
+
+    def configure(self, values: Values) -> None:
+        self.values = values
+
+    def activate(self, state: ArmState) -> None:
+        return None
+
+
+class MemoryLine:
+    """The fast line of one arm without a process; ``is_gone`` makes it end."""
+
+    def __init__(self) -> None:
+        self.made: list[Watcher] = []
+        self.is_gone = False
+        self.may_answer = Event()
+        self.may_answer.set()
+        manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
+        arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
+        self._desk = RequestDesk({Side.RIGHT: ArmLine(Side.RIGHT, arm, manager, guard, MemoryMailbox())})
+
+    def _make(self, _: str) -> Watcher:
+        self.made.append(Watcher())
+        return self.made[-1]
+
+    def ask(self, request: Request) -> Done:
+        if self.is_gone:
+            raise RobotNotReady("The fast-line process has ended; restart the driver.")
+        self.may_answer.wait()
+        reply = self._desk.serve(request, 0.0)
+        if isinstance(reply, Refusal):
+            raise CommandRefused(reply.sentence)
+        assert isinstance(reply, Done)
+        return reply
+
+
+class Interface:
+    """Remembers what its controller tells."""
+
+    def __init__(self) -> None:
+        self.notices: list[object] = []
+
+    def tell(self, notice: object) -> None:
+        self.notices.append(notice)
+
+    def destroy(self) -> None:
+        self.notices.append("destroyed")
+
+
+@pytest.fixture(scope="module")
+def rig(ros: None) -> Iterator[SimpleNamespace]:
+    executor, line, interface = SingleThreadedExecutor(), MemoryLine(), Interface()
+    entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
+    known = [ControllerSettings("listed", KIND, entries)]
+    arm = ArmManager(Side.RIGHT, line, known, executor, {KIND: lambda *_: interface}, SystemClock())
+    executor.add_node(arm.node)
+    client = Client(executor)
+    descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
+    yield SimpleNamespace(
+        arm=arm, line=line, interface=interface, client=client, manager=Manager(client), descriptions=descriptions
+    )
+    client.close()
+    arm.destroy()
+
+
+@pytest.fixture
+def manager(rig: SimpleNamespace) -> Manager:
+    """With its description."""
+    rig.descriptions.publish(String(data=robot_description()))
+    rig.client.sentences.clear()
+    manager: Manager = rig.manager
+    return manager
+
+
+@pytest.fixture
+def watcher(rig: SimpleNamespace, manager: Manager) -> Iterator[Watcher]:
+    """A controller ``watcher``, inactive."""
+    assert manager.spawn("watcher", KIND, inactive=True)
+    yield rig.line.made[-1]
+    assert manager.call("unload_controller", name="watcher").ok
+
+
+def services(rig: SimpleNamespace) -> set[str]:
+    kinds = dict(rig.client.node.get_service_names_and_types())
+    return {name for name, (kind, *_) in kinds.items() if kind.startswith("controller_manager_msgs/")}
+
+
+def test_manager_serves_nothing_but_parameters_until_it_has_a_description(rig: SimpleNamespace) -> None:
+    rate = get_parameter(rig.client, "/r/controller_manager", "update_rate").integer_value
+    assert rate == 248
+    rig.client.until(rig.client.hears("Waiting for a message on robot_description."))
+    assert not services(rig)
+
+
+@pytest.mark.parametrize(
+    ("urdf", "sentence"),
+    [
+        ("no XML", "The robot description cannot be used: it is no XML"),
+        ("<robot/>", "The robot description cannot be used: it has no joint yumi_joint_1_r, yumi_joint_2_r"),
+    ],
+)
+def test_manager_keeps_waiting_after_a_description_without_its_arm(
+    rig: SimpleNamespace, urdf: str, sentence: str
+) -> None:
+    rig.descriptions.publish(String(data=urdf))
+    rig.client.until(rig.client.hears(sentence))
+    assert not services(rig)
+
+
+def test_manager_ignores_another_description_once_it_serves(rig: SimpleNamespace, manager: Manager) -> None:
+    assert manager.controllers() == {}
+    assert len(services(rig)) == 11
+    rig.descriptions.publish(String(data="<robot/>"))
+    rig.client.until(rig.client.hears("Another robot description has come; it is ignored"))
+
+
+def test_listed_controller_is_loaded_with_the_parameters_of_the_list(manager: Manager) -> None:
+    assert manager.call("load_controller", name="listed").ok  # its type is known, too
+    assert get_parameter(manager.client, "/r/listed", "gain").double_value == 1.0
+    assert manager.call("unload_controller", name="listed").ok
+
+
+def test_parameters_of_every_type_reach_the_controller(watcher: Watcher, manager: Manager) -> None:
+    values = {"gain": number(1.5), "count": integer(5), "is_loud": boolean(True), "mode": text("fast")}
+    for name, value in (values | {"weights": numbers([4.0])}).items():
+        assert set_parameter(manager.client, "/r/watcher", name, value).successful
+    wanted = {"gain": 1.5, "count": 5, "is_loud": True, "mode": "fast", "weights": (4.0,)}
+    assert {name: watcher.values[name] for name in wanted} == wanted
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("gain", number(2.5), "Parameter gain out of range Min: 0.0, Max: 2.0, value: 2.5"),
+        ("gain", integer(1), "Wrong parameter type"),
+        ("mode", text("late"), "Parameter 'mode' of controller 'watcher' is 'late'; choose from: slow, fast."),
+        (
+            "weights",
+            numbers([1.0, 10.0]),
+            "Parameter 'weights' of controller 'watcher' is (1.0, 10.0); allowed is 0 to",
+        ),
+        (
+            "weights",
+            numbers([float("nan")]),
+            "Parameter 'weights' of controller 'watcher' is (nan,); allowed is 0 to 9",
+        ),
+    ],
+)
+def test_refused_parameter_changes_nothing_and_says_why(
+    watcher: Watcher, manager: Manager, name: str, value: Any, sentence: str
+) -> None:
+    before = get_parameter(manager.client, "/r/watcher", name), dict(watcher.values)
+    refused = set_parameter(manager.client, "/r/watcher", name, value)
+    assert not refused.successful
+    assert refused.reason.startswith(sentence)
+    assert (get_parameter(manager.client, "/r/watcher", name), dict(watcher.values)) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "type_", "description", "constraints"),
+    [
+        ("gain", ParameterType.PARAMETER_DOUBLE, "Stiffness. [1/s]", "in 1/s"),
+        ("count", ParameterType.PARAMETER_INTEGER, "How many.", ""),
+        ("mode", ParameterType.PARAMETER_STRING, "How.", "one of slow, fast"),
+        ("weights", ParameterType.PARAMETER_DOUBLE_ARRAY, "How heavy. [kg]", "each from 0 to 9; in kg"),
+        ("joints", ParameterType.PARAMETER_STRING_ARRAY, "Which joints.", "only while the controller is unconfigured"),
+    ],
+)
+def test_parameter_tells_type_unit_and_rule(
+    watcher: Watcher, manager: Manager, name: str, type_: int, description: str, constraints: str
+) -> None:
+    request = DescribeParameters.Request(names=[name])
+    (told,) = manager.client.call(DescribeParameters, "/r/watcher/describe_parameters", request).descriptors
+    assert (told.type, told.description, told.additional_constraints) == (type_, description, constraints)
+
+
+def test_whole_numbers_tell_their_range(watcher: Watcher, manager: Manager) -> None:
+    request = DescribeParameters.Request(names=["count"])
+    (told,) = manager.client.call(DescribeParameters, "/r/watcher/describe_parameters", request).descriptors
+    (bounds,) = told.integer_range
+    assert (bounds.from_value, bounds.to_value) == (1, 5)
+
+
+def test_settled_parameter_is_refused_until_the_controller_is_cleaned_up(watcher: Watcher, manager: Manager) -> None:
+    refused = set_parameter(manager.client, "/r/watcher", "joints", texts(["one"]))
+    assert refused.reason.startswith("Parameter 'joints' of controller 'watcher' is settled while it is inactive")
+    assert manager.call("cleanup_controller", name="watcher").ok
+    assert set_parameter(manager.client, "/r/watcher", "joints", texts(["one"])).successful
+
+
+def test_notice_of_a_controller_reaches_what_it_offers(rig: SimpleNamespace, watcher: Watcher) -> None:
+    rig.arm.tell(ControllerNotice(Side.RIGHT, "watcher", "arrived"))
+    rig.arm.tell(ControllerNotice(Side.RIGHT, "gone", "lost"))
+    assert rig.interface.notices[-1] == "arrived"
+
+
+def test_failure_of_a_controller_is_logged_and_makes_a_repeated_request_new(
+    rig: SimpleNamespace, watcher: Watcher, manager: Manager
+) -> None:
+    assert manager.switch(["watcher"], []).ok
+    assert manager.switch(["watcher"], []).ok  # the outcome of the first
+    rig.arm.tell(ControllerFailed(Side.RIGHT, "Controller 'watcher' failed."))
+    manager.client.until(manager.client.hears("Right arm: Controller 'watcher' failed."))
+    assert not manager.switch(["watcher"], []).ok
+    assert manager.switch([], ["watcher"]).ok
+
+
+@pytest.mark.parametrize(("strictness", "is_ok"), [("strict", False), ("best_effort", True)])
+def test_default_strictness_is_a_parameter_of_the_manager(manager: Manager, strictness: str, is_ok: bool) -> None:
+    assert manager.set_parameter("defaults.switch_controller.strictness", text(strictness)).successful
+    assert manager.spawn("watcher", KIND, inactive=True)
+    assert manager.switch(["watcher", "nobody"], [], strictness=0).ok is is_ok
+    manager.switch([], ["watcher"], strictness=1)
+    assert manager.call("unload_controller", name="watcher").ok
+
+
+def test_unknown_default_strictness_is_refused(manager: Manager) -> None:
+    refused = manager.set_parameter("defaults.switch_controller.strictness", text("lenient"))
+    assert refused.reason == "defaults.switch_controller.strictness is best_effort or strict."
+
+
+@pytest.mark.parametrize(("number_", "name"), [(3, "AUTO"), (4, "FORCE_AUTO")])
+def test_automatic_strictness_is_best_effort_and_says_so(manager: Manager, number_: int, name: str) -> None:
+    assert manager.spawn("watcher", KIND, inactive=True)
+    assert manager.switch(["watcher", "nobody"], [], strictness=number_).ok
+    manager.client.until(manager.client.hears(f"Strictness {name} is treated as BEST_EFFORT"))
+    assert manager.unspawn("watcher")
+
+
+def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
+    rig: SimpleNamespace, watcher: Watcher, manager: Manager
+) -> None:
+    rig.line.may_answer.clear()
+    Timer(1.0, rig.line.may_answer.set).start()  # what comes after the answer asks the line, too
+    answer = manager.switch([], [], timeout=0.3)
+    assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
+
+
+def test_manager_without_its_fast_line_lists_nothing_refuses_all_and_is_finalized(
+    rig: SimpleNamespace, manager: Manager
+) -> None:
+    rig.line.is_gone = True
+    sentence = "The fast-line process has ended; restart the driver."
+    assert manager.controllers() == {}
+    manager.client.until(manager.client.hears(f"list_controllers: {sentence}"))
+    assert manager.switch(["watcher"], []).message == sentence
+    assert manager.set_hardware("ROB_R", 3, "active").state.label == "finalized"
+    rig.line.is_gone = False

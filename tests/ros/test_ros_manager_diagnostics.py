@@ -1,0 +1,90 @@
+"""What the statuses of a controller manager say for given controllers and times."""
+
+from __future__ import annotations
+
+import pytest
+
+from yumi.control.inventory import ControllerInfo, HardwareInfo
+from yumi.control.lifecycle import State
+from yumi.control.statistics import Statistics
+
+pytestmark = pytest.mark.ros
+diagnostics = pytest.importorskip("yumi.ros.manager_diagnostics")
+
+QUICK = Statistics(100, 20e-6, 20e-6, 10e-6, 30e-6, 2e-6)
+PERIOD = Statistics(100, 0.004, 0.004, 0.002, 0.008, 1e-6)
+OK, WARN, ERROR = diagnostics.OK, diagnostics.WARN, diagnostics.ERROR
+
+
+def threshold(subject: str, quantity: str) -> tuple[float, float]:
+    """The defaults of ros2_control: [Hz] or [µs]."""
+    if "periodicity" in quantity:
+        return 5.0, 10.0
+    return (1000.0, 2000.0) if "mean" in quantity else (100.0, 200.0)
+
+
+def controller(state: State, times: Statistics = QUICK) -> ControllerInfo:
+    return ControllerInfo("one", "tests/One", state, (), (), (), times)
+
+
+def hardware(state: State = State.ACTIVE, times: Statistics = QUICK, period: Statistics = PERIOD) -> HardwareInfo:
+    return HardwareInfo("ROB_R", state, (), (), times, times, period)
+
+
+def test_controllers_status_warns_when_none_is_loaded() -> None:
+    assert diagnostics.controllers_status([], threshold) == (WARN, "No controllers are currently loaded", [])
+
+
+def test_controllers_status_tells_execution_times_of_active_controllers() -> None:
+    level, sentence, pairs = diagnostics.controllers_status([controller(State.ACTIVE)], threshold)
+    assert (level, sentence) == (OK, "All controllers are active")
+    assert {pair.key: pair.value for pair in pairs} == {
+        "one.state": "active",
+        "one.execution_time": "Avg: 20.0 [10.0 - 30.0] us, StdDev: 2.0",
+    }
+
+
+def test_controllers_status_tells_only_the_state_of_an_inactive_controller() -> None:
+    level, sentence, pairs = diagnostics.controllers_status([controller(State.INACTIVE)], threshold)
+    assert (level, sentence, [pair.key for pair in pairs]) == (OK, "Not all controllers are active", ["one.state"])
+
+
+@pytest.mark.parametrize(
+    ("mean_us", "deviation_us", "level"),
+    [(999.0, 99.0, OK), (1001.0, 0.0, WARN), (2001.0, 0.0, ERROR), (0.0, 101.0, WARN), (0.0, 201.0, ERROR)],
+)
+def test_controllers_status_shows_the_worst_of_mean_and_deviation(
+    mean_us: float, deviation_us: float, level: bytes
+) -> None:
+    times = Statistics(9, 0.0, mean_us * 1e-6, 0.0, 0.0, deviation_us * 1e-6)
+    assert diagnostics.controllers_status([controller(State.ACTIVE, times)], threshold)[0] == level
+
+
+def test_hardware_status_tells_times_and_rates_of_reading_and_writing() -> None:
+    level, sentence, pairs = diagnostics.hardware_status(hardware(), 248, threshold)
+    assert (level, sentence) == (OK, "All hardware components are active")
+    values = {pair.key: pair.value for pair in pairs}
+    assert values["ROB_R.read_cycle.execution_time"] == "Avg: 20.0 [10.0 - 30.0] us, StdDev: 2.0"
+    assert values["ROB_R.write_cycle.periodicity"] == "Avg: 250.0 [125.0 - 500.0] Hz, StdDev: 0.1"
+
+
+@pytest.mark.parametrize("state", [State.INACTIVE, State.UNCONFIGURED])
+def test_hardware_status_is_an_error_unless_the_component_is_active(state: State) -> None:
+    level, sentence, pairs = diagnostics.hardware_status(hardware(state), 248, threshold)
+    assert (level, sentence) == (ERROR, "No hardware components are active")
+    assert [(pair.key, pair.value) for pair in pairs] == [("ROB_R.state", state.value)]
+
+
+def test_manager_status_tells_the_rate_before_the_first_datagram() -> None:
+    level, sentence, pairs = diagnostics.manager_status(hardware(period=Statistics()), 248, threshold)
+    assert (level, sentence) == (OK, "Controller Manager is running")
+    assert [(pair.key, pair.value) for pair in pairs] == [("update_rate", "248")]
+
+
+@pytest.mark.parametrize(
+    ("mean", "deviation", "level"),
+    [(1 / 247.0, 0.0, OK), (1 / 242.0, 0.0, WARN), (1 / 230.0, 0.0, ERROR), (1 / 248.0, 100e-6, WARN)],
+)
+def test_manager_status_judges_the_rate(mean: float, deviation: float, level: bytes) -> None:
+    period = Statistics(9, mean, mean, mean, mean, deviation)
+    assert diagnostics.manager_status(hardware(period=period), 248, threshold)[0] == level
