@@ -94,7 +94,7 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
         place.side, place.boxes.trajectory, place.limits
     ),
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
-        place.side, place.boxes.dual_trajectory, place.boxes.told, place.partner.told, place.limits
+        place.side, place.boxes.dual_trajectory, place.boxes.dual_status, place.partner.dual_status, place.limits
     ),
     JointGoalController.kind: lambda place: JointGoalController(place.boxes.point_goals, place.limits, place.period),
 }

@@ -92,6 +92,7 @@ class JointTrajectoryController(Controller):
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
         self._feedback_due = -inf
         self._calming: Calming | None = None
+        self._is_judged = True
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
         self._position = ZERO
@@ -139,16 +140,17 @@ class JointTrajectoryController(Controller):
         if self._calming is not None and not self._has_come_to_rest(self._calming, state):
             return None
         self._advance(state.dt)
-        position, velocity = self._source.motion(self._time)
-        self._position = position
-        command = ArmCommand(position, velocity if velocity is ZERO else self._fed(velocity))
-        if self._goal is not None:
-            self._watch(self._goal, state)
-        return command
+        self._position, velocity = self._source.motion(self._time)
+        self._is_judged = False
+        return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
 
     def take_notices(self) -> Sequence[object]:
+        """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
         state = self._state
-        if state is not None:
+        if state is not None and not self._is_judged:
+            self._is_judged = True
+            if self._goal is not None:
+                self._watch(self._goal, state)
             if self._goal is not None and self._partner.is_there:
                 self._meet_partner(self._goal, state)
             if state.time >= self._feedback_due:

@@ -56,7 +56,7 @@ class ArmBoxes:
         forward_speeds: speeds by index.
         trajectory: how it follows a trajectory of its own.
         dual_trajectory: how it follows its part of one for both arms.
-        told: what it tells the other arm meanwhile.
+        dual_status: what it tells the other arm meanwhile.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -70,7 +70,7 @@ class ArmBoxes:
         self.forward_speeds = SharedMailbox(GOAL_SIZE)
         self.trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
-        self.told = SharedMailbox(PARTNER_SIZE)
+        self.dual_status = SharedMailbox(PARTNER_SIZE)
         self.point_goals = SharedMailbox(GOAL_SIZE)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()

@@ -1,15 +1,5 @@
 """The ROS side of the driver: which nodes exist, and which topics, services and actions each one has.
 
-node                   what it has
-====================== ============================================================================
-r/controller_manager   the services of ros2_control, activity, joint_states, /diagnostics
-r/<controller>         the parameters of each controller
-r/yumi_topics          the command topics of controllers, egm_state
-r/gripper              gripper_cmd (and all of these for l)
-yumi_robot_manager     start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
-yumi_topics            joint_states (merged)
-====================== ============================================================================
-=======
 ============================== ====================================================================
 node                           what it has
 ============================== ====================================================================
@@ -17,10 +7,11 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-dual_arm_trajectory_controller the same for both arms, and inter_arm_skew
 r/yumi_topics                  the command topics of controllers, egm_state
 r/gripper                      gripper_cmd (and all of these for l)
-yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description, /diagnostics
+dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
+yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description,
+                               /diagnostics
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
 

@@ -121,13 +121,12 @@ class TrajectoryAction:
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
         node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
 
-    @property
-    def is_common(self) -> bool:
-        """Whether it is for both arms."""
-        return len(self._sides) > 1
+    def tell(self, notice: Any) -> None:
+        """Take what the only arm's controller has told; from any thread."""
+        self.take_notice(self._sides[0], notice)
 
     def take_notice(self, side: Side, notice: object) -> None:
-        """Take what a controller has told; from any thread."""
+        """Take what an arm's controller has told; from any thread."""
         if not isinstance(notice, TrajectoryEnded):
             return
         with self._lock:

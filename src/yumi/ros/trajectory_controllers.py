@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from yumi.clock import Clock
@@ -16,67 +15,58 @@ from yumi.ros.controller_nodes import MakeInterface
 from yumi.ros.trajectory_action import Ask, TrajectoryAction
 
 DUAL_ARM = "dual_arm_trajectory_controller"
-"""Name of the controllers that follow one trajectory together, of their node and of their action's."""
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """An arm's controller's part of an action.
-
-    Attributes:
-        action: its own, or the common one of both arms.
-        side: the arm.
-    """
-
-    action: TrajectoryAction
-    side: Side
-
-    def tell(self, notice: object) -> None:
-        """Pass on what the controller told; from any thread."""
-        self.action.take_notice(self.side, notice)
-
-    def destroy(self) -> None:
-        """End the action when it is the controller's own."""
-        if not self.action.is_common:
-            self.action.destroy()
+"""Name of the controllers that follow one trajectory together, and of the node with their action."""
 
 
 class TrajectoryControllers:
-    """The actions by the kind of their controllers.
+    """Makes the actions, and brings them what their controllers tell.
 
     Args:
-        node: of the action for both arms.
+        dual_node: for the action of both arms.
         single: where each arm's trajectory controller lets others see how it follows.
         dual: the same of the dual-arm controller's halves.
         ask: has a request served by the fast line.
         clock: the machine's clock.
         limits: what the joints may do.
+
+    Attributes:
+        interfaces: what controllers of a kind offer on their nodes.
     """
 
     def __init__(
         self,
-        node: Any,
+        dual_node: Any,
         single: Mapping[Side, Mailbox],
         dual: Mapping[Side, Mailbox],
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
     ) -> None:
-        self._single = single
-        self._with = (ask, clock, limits)
-        self._dual = TrajectoryAction(node, DUAL_ARM, dual, *self._with)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits)
 
-    @property
-    def interfaces(self) -> Mapping[str, MakeInterface]:
-        """What controllers of a kind offer on their nodes."""
-        return {JointTrajectoryController.kind: self._make, DualArmTrajectoryController.kind: self._halve}
+        def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits)
+
+        self._both = both
+        self.interfaces: Mapping[str, MakeInterface] = {
+            JointTrajectoryController.kind: of_one_arm,
+            DualArmTrajectoryController.kind: lambda node, side, name: _Half(both, side),
+        }
 
     def destroy(self) -> None:
-        """End the action for both arms; goals that are open are aborted."""
-        self._dual.destroy()
+        """End the action of both arms; the others go with their controllers."""
+        self._both.destroy()
 
-    def _make(self, node: Any, side: Side, name: str) -> Part:
-        return Part(TrajectoryAction(node, name, {side: self._single[side]}, *self._with), side)
 
-    def _halve(self, node: Any, side: Side, name: str) -> Part:
-        return Part(self._dual, side)
+class _Half:
+    """One arm's half of the dual-arm controller; its action is on the node of both."""
+
+    def __init__(self, both: TrajectoryAction, side: Side) -> None:
+        self._both = both
+        self._side = side
+
+    def tell(self, notice: Any) -> None:
+        self._both.take_notice(self._side, notice)
+
+    def destroy(self) -> None:
+        """Nothing of its own."""
