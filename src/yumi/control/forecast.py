@@ -15,8 +15,8 @@ from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO
 
-_RESOLUTION = 1e-3
-"""A goal this far from where it was expected is where it was expected [rad]; 0.06°."""
+_RESOLUTION = 2e-4
+"""A goal this far from where it was expected is where it was expected [rad]."""
 
 _UNPUNCTUAL = 0.005
 """By how much the time between two goals may be wrong: what a network and a scheduler add now and then [s]."""

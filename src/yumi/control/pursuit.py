@@ -14,6 +14,7 @@ from ruckig import InputParameter, OutputParameter, Result, Ruckig
 from yumi.control.forecast import Target
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
+from yumi.robot.values import ZERO
 
 _SHARE = 0.95  # of the limits, since the guard looks at differences from cycle to cycle
 _PACE = 0.9  # a target that moves nearly as fast as the joint cannot be caught up with
@@ -27,17 +28,15 @@ class _Joint:
         velocity, acceleration, jerk: its limits, in [rad] and [s].
     """
 
-    __slots__ = ("_generator", "_given", "_is_chasing", "_limits", "_output", "acceleration", "position", "velocity")
+    __slots__ = ("_is_chasing", "_limits", "_tools", "acceleration", "position", "velocity")
 
     def __init__(self, velocity: float, acceleration: float, jerk: float) -> None:
         self._limits = (_SHARE * velocity, _SHARE * acceleration, _SHARE * jerk)
-        self._generator, self._given, self._output = Ruckig(1, 0.004), InputParameter(1), OutputParameter(1)
-        self._given.max_acceleration, self._given.max_jerk = [self._limits[1]], [self._limits[2]]
-        self._given.target_position = [0.0]
-        self.rest_at(0.0)
+        self._tools: tuple[Ruckig, InputParameter, OutputParameter] | None = None
+        self.begin(0.0, 0.0)
 
-    def rest_at(self, position: float) -> None:
-        self.position, self.velocity, self.acceleration = position, 0.0, 0.0
+    def begin(self, position: float, velocity: float) -> None:
+        self.position, self.velocity, self.acceleration = position, velocity, 0.0
         self._is_chasing = False
 
     def step(self, target: float, speed: float, gain: float, dt: float, stiffness: float) -> None:
@@ -47,7 +46,7 @@ class _Joint:
         slower = self.velocity - (speed - dt * gain)
         weaker = self.acceleration - gain
         if self._is_chasing and max(abs(behind), abs(slower) / w, abs(weaker) / (w * w)) > _NEAR:
-            self._chase(target, speed, dt)
+            self._chase(target, speed, gain, dt)
             return
         # The difference is (a + b·t + c·t²)·exp(-w·t).
         b, c = slower + w * behind, 0.5 * (weaker + w * (2.0 * slower + w * behind))
@@ -56,28 +55,41 @@ class _Joint:
         acceleration = gain + (2.0 * c - 2.0 * w * slope + w * w * value) * left
         top, strength, jerk = self._limits
         if abs(velocity) > top or abs(acceleration) > strength or abs(acceleration - self.acceleration) > jerk * dt:
-            self._chase(target, speed, dt)
+            self._chase(target, speed, gain, dt)
             return
         self._is_chasing = False
         self.position, self.velocity, self.acceleration = target + value * left, velocity, acceleration
 
-    def _chase(self, target: float, speed: float, dt: float) -> None:
+    def _chase(self, target: float, speed: float, gain: float, dt: float) -> None:
+        """As seen by someone who moves with the target, as long as the joint is stronger than the target."""
         self._is_chasing = True
-        top = self._limits[0]
-        if abs(speed) > _PACE * top:
-            speed = 0.0
-        given, output = self._given, self._output
-        given.current_position = [self.position - (target - speed * dt)]
-        given.current_velocity = [self.velocity - speed]
-        given.current_acceleration = [self.acceleration]
+        top, strength, _ = self._limits
+        speed = speed if abs(speed) < _PACE * top else 0.0
+        gain = gain if abs(gain) < _PACE * strength else 0.0
+        generator, given, output = self._generator()
+        given.current_position = [self.position - (target - dt * (speed - 0.5 * dt * gain))]
+        given.current_velocity = [self.velocity - (speed - dt * gain)]
+        given.current_acceleration = [self.acceleration - gain]
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
-        self._generator.delta_time = dt
-        if self._generator.update(given, output) not in (Result.Working, Result.Finished):
-            self.rest_at(self.position)
+        given.max_acceleration, given.min_acceleration = [strength - gain], [-strength - gain]
+        generator.delta_time = dt
+        if generator.update(given, output) not in (Result.Working, Result.Finished):
+            self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]
         self.velocity = speed + output.new_velocity[0]
-        self.acceleration = output.new_acceleration[0]
+        self.acceleration = gain + output.new_acceleration[0]
+
+    def end(self) -> None:
+        """Give the generator back; it is made again when it is needed."""
+        self._tools = None
+
+    def _generator(self) -> tuple[Ruckig, InputParameter, OutputParameter]:
+        if self._tools is None:
+            given = InputParameter(1)
+            given.max_jerk, given.target_position = [self._limits[2]], [0.0]
+            self._tools = (Ruckig(1, 0.004), given, OutputParameter(1))
+        return self._tools
 
 
 class Pursuit:
@@ -96,10 +108,15 @@ class Pursuit:
             _Joint(*each) for each in zip(limits.velocity, limits.acceleration, limits.jerk, strict=True)
         )
 
-    def rest_at(self, position: Joints) -> None:
-        """Begin again, at rest."""
-        for joint, value in zip(self._joints, position, strict=True):
-            joint.rest_at(value)
+    def begin(self, position: Joints, velocity: Joints = ZERO) -> None:
+        """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
+        for joint, place, speed in zip(self._joints, position, velocity, strict=True):
+            joint.begin(place, speed)
+
+    def end(self) -> None:
+        """Give back what the generator holds outside of Python; :meth:`begin` goes on."""
+        for joint in self._joints:
+            joint.end()
 
     def step(self, target: Target, dt: float) -> Target:
         """Go on for ``dt`` [s] > 0; where the joints are then."""

@@ -47,7 +47,7 @@ def added(base: Joints, value: float) -> Joints:
 
 
 def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> GuidedArm:
-    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Guard(YUMI_LIMITS, 5.0 * motion.pos_corr_gain))
+    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Guard(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
     arm.start(motion)
     arm.switch_to("dictated")
     return arm

@@ -27,10 +27,16 @@ def test_delivered_egm_settings_are_the_fullspeed_ones_of_the_thesis() -> None:
 
 
 @pytest.mark.parametrize("side", list(Side))
-def test_delivered_controllers_are_a_broadcaster_and_a_position_controller(side: Side) -> None:
-    broadcaster, position = read_controllers(side)
-    assert broadcaster.kind == "joint_state_broadcaster/JointStateBroadcaster"
-    assert (position.kind, position.values) == (JointPositionController.kind, {"p": 1.2})
+def test_delivered_controllers_have_the_names_of_the_interface(side: Side) -> None:
+    kinds = {entry.name: entry.kind for entry in read_controllers(side)}
+    assert kinds["joint_state_broadcaster"] == "joint_state_broadcaster/JointStateBroadcaster"
+    assert kinds["joint_position_controller"] == JointPositionController.kind
+    assert {"joint_trajectory_controller", "dual_arm_trajectory_controller"} < {*kinds}
+
+
+def test_delivered_gain_is_the_thesis_s_cautious_one() -> None:
+    values = {entry.name: entry.values for entry in read_controllers(Side.RIGHT)}
+    assert values["joint_position_controller"]["p"] == 1.2
 
 
 def test_settings_may_name_only_what_differs(file: Path) -> None:
