@@ -13,7 +13,10 @@ from yumi.evaluation.bench_figures import Run
 from yumi.evaluation.bench_processes import run_case
 
 CYCLES = 200
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark needs Linux")
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark needs Linux"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,8 @@ from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side
 from yumi.settings import read_controllers
 
+pytestmark = pytest.mark.real_time
+
 RIGHT = Side.RIGHT
 POSITION = "joint_position_controller"
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)

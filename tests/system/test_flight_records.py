@@ -31,6 +31,8 @@ from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.values import ArmCommand, ArmState
 from yumi.settings import RecorderSettings, read_controllers
 
+pytestmark = pytest.mark.real_time
+
 RIGHT = Side.RIGHT
 GOAL: Joints = (1.0, -2.0, -1.0, 0.5, 0.0, 0.7, 0.0)
 EPOCH = 1_800_000_000.0
