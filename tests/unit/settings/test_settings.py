@@ -34,6 +34,7 @@ def test_delivered_controllers_have_the_names_of_the_interface(side: Side) -> No
     assert kinds["joint_position_controller"] == JointPositionController.kind
     assert {"joint_velocity_controller", "forward_position_controller", "forward_velocity_controller"} < {*kinds}
     assert kinds["joint_goal_controller"] == JointGoalController.kind
+    assert {"joint_trajectory_controller", "dual_arm_trajectory_controller"} < {*kinds}
 
 
 def test_delivered_gain_is_the_thesis_s_cautious_one() -> None:
