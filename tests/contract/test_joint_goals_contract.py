@@ -145,7 +145,7 @@ def test_arm_follows_without_lag_beyond_the_transport_delay(arm: ArmUnderGoals) 
 def test_guard_has_nothing_to_slow_down_on_the_way(arm: ArmUnderGoals) -> None:
     arm.order(JointGoal(moved(arm.position), 1))
     arm.until(lambda: bool(arm.notices), 2.0)
-    assert all(cycle.admitted == cycle.wanted for cycle in arm.cycles[-20:])
+    assert all(cycle.admitted.velocity == pytest.approx(cycle.wanted.velocity) for cycle in arm.cycles if cycle.wanted)
     assert [cycle for cycle in arm.cycles if cycle.wanted and cycle.admitted.position != cycle.wanted.position] == []
 
 

@@ -33,6 +33,7 @@ _PARAMETERS = (
     Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
     Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
 )
+_ROOM = 0.9  # the guard counts what the position adds to the speed fed forward; a plan at the limits would exceed them
 _DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
@@ -180,7 +181,7 @@ class JointGoalController(Controller):
 
     def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(message, StopMotion):
-            return message, stop(self._setpoint, self._limits)
+            return message, stop(self._setpoint, slower(self._limits, 1.0, _ROOM))
         if not isinstance(message, JointGoal):
             raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
         check_goal(message.position)
@@ -191,7 +192,7 @@ class JointGoalController(Controller):
         acceleration = self._scale("acceleration_scale", goal.acceleration_scale)
         top = self._values["top_speed"]
         try:
-            return travel(self._setpoint, goal.position, slower(self._limits, speed, acceleration, top))
+            return travel(self._setpoint, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
         except CommandRefused:
             if acceleration == 1.0:
                 raise
