@@ -81,6 +81,16 @@ def test_motion_that_takes_too_long_is_stopped(robot: Robot) -> None:
     assert robot.right.state is ArmMode.HOLDING
 
 
+def test_both_arms_follow_trajectories_that_begin_together(robot: Robot) -> None:
+    right = [(0.5, TURNED), (1.0, TURNED), (1.5, RIGHT)]
+    left = [(0.5, (*LEFT[:6], 0.2)), (1.0, LEFT)]
+    robot.follow(right=right, left=left, timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(RIGHT, abs=CLOSE)
+    assert robot.left.position == pytest.approx(LEFT, abs=CLOSE)
+    robot.right.follow([(0.7, TURNED)], timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
 def test_arm_follows_a_stream_until_it_gets_a_goal(robot: Robot) -> None:
     for step in range(20):
         robot.right.stream((*RIGHT[:6], RIGHT[6] + 0.005 * step))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 
 from yumi.api.gripper import Gripper
-from yumi.api.guidance import Guidance, Position
+from yumi.api.guidance import Guidance, Position, TimedPosition
 from yumi.api.motions import Motion
 from yumi.api.waiting import wait_for
 from yumi.control.calming import STANDING
@@ -120,6 +120,36 @@ class Arm:
         """
         guidance = self._guidance()
         (motion,) = guidance.move({self.side: position}, speed, acceleration)
+        if wait:
+            wait_for((motion,), timeout, guidance)
+        return motion
+
+    def follow(self, trajectory: Sequence[TimedPosition], *, wait: bool = True, timeout: float | None = None) -> Motion:
+        """Follow a trajectory: splines through points that are due at times.
+
+        ::
+
+            robot.right.follow([(1.0, q1), (2.0, q2), (3.5, q1)])
+
+        Between two points the way is straight if they have positions only, cubic with velocities, quintic with
+        accelerations. What moves when it is called comes to rest first; a point at time 0 must be where the arm is.
+
+        Args:
+            trajectory: points ``(time, position)``, ``(time, position, velocity)`` or ``(time, position, velocity,
+                acceleration)``: the time since the begin [s], then (7,) each in [rad], [rad/s] and [rad/s²].
+            wait: return when the arm stands at the last point; else at once.
+            timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
+
+        Returns:
+            The motion; over, unless ``wait`` is False.
+
+        Raises:
+            CommandRefused: the trajectory is impossible: its points, their order, or more than the joints may do.
+            RobotNotReady: as for :meth:`move_to`.
+            GoalNotReached: the motion ended elsewhere; the arm holds.
+        """
+        guidance = self._guidance()
+        (motion,) = guidance.follow({self.side: trajectory})
         if wait:
             wait_for((motion,), timeout, guidance)
         return motion

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from yumi.api.arm import Arm, ArmMode
 from yumi.api.gripper import Grip, Gripper
-from yumi.api.guidance import Position
+from yumi.api.guidance import Position, TimedPosition
 from yumi.api.motions import Motion
 from yumi.api.robot import Robot
 from yumi.api.waiting import check_ended, halt
@@ -104,6 +104,14 @@ class AsyncArm:
         (motion,) = await _moved(begin, self._robot, wait, timeout)
         return motion
 
+    async def follow(
+        self, trajectory: Sequence[TimedPosition], *, wait: bool = True, timeout: float | None = None
+    ) -> Motion:
+        """Follow points with times, as :meth:`yumi.api.arm.Arm.follow`; cancelling the task stops the arm."""
+        begin = partial(self._robot.guidance.follow, {self.side: trajectory})
+        (motion,) = await _moved(begin, self._robot, wait, timeout)
+        return motion
+
     async def stop(self) -> None:
         """Come to rest as fast as the joints may; done when the arm stands."""
         await _moved(partial(self._robot.guidance.stop, (self.side,)), self._robot, True, None)
@@ -167,6 +175,18 @@ class AsyncRobot:
         """Move both arms, as :meth:`yumi.api.robot.Robot.move_to`; cancelling the task stops them."""
         scales = {"speed": speed, "acceleration": acceleration}
         begin = partial(self._robot.move_to, right=right, left=left, wait=False, **scales)
+        return await _moved(begin, self._robot, wait, timeout)
+
+    async def follow(
+        self,
+        *,
+        right: Sequence[TimedPosition] | None = None,
+        left: Sequence[TimedPosition] | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+    ) -> Sequence[Motion]:
+        """Have both arms follow points with times, as :meth:`yumi.api.robot.Robot.follow`."""
+        begin = partial(self._robot.follow, right=right, left=left, wait=False)
         return await _moved(begin, self._robot, wait, timeout)
 
     async def stop(self) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ParamSpec
 
 from yumi.api.asynchronous import AsyncRobot
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.robot import Robot
 from yumi.app import Controllers
 from yumi.errors import SettingsError
@@ -160,7 +160,7 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
 
 
 def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[ControllerSettings, ...]:
-    missing = {GOAL_CONTROLLER, STREAM_CONTROLLER} - {entry.name for entry in entries}
+    missing = {GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER} - {entry.name for entry in entries}
     if missing:
         raise SettingsError(f"The controllers of the {side.word} arm lack {', '.join(sorted(missing))}; add them.")
     return entries

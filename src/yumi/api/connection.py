@@ -7,11 +7,13 @@ import logging
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
+from math import radians
 
 from yumi.api.guidance import GOAL_CONTROLLER, Guidance
 from yumi.api.motions import LAST_STOP, MotionBook
 from yumi.app import Controllers, build_arm, build_grippers, only_at_robot, plan_egm
 from yumi.clock import SystemClock
+from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.fast_lines import FastLines
@@ -19,6 +21,7 @@ from yumi.hardware.gripper import Gripper, calibrate
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.robot.joints import Side
+from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -106,7 +109,8 @@ class Connection:
         self.grippers = build_grippers(client, clock, settings)
         self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms)
         goals = {side: boxes.goals for side, boxes in fast_lines.boxes.items()}
-        self.guidance = Guidance(fast_lines, goals, self._book, self._arms)
+        limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
+        self.guidance = Guidance(fast_lines, goals, self._book, self._arms, limits, clock)
         return fast_lines
 
     def _end_motion(self) -> None:

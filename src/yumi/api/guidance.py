@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol, SupportsFloat
+from typing import Any, Protocol, SupportsFloat
 
 from yumi.api.motions import LAST_STOP, Motion, MotionBook
+from yumi.clock import Clock
+from yumi.control.calming import STANDING
 from yumi.control.goals import check_position, put_goal
 from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
 from yumi.control.snapshot import Snapshot
+from yumi.control.spline import TrajectoryPoint
+from yumi.control.trajectory import ArmPlan, JointTrajectory, plan_trajectory
 from yumi.controllers.joint_goal import JointGoal, StopMotion
+from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
+from yumi.robot.limits import JointLimits
 
 GOAL_CONTROLLER = "joint_goal_controller"
 """Takes an arm to single points."""
@@ -20,8 +26,21 @@ GOAL_CONTROLLER = "joint_goal_controller"
 STREAM_CONTROLLER = "joint_position_controller"
 """Follows a stream of points."""
 
+TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
+"""Follows points with times."""
+
+COMMON_START = 0.1
+"""Both arms begin a trajectory so long after it was ordered [s]: each has its order by then."""
+
+ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
+"""When a trajectory's last point is reached: the same as for single points."""
+
 Position = Sequence[SupportsFloat]
 """Seven joint positions in chain order (axes 1, 2, 7, 3, 4, 5, 6) [rad]: a list, a tuple, an array."""
+
+
+TimedPosition = Sequence[Any]
+"""A time since the begin [s], the joint positions then [rad], and, if wanted, velocities [rad/s] and accelerations."""
 
 
 class FastLine(Protocol):
@@ -42,12 +61,22 @@ class Guidance:
         goals: where each arm's stream of goals goes.
         book: of the motions under way.
         arms: those that are guided.
+        limits: what a trajectory may ask of the joints.
+        clock: of the trajectories' begins, which the fast line shares.
     """
 
     def __init__(
-        self, fast_line: FastLine, goals: Mapping[Side, Mailbox], book: MotionBook, arms: tuple[Side, ...]
+        self,
+        fast_line: FastLine,
+        goals: Mapping[Side, Mailbox],
+        book: MotionBook,
+        arms: tuple[Side, ...],
+        limits: JointLimits,
+        clock: Clock,
     ) -> None:
         self.arms = arms
+        self._limits = limits
+        self._clock = clock
         self._fast_line = fast_line
         self._goals = goals
         self._book = book
@@ -90,6 +119,33 @@ class Guidance:
         ]
         return self._send(orders, tuple(motions.values()))
 
+    def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
+        """Have arms follow trajectories that begin at the same moment, or none of them.
+
+        Raises:
+            CommandRefused: a trajectory is impossible; nothing moves, but what moved has come to rest.
+            RobotNotReady: an arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        wanted = {side: _timed_points(points) for side, points in trajectories.items()}
+        for side, points in wanted.items():
+            self._plan(side, points, None)
+        for side in wanted:
+            self._check_follows(side)
+        for side in wanted:
+            self._take_over(side, TRAJECTORY_CONTROLLER)
+        start = self._clock.now() + COMMON_START if len(wanted) > 1 else None
+        motions = {side: self._book.begin(side) for side in wanted}
+        orders = [
+            Order(
+                side,
+                TRAJECTORY_CONTROLLER,
+                FollowTrajectory(self._plan(side, points, start), motions[side].identity, ARRIVAL),
+            )
+            for side, points in wanted.items()
+        ]
+        return self._send(orders, tuple(motions.values()))
+
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """Have arms come to rest, as fast as their joints may; those that do not follow stand already.
 
@@ -112,18 +168,22 @@ class Guidance:
         checked = checked_goal(side, goal)
         snapshot = self.snapshot(side)
         if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            snapshot = self._begin_stream(side)
+            self._check_follows(side)
+            self._take_over(side, STREAM_CONTROLLER)
+            snapshot = self._fast_line.snapshot(side)
+            self._streaming[side] = (snapshot.session, snapshot.activation)
         put_goal(self._goals[side], snapshot.session, checked)
 
-    def _begin_stream(self, side: Side) -> Snapshot:
+    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...], start: float | None) -> ArmPlan:
+        return plan_trajectory(JointTrajectory(joint_names(side), points, start), (side,), self._limits)[side]
+
+    def _take_over(self, side: Side, name: str) -> None:
         """From standstill: the controllers lead an arm by different laws."""
-        self._check_follows(side)
+        if self._commanding(side) == (name,):
+            return
         for motion in self.stop((side,)):
             motion.wait(LAST_STOP)
-        self._activate([side], STREAM_CONTROLLER)
-        snapshot = self._fast_line.snapshot(side)
-        self._streaming[side] = (snapshot.session, snapshot.activation)
-        return snapshot
+        self._activate([side], name)
 
     def _lead(self, sides: Iterable[Side]) -> None:
         for side in sides:
@@ -140,11 +200,14 @@ class Guidance:
     def _activate(self, sides: Iterable[Side], name: str) -> None:
         """Give the arms to a controller; what commands one until then gives way in the same switch."""
         for side in sides:
-            infos = self._fast_line.ask(ListControllers(side)).controllers
-            commanding = tuple(info.name for info in infos if info.claimed)
+            commanding = self._commanding(side)
             if commanding != (name,):
                 self._streaming.pop(side, None)
                 self._fast_line.ask(SwitchControllers(side, activate=(name,), deactivate=commanding))
+
+    def _commanding(self, side: Side) -> tuple[str, ...]:
+        infos = self._fast_line.ask(ListControllers(side)).controllers
+        return tuple(info.name for info in infos if info.claimed)
 
     def _send(self, orders: Sequence[Order], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
         if not orders:
@@ -155,6 +218,19 @@ class Guidance:
             self._book.forget(motions)
             raise
         return motions
+
+
+def _timed_points(points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
+    try:
+        return tuple(
+            TrajectoryPoint(float(time), *(tuple(float(value) for value in each) for each in values))
+            for time, *values in points
+        )
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(
+            "Trajectory refused: each of its points is a time and seven positions, and no more than velocities and "
+            f"accelerations besides ({error})."
+        ) from error
 
 
 def checked_goal(side: Side, goal: Position) -> Joints:

@@ -11,6 +11,7 @@ from threading import Lock
 
 from yumi.control.requests import ControllerNotice, Event, is_fault
 from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
+from yumi.controllers.trajectory_orders import Outcome, TrajectoryEnded
 from yumi.errors import GoalNotReached
 from yumi.robot.joints import Side
 
@@ -88,8 +89,7 @@ class MotionBook:
     def tell(self, event: Event) -> None:
         """Take in what the fast line tells."""
         if isinstance(event, ControllerNotice):
-            if isinstance(event.notice, GoalEnded):
-                self._settle(event.notice)
+            self._settle(event.notice)
             return
         # In a script the way back is a method, with ROS it is a service.
         sentence = str(event).replace("start_egm", "robot.recover()")
@@ -109,14 +109,19 @@ class MotionBook:
         for motion in failed:
             motion.future.set_exception(GoalNotReached(sentence))
 
-    def _settle(self, ended: GoalEnded) -> None:
+    def _settle(self, notice: object) -> None:
+        if isinstance(notice, GoalEnded):
+            self._end(notice.identity, notice.outcome is GoalOutcome.REACHED, notice.sentence)
+        elif isinstance(notice, TrajectoryEnded):
+            self._end(notice.goal, notice.outcome is Outcome.SUCCEEDED, notice.sentence)
+
+    def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
         with self._lock:
-            motion = self._open.pop(ended.identity, None)
+            motion = self._open.pop(identity, None)
         if motion is None:
             return
-        if ended.outcome is GoalOutcome.REACHED:
+        if is_reached:
             motion.future.set_result(None)
         else:
-            motion.future.set_exception(
-                GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {ended.sentence}.")
-            )
+            reason = sentence.rstrip(".")
+            motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from types import TracebackType
+from typing import TypeVar
 
 from yumi.api.arm import Arm
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
-from yumi.api.guidance import Guidance, Position
+from yumi.api.guidance import Guidance, Position, TimedPosition
 from yumi.api.motions import Motion
 from yumi.api.waiting import wait_for
 from yumi.app import Controllers
@@ -16,6 +18,8 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.hardware.gripper import Gripper as Hand
 from yumi.robot.joints import Side
 from yumi.settings import Settings
+
+T = TypeVar("T")
 
 
 class Robot:
@@ -108,11 +112,42 @@ class Robot:
             RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
             GoalNotReached: a motion ended elsewhere; both arms hold.
         """
-        goals = {side: goal for side, goal in ((Side.RIGHT, right), (Side.LEFT, left)) if goal is not None}
-        if not goals:
-            raise CommandRefused("No arm has a goal; give right=, left= or both.")
+        goals = _named(right, left)
         guidance = self.guidance
         motions = guidance.move(goals, speed, acceleration)
+        if wait:
+            wait_for(motions, timeout, guidance)
+        return motions
+
+    def follow(
+        self,
+        *,
+        right: Sequence[TimedPosition] | None = None,
+        left: Sequence[TimedPosition] | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+    ) -> tuple[Motion, ...]:
+        """Have both arms follow trajectories that begin at the same moment, 0.1 s after the call; or none.
+
+        An arm that is stopped on its way stops the other while somebody waits for them.
+
+        Args:
+            right: of the right arm, see :meth:`yumi.api.arm.Arm.follow`; None leaves it alone.
+            left: of the left arm.
+            wait: return when the arms stand at their last points; else at once.
+            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
+
+        Returns:
+            The motions; over, unless ``wait`` is False.
+
+        Raises:
+            CommandRefused: no arm is named, or a trajectory is impossible.
+            RobotNotReady: as for :meth:`move_to`.
+            GoalNotReached: a motion ended elsewhere; both arms hold.
+        """
+        trajectories = _named(right, left)
+        guidance = self.guidance
+        motions = guidance.follow(trajectories)
         if wait:
             wait_for(motions, timeout, guidance)
         return motions
@@ -164,3 +199,11 @@ class Robot:
     def _check_connected(self) -> None:
         if not self._is_connected:
             raise RobotNotReady("The robot is not connected; write `with yumi.connect(...) as robot`, or call open().")
+
+
+def _named(right: T | None, left: T | None) -> dict[Side, T]:
+    """What was given for each arm."""
+    given = {side: value for side, value in ((Side.RIGHT, right), (Side.LEFT, left)) if value is not None}
+    if not given:
+        raise CommandRefused("No arm has a goal; give right=, left= or both.")
+    return given

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, Guidance
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance
 from yumi.api.motions import MotionBook
+from yumi.clock import ManualClock
 from yumi.control.inventory import ControllerInfo
 from yumi.control.lifecycle import State
 from yumi.control.mailbox import MemoryMailbox
@@ -20,10 +21,13 @@ from yumi.control.requests import (
     SwitchControllers,
 )
 from yumi.control.snapshot import Snapshot
-from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
+from yumi.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
+from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home
+
+NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER)
 
 
 class FakeFastLine:
@@ -45,9 +49,7 @@ class FakeFastLine:
 
     def ask(self, request: Request) -> Done:
         if isinstance(request, ListControllers):
-            return Done(
-                controllers=tuple(self._info(name, request.side) for name in (GOAL_CONTROLLER, STREAM_CONTROLLER))
-            )
+            return Done(controllers=tuple(self._info(name, request.side) for name in NAMES))
         if isinstance(request, SwitchControllers):
             self._switch(request)
         if isinstance(request, SendOrders):
@@ -77,7 +79,12 @@ class FakeRobot:
         self.fast_line = FakeFastLine()
         self.goals = {side: MemoryMailbox() for side in Side}
         self.book = MotionBook()
-        self.guidance = Guidance(self.fast_line, self.goals, self.book, arms)
+        self.guidance = Guidance(self.fast_line, self.goals, self.book, arms, YUMI_LIMITS, ManualClock(100.0))
+
+    def rest(self, order: Order) -> None:
+        """For ``on_order``: an arm that is told to stop does."""
+        if isinstance(order.message, StopMotion):
+            self.end(order)
 
     def end(self, order: Order, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
         """The fast line tells how an order has ended."""

@@ -37,9 +37,7 @@ class FakeConnected:
     def __init__(self) -> None:
         self.fake = FakeRobot()
         self.guidance = self.fake.guidance
-        self.fake.fast_line.on_order = lambda order: (
-            self.fake.end(order) if isinstance(order.message, StopMotion) else None
-        )
+        self.fake.fast_line.on_order = self.fake.rest
         gripper = Gripper(Side.RIGHT, lambda: cast("Hand", FakeHand()), 10.0)
         self.arm = AsyncArm(cast("Robot", self), Arm(Side.RIGHT, lambda: self.guidance, gripper))
 

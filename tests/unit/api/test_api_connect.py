@@ -57,7 +57,7 @@ def test_connect_demands_the_controllers_it_moves_with(tmp_path: Path) -> None:
     file = tmp_path / "controllers.yaml"
     only = "{ros__parameters: {joint_position_controller: {type: yumi_controllers/JointPositionController}}}"
     file.write_text(f"/r/controller_manager: {only}\n/l/controller_manager: {only}\n")
-    with pytest.raises(SettingsError, match="The controllers of the right arm lack joint_goal_controller; add them"):
+    with pytest.raises(SettingsError, match="The controllers of the right arm lack joint_goal_controller, joint_tra"):
         yumi.connect(NOBODY, controllers=file)
 
 

@@ -6,10 +6,12 @@ from math import inf, nan
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.control.goals import UNKNOWN, Goal, peek_goal
-from yumi.control.requests import ControllerFailed, FastLineEnded, SessionLost, SwitchControllers
+from yumi.control.requests import ControllerFailed, ControllerNotice, FastLineEnded, SessionLost, SwitchControllers
+from yumi.control.trajectory import ResultCode
 from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.controllers.trajectory_orders import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
@@ -179,3 +181,41 @@ def test_numbers_of_any_kind_are_a_goal(robot: FakeRobot) -> None:
 
     robot.guidance.move({Side.RIGHT: [Number(), *RIGHT[1:]]}, None, None)
     assert robot.fast_line.orders[0].message.position == RIGHT  # type: ignore[attr-defined]
+
+
+def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.rest
+    robot.guidance.follow({Side.RIGHT: [(1.0, RIGHT)], Side.LEFT: [(1.0, LEFT, [0.0] * 7)]})
+    plans = [order.message.plan for order in robot.fast_line.orders if isinstance(order.message, FollowTrajectory)]
+    assert [(plan.side, plan.start) for plan in plans] == [(Side.RIGHT, 100.1), (Side.LEFT, 100.1)]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "is_reached"), [(Outcome.SUCCEEDED, True), (Outcome.ABORTED, False), (Outcome.CANCELED, False)]
+)
+def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outcome, is_reached: bool) -> None:
+    robot.fast_line.on_order = robot.rest
+    (motion,) = robot.guidance.follow({Side.RIGHT: [(1.0, RIGHT)]})
+    notice = TrajectoryEnded(motion.identity, outcome, ResultCode.SUCCESSFUL, "It is over.")
+    robot.book.tell(ControllerNotice(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
+    assert (motion.future.exception() is None) is is_reached
+    if not is_reached:
+        assert str(motion.future.exception()) == "The right arm did not reach its goal: It is over."
+
+
+@pytest.mark.parametrize(
+    ("points", "sentence"),
+    [
+        ([], "it has no points"),
+        ([(1.0, RIGHT[:6])], "point 1 has 6 positions for 7 joints"),
+        ([(1.0, RIGHT), (0.5, RIGHT)], "the times of the points increase"),
+        ([(0.001, RIGHT), (0.002, (1.0, *RIGHT[1:]))], "its limit is"),
+        ([RIGHT], "each of its points is a time and seven positions"),
+        ([(1.0, RIGHT, RIGHT, RIGHT, RIGHT)], "each of its points is a time and seven positions"),
+        (3.0, "each of its points is a time and seven positions"),
+    ],
+)
+def test_impossible_trajectory_is_refused_and_nobody_asked(robot: FakeRobot, points: object, sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        robot.guidance.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
+    assert robot.fast_line.orders == robot.fast_line.switches == []

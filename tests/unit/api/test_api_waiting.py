@@ -21,7 +21,7 @@ class ObedientRobot(FakeRobot):
 
     def __init__(self) -> None:
         super().__init__()
-        self.fast_line.on_order = lambda order: self.end(order) if isinstance(order.message, StopMotion) else None
+        self.fast_line.on_order = self.rest
 
     @property
     def stopped(self) -> list[Side]:
