@@ -29,6 +29,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy._rclpy_pybind11 import InvalidHandle
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -201,7 +202,12 @@ class RosDriver:
 
     def _spin(self, executor: Executor) -> None:
         while not self._is_over.is_set():
-            executor.spin_once(timeout_sec=0.1)
+            try:
+                executor.spin_once(timeout_sec=0.1)
+            except InvalidHandle:
+                continue  # a controller's node went while the executor looked for work
+            except Exception as error:  # of a callback; everybody else still wants to be answered
+                self._manager_node.get_logger().error(f"A callback failed with {type(error).__name__}: {error}.")
 
     def _publish_health(self) -> None:
         for side, node in self._stream_nodes.items():
