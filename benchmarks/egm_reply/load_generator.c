@@ -39,7 +39,7 @@
 
 #include "egm_wire.h"
 
-enum { AXES = 7, ROBAX = 6, MAX_ARMS = 2, LEAD_IN_RIGHT = 25, LOST_IN_A_ROW = 50 };
+enum { AXES = 7, ROBAX = 6, MAX_ARMS = 2, LEAD_IN_RIGHT = 25, LOST_IN_A_ROW = 500 };
 
 static const double CODE_DEG = 1e-4;      /* axis 1 per cycle: a guard that bounds speed, acceleration and jerk passes it */
 static const double OFFSET_DEG = 0.005;   /* goal - start: the reply of a guided arm differs from that of a held one */
@@ -322,6 +322,16 @@ static void report(long cycles, int64_t duration)
     if (file && fclose(file)) { perror(set.output); exit(2); }
 }
 
+static void complain(long cycle)
+{
+    fprintf(stderr, "The server stopped answering: no right reply in %d cycles in a row, the last being %ld.", LOST_IN_A_ROW, cycle);
+    for (int i = 0; i < set.arms; ++i)
+        fprintf(stderr, " Port %d: %s, %ld bad, %ld recovering, %ld unparsed, %ld stale, %ld duplicates.", set.ports[i],
+                arms[i].latency[cycle - 1] ? "answers" : "is silent", arms[i].bad, arms[i].recovering, arms[i].unparsed,
+                arms[i].stale, arms[i].duplicates);
+    fputs("\n", stderr);
+}
+
 static int read_goal(const char *text)
 {
     char *rest = (char *)text;
@@ -367,7 +377,7 @@ int main(int count, char **words)
     struct timespec rest = timespec_of(STRAGGLERS);
     nanosleep(&rest, NULL);
     if (moved) drain(moved - 1);
-    if (!is_over && moved < set.warm_up + set.cycles) { fputs("The server stopped answering.\n", stderr); return 1; }
+    if (!is_over && moved < set.warm_up + set.cycles) { complain(moved); return 1; }
     report(moved > set.warm_up ? moved - set.warm_up : 0, duration);
     return 0;
 }
