@@ -15,11 +15,7 @@ from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FLIGHT_SIZE
 from yumi.control.goals import GOAL_SIZE
 from yumi.control.request_desk import RequestDesk
-from yumi.control.requests import (
-    CycleFailed,
-    Refusal,
-    Stop,
-)
+from yumi.control.requests import CycleFailed, Refusal, Stop
 from yumi.control.snapshot import SNAPSHOT_SIZE
 from yumi.errors import YumiError
 from yumi.hardware.wake import Wait, WakeMode, describe, way_to_wait
