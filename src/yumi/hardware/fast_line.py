@@ -17,14 +17,7 @@ from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FLIGHT_SIZE
 from yumi.control.goals import GOAL_SIZE
 from yumi.control.request_desk import RequestDesk
-from yumi.control.requests import (
-    CycleFailed,
-    Event,
-    Refusal,
-    Reply,
-    Request,
-    Stop,
-)
+from yumi.control.requests import CycleFailed, Event, Refusal, Reply, Request, Stop
 from yumi.control.snapshot import SNAPSHOT_SIZE
 from yumi.control.trajectory_feedback import FEEDBACK_SIZE
 from yumi.control.trajectory_partner import PARTNER_SIZE

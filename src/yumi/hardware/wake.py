@@ -17,7 +17,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from enum import Enum
-from typing import Protocol
 
 from yumi.clock import Clock
 from yumi.control.arrival import ArrivalForecast
@@ -39,28 +38,7 @@ class WakeMode(Enum):
     AHEAD = "ahead"
 
 
-class Wait(Protocol):
-    """A way to wait."""
-
-    def wait(self, poller: Poller, is_streaming: bool) -> None:
-        """Wait for something to read and have it handled, or return after a glance.
-
-        Args:
-            poller: what is waited for.
-            is_streaming: whether a robot sends datagrams now.
-        """
-
-    def prepare(self, rehearse: Callable[[], None]) -> None:
-        """Take what rehearses the arm's cycle; who wakes up ahead of a datagram has the time for it."""
-
-    def note_arrival(self, now: float) -> None:
-        """A datagram came at ``now`` [s]."""
-
-    def close(self) -> None:
-        """Give back what it holds."""
-
-
-class RehearsingWait(ABC):
+class Wait(ABC):
     """Sleeps until shortly before a datagram is due, then has the reply rehearsed: the real one finds warm caches.
 
     Args:
@@ -75,9 +53,16 @@ class RehearsingWait(ABC):
         self._was_asleep = True
 
     def prepare(self, rehearse: Callable[[], None]) -> None:
+        """Take what rehearses the arm's cycle; who wakes up ahead of a datagram has the time for it."""
         self._rehearsal = rehearse
 
     def wait(self, poller: Poller, is_streaming: bool) -> None:
+        """Wait for something to read and have it handled, or return after a glance.
+
+        Args:
+            poller: what is waited for.
+            is_streaming: whether a robot sends datagrams now.
+        """
         now, forecast = self._clock.now(), self._forecast
         self._was_asleep = True
         if not is_streaming or forecast.give_up_at() <= now:
@@ -89,10 +74,11 @@ class RehearsingWait(ABC):
         self._await(poller, forecast.give_up_at())
 
     def note_arrival(self, now: float) -> None:
+        """A datagram came at ``now`` [s]."""
         self._forecast.note_arrival(now, was_waiting=self._was_asleep)
 
     def close(self) -> None:
-        """It holds nothing."""
+        """Give back what it holds."""
 
     @abstractmethod
     def _await(self, poller: Poller, late: float) -> None:
@@ -104,7 +90,7 @@ class RehearsingWait(ABC):
         self._rehearsal_time += _STEADINESS * (self._clock.now() - begin - self._rehearsal_time)
 
 
-class BlockingWait(RehearsingWait):
+class BlockingWait(Wait):
     """Sleeps until a datagram comes."""
 
     def _await(self, poller: Poller, late: float) -> None:
@@ -131,7 +117,7 @@ class HotWait(BlockingWait):
         self._processors.release()
 
 
-class AheadWait(RehearsingWait):
+class AheadWait(Wait):
     """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
 
     def _await(self, poller: Poller, late: float) -> None:
