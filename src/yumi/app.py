@@ -42,6 +42,7 @@ from yumi.egm.session import SensorSession
 from yumi.errors import YumiError
 from yumi.evaluation.records import Records
 from yumi.hardware.bringup import Bringup
+from yumi.hardware.connection import RobotConnection
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, WiredArm
 from yumi.hardware.fast_lines import FastLines
@@ -208,6 +209,8 @@ def run_driver(
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
+    Without ``ros.autostart`` it only serves ROS: connecting and what follows are left to who leads its managed nodes.
+
     Args:
         settings: where the robot is, and how it shall move.
         controllers: what runs on each arm.
@@ -222,11 +225,15 @@ def run_driver(
 
     clock = SystemClock()
     robot = settings.robot
-    with RwsClient(
+    client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-    ) as client:
+    )
+    with ExitStack() as stack:
+        stack.callback(client.close)
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
-        bringup.check_controller()
+        connection = RobotConnection(client, bringup)
+        if settings.ros.autostart:
+            connection.connect()
         plan = plan_egm(settings, controllers)
 
         def on_event(event: Event) -> None:
@@ -236,27 +243,27 @@ def run_driver(
         fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_lines, clock)
         grippers = build_grippers(client, clock, settings)
-        with ExitStack() as stack:
-            for only in (_only_in_ros_domain(), only_at_robot(settings)):
-                only.claim()
-                stack.callback(only.release)
-            open_ros()
-            stack.callback(close_ros)
-            force, rate = settings.gripper.force, settings.ros.merged_rate
-            ros = RosDriver(fast_lines, plan.controllers, manager, grippers, force, rate, clock, plan.limits)
-            stack.callback(ros.stop)
-            records = Records(settings.recorder, fast_lines.recorders, ros.say)
-            stack.callback(records.close)
-            if record:
-                records.record_all(record, time.time() - clock.now())
-            fast_lines.start()
-            stack.callback(fast_lines.stop)
-            stack.callback(_end_motion, manager, ros.say)
-            ros.start()
-            ros.say(f"Connected to {client.address}. {fast_lines.started_as}")
-            ros.make_ready()
-            on_ready()
-            is_over.wait()
+        for only in (_only_in_ros_domain(), only_at_robot(settings)):
+            only.claim()
+            stack.callback(only.release)
+        open_ros()
+        stack.callback(close_ros)
+        force, rate = settings.gripper.force, settings.ros.merged_rate
+        ros = RosDriver(fast_lines, plan.controllers, manager, connection, grippers, force, rate, clock, plan.limits)
+        stack.callback(ros.stop)
+        records = Records(settings.recorder, fast_lines.recorders, ros.say)
+        stack.callback(records.close)
+        if record:
+            records.record_all(record, time.time() - clock.now())
+        fast_lines.start()
+        stack.callback(fast_lines.stop)
+        stack.callback(_end_motion, manager, connection, ros.say)
+        ros.start()
+        ros.say(fast_lines.started_as)
+        if settings.ros.autostart:
+            ros.bring_up()
+        on_ready()
+        is_over.wait()
 
 
 def _only_in_ros_domain() -> Only:
@@ -280,8 +287,9 @@ def build_grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[
     return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
 
 
-def _end_motion(manager: RobotManager, say: Callable[[str], None]) -> None:
+def _end_motion(manager: RobotManager, connection: RobotConnection, say: Callable[[str], None]) -> None:
     try:
-        manager.end_motion()
+        if connection.is_open:
+            manager.end_motion()
     except YumiError as error:
         say(f"The robot could not be told to end EGM: {error}")

@@ -91,9 +91,11 @@ class RosSettings:
 
     Attributes:
         merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
+        autostart: whether the driver connects and leads its managed nodes to active by itself.
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
+    autostart: bool = True
 
 
 @dataclass(frozen=True, slots=True)

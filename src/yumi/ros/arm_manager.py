@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import rclpy
@@ -39,6 +39,7 @@ class ArmManager:
         executor: what spins this node and those of the controllers.
         interfaces: what controllers of a kind offer besides parameters.
         clock: the machine's clock.
+        on_look: called whenever the arm's activity is looked at.
     """
 
     def __init__(
@@ -49,10 +50,12 @@ class ArmManager:
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
+        on_look: Callable[[], None] = lambda: None,
     ) -> None:
         self.node: Any = rclpy.create_node(
             "controller_manager", namespace=side.value, allow_undeclared_parameters=True, enable_logger_service=True
         )
+        self._on_look = on_look
         self._repeats = Repeats(clock)
         self._parameters = ManagerParameters(self.node, RATE, self._repeats.forget)
         self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
@@ -94,7 +97,11 @@ class ArmManager:
 
     def _look(self) -> None:
         if self._wait.is_over:
-            self._activity.update()
+            self._update()
+
+    def _update(self) -> None:
+        self._activity.update()
+        self._on_look()
 
     def _serve(self) -> None:
         try:
@@ -103,6 +110,6 @@ class ArmManager:
             self.node.get_logger().error(f"The controllers cannot be served: {error}")
             return
         self._services = ControllerManagerServices(
-            self.node, self._controllers, self._hardware, self._repeats, RATE, self._activity.update
+            self.node, self._controllers, self._hardware, self._repeats, RATE, self._update
         )
-        self._activity.update()
+        self._update()

@@ -6,102 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from control_msgs.action import GripperCommand
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionClient
-from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
-from yumi.errors import CommandRefused, RobotNotReady
+from yumi.errors import CommandRefused, GoalNotReached
 from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.ros.robot_manager_client import RobotManagerClient
+from yumi.ros.spinner import Spinner
 
-_SPIN = 0.05  # [s]
-
-
-class Spinner:
-    """Spins one node until something has happened; everything an application waits for goes through here.
-
-    Args:
-        node: the application's node.
-        check: called again and again while waiting; raises when waiting has become useless.
-    """
-
-    def __init__(self, node: Any, check: Callable[[], None] = lambda: None) -> None:
-        self.node = node
-        self._check = check
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
-
-    def close(self) -> None:
-        """Let go of the node, so that another spinner may have it."""
-        self._executor.remove_node(self.node)
-        self._executor.shutdown()
-
-    def until(self, is_so: Callable[[], bool], timeout: float, what: str) -> None:
-        """Spin until ``is_so``.
-
-        Raises:
-            RobotNotReady: it did not become so within ``timeout`` [s].
-            Exception: whatever the check raises.
-        """
-        clock = self.node.get_clock()
-        end = clock.now().nanoseconds + int(timeout * 1e9)
-        while not is_so():
-            self._check()
-            if clock.now().nanoseconds > end:
-                raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
-            self._executor.spin_once(timeout_sec=_SPIN)
-
-
-class RobotManagerClient:
-    """The services of ``yumi_robot_manager``."""
-
-    def __init__(self, spinner: Spinner) -> None:
-        self._spinner = spinner
-        self._clients = {
-            name: spinner.node.create_client(Trigger, f"yumi_robot_manager/{name}")
-            for name in ("start_egm", "stop_egm", "robot_is_ready", "get_state")
-        }
-
-    def robot_is_ready(self) -> str | None:
-        """None when EGM can be started, else the reason why not."""
-        response = self._call("robot_is_ready", 10.0)
-        return None if response.success else str(response.message)
-
-    def start_egm(self) -> str:
-        """Start EGM on both arms.
-
-        Raises:
-            RobotNotReady: it did not start; the message says why.
-        """
-        return self._demand("start_egm")
-
-    def stop_egm(self) -> str:
-        """Stop EGM on both arms.
-
-        Raises:
-            RobotNotReady: it did not stop; the message says why.
-        """
-        return self._demand("stop_egm")
-
-    def get_state(self) -> str:
-        """The robot's state in one line."""
-        return self._demand("get_state")
-
-    def _demand(self, name: str) -> str:
-        response = self._call(name, 30.0)
-        if not response.success:
-            raise RobotNotReady(str(response.message))
-        return str(response.message)
-
-    def _call(self, name: str, timeout: float) -> Any:
-        client = self._clients[name]
-        self._spinner.until(client.service_is_ready, timeout, f"The service {name} of the driver: its appearance")
-        future = client.call_async(Trigger.Request())
-        self._spinner.until(future.done, timeout, f"The answer of {name}")
-        return future.result()
+__all__ = ["ArmClient", "Grip", "GripperClient", "RobotManagerClient", "Spinner"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +52,8 @@ class GripperClient:
     def begin(self, position: float, effort: float = 0.0) -> Callable[[], Grip]:
         """Send the fingers to ``position`` [m] with ``effort`` [N]; returns what waits for the result.
 
+        What waits raises GoalNotReached when the driver could not carry the goal out.
+
         Raises:
             CommandRefused: the driver refused the goal; its log says why.
         """
@@ -153,6 +72,8 @@ class GripperClient:
     def _result(self, handle: Any) -> Grip:
         future = handle.get_result_async()
         self._spinner.until(future.done, 30.0, f"The end of the {self._side.word} gripper's motion")
+        if future.result().status != GoalStatus.STATUS_SUCCEEDED:
+            raise GoalNotReached(f"The {self._side.word} gripper did not do it; the driver's log says why.")
         result = future.result().result
         return Grip(
             position=result.position,
@@ -169,6 +90,7 @@ class ArmClient:
     Attributes:
         position: of the newest joint state [rad]; None before the first.
         missed: cycles without an answer, as the driver counts them since its start.
+        is_commanded: whether EGM runs and a controller commands the arm.
 
     Args:
         spinner: spins the node it belongs to.
@@ -179,6 +101,7 @@ class ArmClient:
     def __init__(self, spinner: Spinner, side: Side, on_state: Callable[[float, Joints], None]) -> None:
         self.position: Joints | None = None
         self.missed = 0
+        self.is_commanded = False
         self._has_status = False
         self._spinner = spinner
         self._side = side
@@ -218,6 +141,14 @@ class ArmClient:
         message.position = list(goal)
         self._publisher.publish(message)
 
+    def wait_for_command(self, timeout: float) -> None:
+        """Wait until a controller commands the arm.
+
+        Raises:
+            RobotNotReady: none does.
+        """
+        self._spinner.until(lambda: self.is_commanded, timeout, f"A controller that commands the {self._side.word} arm")
+
     def error(self, goal: Joints) -> float:
         """Largest distance of a joint from ``goal`` [rad]."""
         position = self.wait_for_state(5.0)
@@ -230,4 +161,5 @@ class ArmClient:
     def _take_status(self, message: Any) -> None:
         values = {pair.key: pair.value for pair in message.values}
         self.missed = int(values["missed"])
+        self.is_commanded = values["running"] == values["commanded"] == str(True)
         self._has_status = True

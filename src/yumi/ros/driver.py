@@ -8,10 +8,12 @@ r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
 r/yumi_topics                  the command topics of controllers, egm_state
-r/gripper                      gripper_cmd (and all of these for l)
+r/arm                          the life of an arm as a managed node
+r/gripper                      gripper_cmd, and its life (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
-yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state, robot_description,
-                               /diagnostics
+yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
+                               state, robot_description, /diagnostics
+yumi_robot                     the life of the connection to the robot
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
 
@@ -30,7 +32,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy._rclpy_pybind11 import InvalidHandle
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -57,7 +59,13 @@ from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
+from yumi.ros.lives import Connection
+from yumi.ros.managed_node import demand
+from yumi.ros.managed_nodes import ManagedNodes
+from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
+from yumi.ros.robot_messages import robot_status
+from yumi.ros.robot_state_topic import RobotStateTopic
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
 from yumi.settings import ControllerSettings
 
@@ -74,6 +82,7 @@ class RosDriver:
         fast_lines: both arms'.
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
+        connection: the way to the controller.
         grippers: both hands.
         force: gripper force where a goal names none [N].
         merged_rate: of the merged joint states [Hz].
@@ -86,6 +95,7 @@ class RosDriver:
         fast_lines: FastLines,
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
+        connection: Connection,
         grippers: Mapping[Side, Gripper],
         force: float,
         merged_rate: float,
@@ -112,24 +122,38 @@ class RosDriver:
         )
         interfaces = {**CONTROLLER_INTERFACES, **self._trajectories.interfaces}
         self._arms = {
-            side: ArmManager(side, fast_lines, controllers[side], self._executor, interfaces, clock) for side in Side
+            side: ArmManager(
+                side,
+                fast_lines,
+                controllers[side],
+                self._executor,
+                interfaces,
+                clock,
+                partial(self._follow_hardware, side),
+            )
+            for side in Side
         }
-        self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
+        self._managed = ManagedNodes(connection, manager, fast_lines, grippers, self._look)
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._states = [
             JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
         ]
         self._actions = [
-            GripperAction(node, grippers[side], force, ReentrantCallbackGroup())
-            for side, node in self._gripper_nodes.items()
+            GripperAction(
+                node, grippers[side], force, ReentrantCallbackGroup(), partial(self._managed.why_no_grip, side)
+            )
+            for side, node in self._managed.grippers.items()
         ]
         self._commands = [
             topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
             for side, node in self._stream_nodes.items()
             for topic, box in _command_topics(self._boxes[side])
         ]
-        self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
+        offered = (self._manager_node, manager, self._managed.permission, self._look)
+        self._services = RobotManagerServices(*offered)
+        self._manager_actions = RobotManagerActions(*offered)
+        self._state = RobotStateTopic(self._manager_node, manager.state, clock)
         self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
         self._descriptions = publish_descriptions(self._manager_node)
         self._publish_health()
@@ -145,7 +169,7 @@ class RosDriver:
             self._executor.add_node(node)
         for node in self._streaming():
             self._streams.add_node(node)
-        for publisher in self._states:
+        for publisher in (*self._states, self._state):
             publisher.start()
         for thread in self._threads:
             thread.start()
@@ -153,19 +177,20 @@ class RosDriver:
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
         self._is_over.set()
-        for publisher in self._states:
+        for publisher in (*self._states, self._state):
             publisher.stop()
         self._executor.shutdown(timeout_sec=2.0)
         self._streams.shutdown(timeout_sec=2.0)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
-        for action in self._actions:
+        for action in (*self._actions, self._manager_actions):
             action.destroy()
         self._trajectories.destroy()
         for arm in self._arms.values():
             arm.destroy()
-        for node in (self._manager_node, self._dual_node, *self._gripper_nodes.values(), *self._streaming()):
+        self._managed.destroy()
+        for node in (self._manager_node, self._dual_node, *self._streaming()):
             node.destroy_node()
 
     def tell(self, event: Event) -> None:
@@ -176,25 +201,35 @@ class RosDriver:
         """Log one line of the robot manager."""
         self._manager_node.get_logger().info(sentence)
 
-    def make_ready(self) -> None:
-        """Bring the robot to ready, or say why it is not; start_egm tries again."""
+    def bring_up(self) -> None:
+        """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not."""
+        self._managed.bring_up()
         try:
+            demand(self._managed.permission.to_move())
             self._manager.make_ready()
             calibrate(self._grippers, self.say, self._manager_node.get_logger().error)
             self.say("The robot is ready.")
         except YumiError as error:
             self._manager_node.get_logger().error(str(error))
 
+    @property
+    def is_connected(self) -> bool:
+        """Whether the robot may be asked."""
+        return self._managed.is_connected
+
     def _look(self) -> None:
         for arm in self._arms.values():
             arm.look()
+
+    def _follow_hardware(self, side: Side) -> None:
+        self._managed.follow_hardware(side)
 
     def _answering(self) -> list[Any]:
         return [
             self._manager_node,
             self._dual_node,
             *(arm.node for arm in self._arms.values()),
-            *self._gripper_nodes.values(),
+            *self._managed.all,
         ]
 
     def _streaming(self) -> list[Any]:
@@ -222,13 +257,18 @@ class RosDriver:
     def _publish_diagnostics(self) -> None:
         array = DiagnosticArray()
         array.header.stamp = stamp(self._manager_node.get_clock().now().nanoseconds)
-        array.status = [egm_status(side, self._snapshot(side)) for side in Side]
+        array.status = [
+            robot_status(self._manager.state()),
+            *(egm_status(side, self._snapshot(side)) for side in Side),
+        ]
         self._diagnostics.publish(array)
 
     def _watch_fingers(self) -> None:
         """Keep the finger positions of ``joint_states`` fresh; a robot that does not answer leaves them as they are."""
         while not self._is_over.wait(_FINGER_PERIOD):
             for side, gripper in self._grippers.items():
+                if self._managed.grippers[side].why_not_configured():
+                    continue
                 try:
                     self._fingers[side] = gripper.recent_position(_FINGER_PERIOD)
                 except YumiError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
@@ -21,12 +22,21 @@ class GripperAction:
         gripper: the hand.
         force: holding force where a goal names none (``max_effort`` 0) [N].
         group: callback group that lets a goal run while others are refused.
+        why_not: why no goal is taken now; None when they are.
     """
 
-    def __init__(self, node: Any, gripper: Gripper, force: float, group: Any) -> None:
+    def __init__(
+        self,
+        node: Any,
+        gripper: Gripper,
+        force: float,
+        group: Any,
+        why_not: Callable[[], str | None] = lambda: None,
+    ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._force = force
+        self._why_not_now = why_not
         self._is_busy = False
         self._server = ActionServer(
             node,
@@ -54,7 +64,9 @@ class GripperAction:
             return f"position {position} m; each finger travels 0 to {TRAVEL} m."
         if not (isfinite(effort) and 0.0 <= effort <= MAX_FORCE):
             return f"max_effort {effort} N; allowed is 0 (the configured force) to {MAX_FORCE:g} N."
-        return "another goal is being carried out; wait for its result." if self._is_busy else None
+        if self._is_busy:
+            return "another goal is being carried out; wait for its result."
+        return self._why_not_now()
 
     def _consider_cancel(self, _: Any) -> Any:
         self._log.warning(

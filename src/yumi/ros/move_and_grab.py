@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from math import degrees, radians
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import rclpy
 
-from yumi.errors import RobotNotReady
+from yumi.errors import GoalNotReached, RobotNotReady
 from yumi.robot.joints import Joints, Side, joints
 from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
+
+T = TypeVar("T")
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),
@@ -26,6 +30,11 @@ OPEN, CLOSED = 0.025, 0.0
 """Finger positions [m]."""
 
 MOVE_TIMEOUT = 30.0
+
+RECOVERIES = 3
+"""How often the task goes on after the robot has been stopped, for each of its steps."""
+
+_SOMEBODY = 30.0  # [s] for a person to act, where nothing else helps
 
 
 class Progress(Protocol):
@@ -94,10 +103,11 @@ class MoveAndGrab:
         self._wait_until_ready()
         self._start_egm()
         missed = {side: self._arms[side].missed for side in Side}
-        self._grip("open both grippers", OPEN)
+        self._despite_stops(lambda: self._grip("open both grippers", OPEN))
         for side in (Side.RIGHT, Side.LEFT):
-            self._move(side)
-        for side, grip in self._grip("close both grippers", CLOSED).items():
+            self._despite_stops(partial(self._move, side))
+        grips = self._despite_stops(lambda: self._grip("close both grippers", CLOSED))
+        for side, grip in grips.items():
             self.reports[side].grip = grip
         for side in Side:
             self.reports[side].missed = self._arms[side].missed - missed[side]
@@ -126,6 +136,31 @@ class MoveAndGrab:
         except RobotNotReady as error:
             raise RobotNotReady(f"{error} It is {reason[0]}.") from error
 
+    def _despite_stops(self, step: Callable[[], T]) -> T:
+        """What ``step`` gives; where the robot has been stopped meanwhile, it recovers and ``step`` is done again."""
+        for attempt in range(RECOVERIES):
+            try:
+                return step()
+            except GoalNotReached as error:
+                self._progress.step(f"{error} Recover, attempt {attempt + 1} of {RECOVERIES}")
+                self._recover()
+        return step()
+
+    def _recover(self) -> None:
+        try:
+            said = self._manager.recover(self._progress.note)
+        except RobotNotReady as error:
+            self._progress.step(f"{error} Waiting {_SOMEBODY:g} s for somebody to act")
+            self._wait_for_change()
+            said = self._manager.recover(self._progress.note)
+        self._progress.note(said)
+        self._start_egm()
+
+    def _wait_for_change(self) -> None:
+        state = self._manager.state
+        with suppress(RobotNotReady):  # the next attempt says what is still in the way
+            self._manager.wait_for_state(lambda now: now.reason != state.reason, _SOMEBODY, "A change of the robot")
+
     def _start_egm(self) -> None:
         self._progress.step("start EGM on both arms")
         self._started_egm = True
@@ -133,6 +168,7 @@ class MoveAndGrab:
         for side in Side:
             self._arms[side].wait_for_state(5.0)
             self._arms[side].wait_for_status(5.0)
+            self._arms[side].wait_for_command(5.0)
 
     def _move(self, side: Side) -> None:
         goal, arm, report = GOALS[side], self._arms[side], self.reports[side]
@@ -144,6 +180,8 @@ class MoveAndGrab:
         def has_arrived() -> bool:
             error = arm.error(goal)
             self._progress.error(side, degrees(error), 1.0 - error / whole)
+            if error >= CLOSE_ENOUGH and not arm.is_commanded:
+                raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
             return error < CLOSE_ENOUGH
 
         self._spinner.until(has_arrived, MOVE_TIMEOUT, f"Arrival of the {side.word} arm within 0.1°")
@@ -152,7 +190,7 @@ class MoveAndGrab:
     def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
         self._progress.step(sentence)
         waits = {side: gripper.begin(position) for side, gripper in self._grippers.items()}
-        grips = {side: wait() for side, wait in waits.items()}
+        grips = _ends_of(waits)
         self._progress.note(
             ", ".join(f"{side.word}: {grip.word} at {grip.position * 1e3:.1f} mm" for side, grip in grips.items())
         )
@@ -164,3 +202,17 @@ class MoveAndGrab:
 
     def _seconds(self) -> float:
         return float(self._node.get_clock().now().nanoseconds) * 1e-9
+
+
+def _ends_of(waits: dict[Side, Callable[[], Grip]]) -> dict[Side, Grip]:
+    """How both grips ended, once both have, however the first did."""
+    grips: dict[Side, Grip] = {}
+    failures = []
+    for side, wait in waits.items():
+        try:
+            grips[side] = wait()
+        except GoalNotReached as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+    return grips

@@ -71,6 +71,24 @@ def test_a_sourced_ros_without_a_package_names_the_one_to_install(whole_machine:
     assert "lacks control_msgs; install it (Debian, Ubuntu: apt install ros-jazzy-control-msgs)" in problem
 
 
+@pytest.mark.parametrize(
+    ("unimportable", "sentence"),
+    [
+        (
+            ("yumi_interfaces",),
+            r"knows no yumi_interfaces, .*: colcon build --base-paths interfaces/yumi_interfaces && ",
+        ),
+        (("control_msgs", "yumi_interfaces"), r"lacks control_msgs; install it .*ros-jazzy-control-msgs\)$"),
+    ],
+)
+def test_a_sourced_ros_without_our_own_package_is_told_how_to_build_it(
+    whole_machine: Machine, unimportable: tuple[str, ...], sentence: str
+) -> None:
+    problem = first_problem(whole_machine._replace(sourced="jazzy", unimportable=unimportable))
+    assert problem is not None
+    assert re.search(sentence, problem)
+
+
 def test_ros_counts_as_sourced_by_its_prefix_path() -> None:
     assert sourced_distribution({"AMENT_PREFIX_PATH": "/opt/ros/jazzy", "ROS_DISTRO": "jazzy"}) == "jazzy"
     assert sourced_distribution({"ROS_DISTRO": "jazzy"}) is None

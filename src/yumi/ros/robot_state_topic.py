@@ -1,0 +1,64 @@
+"""``~/state`` of the robot manager: known to whoever comes late, told on each change and once a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Event, Thread
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from yumi_interfaces.msg import RobotState as RobotStateMessage
+
+from yumi.clock import Clock
+from yumi.hardware.manager_state import RobotState
+from yumi.ros.robot_messages import robot_state
+
+GLANCE = 0.05
+"""How often it is looked whether something has changed [s]; the robot itself is not asked for that."""
+
+PERIOD = 1.0
+"""So often it is told without a change [s]."""
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class RobotStateTopic:
+    """Publishes it from a thread of its own: a turn of the executor costs more than all of this.
+
+    Args:
+        node: the robot manager's node.
+        state: what is known of the robot now.
+        clock: the machine's clock.
+    """
+
+    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock) -> None:
+        self._publisher = node.create_publisher(RobotStateMessage, "~/state", _LATCHED)
+        self._log = node.get_logger()
+        self._ros_clock = node.get_clock()
+        self._state = state
+        self._clock = clock
+        self._last: RobotState | None = None
+        self._told = 0.0
+        self._is_over = Event()
+        self._thread = Thread(target=self._run, name="robot-state", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; before the node is destroyed."""
+        self._is_over.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def update(self) -> None:
+        """Look, and tell what has changed, or what has not been told for a while."""
+        state, now = self._state(), self._clock.now()
+        if state == self._last and now - self._told < PERIOD:
+            return
+        self._last, self._told = state, now
+        self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds))
+
+    def _run(self) -> None:
+        while not self._is_over.wait(GLANCE):
+            self.update()

@@ -1,0 +1,47 @@
+"""Waiting in an application: its node is spun by who waits, and by nobody else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.executors import SingleThreadedExecutor
+
+from yumi.errors import RobotNotReady
+
+_SPIN = 0.05  # [s]
+
+
+class Spinner:
+    """Spins one node until something has happened; everything an application waits for goes through here.
+
+    Args:
+        node: the application's node.
+        check: called again and again while waiting; raises when waiting has become useless.
+    """
+
+    def __init__(self, node: Any, check: Callable[[], None] = lambda: None) -> None:
+        self.node = node
+        self._check = check
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+
+    def close(self) -> None:
+        """Let go of the node, so that another spinner may have it."""
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+
+    def until(self, is_so: Callable[[], bool], timeout: float, what: str) -> None:
+        """Spin until ``is_so``.
+
+        Raises:
+            RobotNotReady: it did not become so within ``timeout`` [s].
+            Exception: whatever the check raises.
+        """
+        clock = self.node.get_clock()
+        end = clock.now().nanoseconds + int(timeout * 1e9)
+        while not is_so():
+            self._check()
+            if clock.now().nanoseconds > end:
+                raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
+            self._executor.spin_once(timeout_sec=_SPIN)

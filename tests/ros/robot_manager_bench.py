@@ -1,0 +1,189 @@
+"""The robot manager's ROS side in this process, on a manager and a connection that remember what they are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Event, Thread
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
+from rclpy.executors import MultiThreadedExecutor
+from ros_bench import Client, rclpy
+
+from yumi.clock import SystemClock
+from yumi.control.inventory import HardwareInfo
+from yumi.control.lifecycle import State
+from yumi.control.requests import Done, ListHardware, Request, SetHardwareState
+from yumi.errors import RobotNotReady
+from yumi.hardware.manager_state import Mode, Report, RobotState
+from yumi.hardware.state_machine import MachineState
+from yumi.robot.joints import Side
+from yumi.ros.managed_nodes import ManagedNodes
+from yumi.ros.robot_actions import RobotManagerActions
+from yumi.ros.robot_manager import RobotManagerServices
+from yumi.ros.robot_state_topic import RobotStateTopic
+from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+
+READY = RobotState(
+    is_connected=True,
+    mode=OperatingMode.AUTO,
+    controller_state=ControllerState.MOTORS_ON,
+    execution=ExecutionState.RUNNING,
+    machines=dict.fromkeys(Side, MachineState.IDLE),
+    speed_ratio=100,
+    reason="",
+)
+
+
+class FakeManager:
+    """Notes each call; what stands in ``refusals`` by its name is refused with that sentence."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.refusals: dict[str, str] = {}
+        self.robot = READY
+        self.may_go_on = Event()
+        self.may_go_on.set()
+
+    def __getattr__(self, name: str) -> Callable[..., str]:
+        return lambda *values: self._note(name, *values)
+
+    def state(self) -> RobotState:
+        return self.robot
+
+    def go_to(self, mode: Mode, report: Report) -> str:
+        for step in ("motors on", "start EGM"):
+            report(step)
+            assert self.may_go_on.wait(10.0)
+        return self._note("go_to", mode)
+
+    def recover(self, report: Report) -> str:
+        report("read the event log")
+        return self._note("recover")
+
+    def _note(self, name: str, *values: Any) -> str:
+        if name in self.refusals:
+            raise RobotNotReady(self.refusals[name])
+        self.calls.append((name, *values))
+        return f"{name} done"
+
+
+class FakeConnection:
+    """Opens and ends; or does not, with a sentence."""
+
+    def __init__(self) -> None:
+        self.refusal = ""
+
+    def connect(self) -> str:
+        if self.refusal:
+            raise RobotNotReady(self.refusal)
+        return "Connected."
+
+    def disconnect(self) -> str:
+        return "Disconnected."
+
+
+class FakeLine:
+    """The arms' hardware components."""
+
+    def __init__(self) -> None:
+        self.states = dict.fromkeys(Side, State.ACTIVE)
+
+    def ask(self, request: Request) -> Done:
+        if isinstance(request, SetHardwareState):
+            self.states[request.side] = request.state
+        assert isinstance(request, ListHardware | SetHardwareState)
+        return Done(hardware=(HardwareInfo(request.side.unit, self.states[request.side], (), ()),))
+
+
+class FakeGripper:
+    def position(self) -> float:
+        return 0.01
+
+
+class RobotManagerRig:
+    """All nodes, spun by a thread; and a client."""
+
+    def __init__(self) -> None:
+        self.manager, self.connection, self.line = FakeManager(), FakeConnection(), FakeLine()
+        self.node = rclpy.create_node("yumi_robot_manager")
+        self.managed = ManagedNodes(
+            self.connection, self.manager, self.line, {side: FakeGripper() for side in Side}, lambda: None
+        )
+        offered = (self.node, self.manager, self.managed.permission, lambda: None)
+        RobotManagerServices(*offered)
+        self.actions = RobotManagerActions(*offered)
+        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock())
+        self.client = Client()
+        self._executor = MultiThreadedExecutor(num_threads=6)
+        for node in (self.node, *self.managed.all):
+            self._executor.add_node(node)
+        self._is_over = Event()
+        self._thread = Thread(target=self._spin, name="robot-manager-rig")
+        self._thread.start()
+        self.topic.start()
+
+    def begin(self) -> None:
+        """A test begins: all active, nothing refused, nothing noted."""
+        self.manager.refusals.clear()
+        self.manager.robot = READY
+        self.manager.may_go_on.set()
+        self.connection.refusal = ""
+        self.managed.bring_up()
+        self.manager.calls.clear()
+        self.client.sentences.clear()
+
+    def call(self, kind: Any, name: str, **fields: Any) -> Any:
+        return self.client.call(kind, f"/yumi_robot_manager/{name}", kind.Request(**fields))
+
+    def lead(self, node: str, label: str) -> bool:
+        request = ChangeState.Request(transition=Transition(label=label))
+        return bool(self.client.call(ChangeState, f"{node}/change_state", request).success)
+
+    def lead_by_number(self, node: str, number: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=number))
+        return bool(self.client.call(ChangeState, f"{node}/change_state", request).success)
+
+    def life(self, node: str) -> str:
+        return str(self.client.call(GetState, f"{node}/get_state").current_state.label)
+
+    def know(self, **fields: Any) -> None:
+        """The robot is otherwise than it was."""
+        self.manager.robot = replace(self.manager.robot, **fields)
+
+    def close(self) -> None:
+        self.topic.stop()
+        self._is_over.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self.client.close()
+        self.actions.destroy()
+        self.managed.destroy()
+        self.node.destroy_node()
+
+    def _spin(self) -> None:
+        while not self._is_over.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+
+class Goal:
+    """A goal that was sent, its steps and its result."""
+
+    def __init__(self, rig: RobotManagerRig, kind: Any, name: str, **fields: Any) -> None:
+        self.steps: list[str] = []
+        self._client = rig.client
+        self._action = ActionClient(rig.client.node, kind, f"/yumi_robot_manager/{name}")
+        self._client.until(self._action.server_is_ready)
+        sent = self._action.send_goal_async(kind.Goal(**fields), lambda told: self.steps.append(told.feedback.step))
+        self._client.until(sent.done)
+        self.handle = sent.result()
+        self._ended = self.handle.get_result_async()
+
+    def end(self) -> tuple[int, Any]:
+        """Status and result."""
+        self._client.until(self._ended.done)
+        self._action.destroy()
+        return self._ended.result().status, self._ended.result().result

@@ -1,0 +1,184 @@
+"""The robot manager as any rclpy client sees it: its services, its actions, its state; the robot behind it is a fake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot_manager_bench import Goal, RobotManagerRig
+from std_srvs.srv import Trigger
+from yumi_interfaces.action import Recover, SetMode
+from yumi_interfaces.msg import RobotState
+from yumi_interfaces.srv import (
+    LoadModule,
+    ReadSignal,
+    ReadVariable,
+    RunModule,
+    RunRoutine,
+    SetSpeedRatio,
+    WriteSignal,
+    WriteVariable,
+)
+
+from yumi.hardware.manager_state import Mode
+from yumi.robot.joints import Side
+from yumi.rws.replies import Event
+from yumi.rws.states import ControllerState, EventType
+
+pytestmark = pytest.mark.ros
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ROUTINE = {"arm": "left", "routine": "wave"}
+MODULE = {"arm": "right", "file_name": "wave.mod", "text": "MODULE wave ENDMODULE"}
+
+
+@pytest.fixture(scope="module")
+def whole_rig(ros: None) -> Iterator[RobotManagerRig]:
+    rig = RobotManagerRig()
+    yield rig
+    rig.close()
+
+
+@pytest.fixture
+def rig(whole_rig: RobotManagerRig) -> RobotManagerRig:
+    whole_rig.begin()
+    return whole_rig
+
+
+@pytest.mark.parametrize(
+    ("service", "method"),
+    [
+        ("start_egm", "start_egm"),
+        ("stop_egm", "stop_egm"),
+        ("robot_is_ready", "check_ready"),
+        ("get_state", "describe"),
+        ("motors_on", "motors_on"),
+        ("motors_off", "motors_off"),
+        ("start_rapid", "start_rapid"),
+        ("stop_rapid", "stop_rapid"),
+        ("pp_to_main", "pp_to_main"),
+    ],
+)
+def test_trigger_calls_its_method_and_passes_on_what_it_says(rig: RobotManagerRig, service: str, method: str) -> None:
+    answer = rig.call(Trigger, service)
+    assert (answer.success, answer.message) == (True, f"{method} done")
+    assert rig.manager.calls == [(method,)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "service", "fields", "call"),
+    [
+        (SetSpeedRatio, "set_speed_ratio", {"percent": 50}, (50,)),
+        (RunRoutine, "run_routine", ROUTINE, (Side.LEFT, "wave")),
+        (LoadModule, "load_module", MODULE, (Side.RIGHT, "wave.mod", MODULE["text"])),
+        (RunModule, "run_module", {**MODULE, "routine": "wave"}, (Side.RIGHT, "wave.mod", MODULE["text"], "wave")),
+        (WriteSignal, "write_signal", {"name": "lamp", "value": "1"}, ("lamp", "1")),
+        (
+            WriteVariable,
+            "write_variable",
+            {"task": "T_ROB_L", "module": "m", "name": "n", "value": "[1]"},
+            ("T_ROB_L", "m", "n", "[1]"),
+        ),
+    ],
+)
+def test_order_reaches_its_method_with_its_arguments(
+    rig: RobotManagerRig, kind: Any, service: str, fields: dict[str, Any], call: tuple[Any, ...]
+) -> None:
+    answer = rig.call(kind, service, **fields)
+    assert (answer.success, answer.message) == (True, f"{service} done")
+    assert rig.manager.calls == [(service, *call)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "service", "fields"),
+    [
+        (ReadSignal, "read_signal", {"name": "lamp"}),
+        (ReadVariable, "read_variable", {"task": "T_ROB_L", "module": "m", "name": "n"}),
+    ],
+)
+def test_reading_answers_the_value(rig: RobotManagerRig, kind: Any, service: str, fields: dict[str, str]) -> None:
+    answer = rig.call(kind, service, **fields)
+    assert (answer.success, answer.value, answer.message) == (True, f"{service} done", "")
+    assert rig.manager.calls == [(service, *fields.values())]
+
+
+def test_refusal_of_the_robot_is_the_answer_and_in_the_log(rig: RobotManagerRig) -> None:
+    rig.manager.refusals["motors_on"] = "The emergency stop is pressed; release it."
+    answer = rig.call(Trigger, "motors_on")
+    assert (answer.success, answer.message) == (False, "The emergency stop is pressed; release it.")
+    rig.client.until(rig.client.hears("motors_on: The emergency stop is pressed; release it."))
+
+
+def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotManagerRig) -> None:
+    answer = rig.call(RunRoutine, "run_routine", arm="middle", routine="wave")
+    assert (answer.success, answer.message) == (False, "There is no arm 'middle'; choose right or left.")
+    assert rig.manager.calls == []
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_set_mode_tells_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
+    goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
+    status, result = goal.end()
+    assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
+    assert goal.steps == ["motors on", "start EGM"]
+    assert rig.manager.calls == [("go_to", mode)]
+    assert result.state.operating_mode == "AUTO"
+
+
+def test_recover_says_what_it_did(rig: RobotManagerRig) -> None:
+    goal = Goal(rig, Recover, "recover")
+    status, result = goal.end()
+    assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "recover done")
+    assert goal.steps == ["read the event log"]
+
+
+def test_action_whose_step_fails_is_aborted_with_the_reason(rig: RobotManagerRig) -> None:
+    rig.manager.refusals["recover"] = "The controller is in MANUAL; turn it to AUTO on the pendant."
+    status, result = Goal(rig, Recover, "recover").end()
+    assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert result.message == "The controller is in MANUAL; turn it to AUTO on the pendant."
+
+
+def test_unknown_mode_is_answered_with_those_there_are(rig: RobotManagerRig) -> None:
+    status, result = Goal(rig, SetMode, "set_mode", mode="fly").end()
+    assert status == GoalStatus.STATUS_ABORTED
+    choices = "motors_off, ready, egm_left, egm_right, egm_both"
+    assert result.message == f"There is no mode 'fly'; choose one of {choices}."
+    assert rig.manager.calls == []
+
+
+def test_second_action_is_refused_while_the_first_is_carried_out(rig: RobotManagerRig) -> None:
+    rig.manager.may_go_on.clear()
+    first = Goal(rig, SetMode, "set_mode", mode="ready")
+    rig.client.until(lambda: bool(first.steps))
+    status, result = Goal(rig, Recover, "recover").end()
+    rig.manager.may_go_on.set()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.message.startswith("Another set_mode or recover is being carried out; wait for its result")
+    assert first.end()[1].success
+
+
+def test_cancelled_action_ends_before_its_next_step(rig: RobotManagerRig) -> None:
+    rig.manager.may_go_on.clear()
+    goal = Goal(rig, SetMode, "set_mode", mode="ready")
+    rig.client.until(lambda: bool(goal.steps))
+    rig.client.until(goal.handle.cancel_goal_async().done)
+    rig.manager.may_go_on.set()
+    status, result = goal.end()
+    assert (status, result.message) == (GoalStatus.STATUS_CANCELED, "Cancelled before: start EGM.")
+    assert rig.manager.calls == []
+
+
+def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: RobotManagerRig) -> None:
+    got: list[Any] = []
+    topic = rig.client.node.create_subscription(RobotState, "yumi_robot_manager/state", got.append, LATCHED)
+    rig.client.until(lambda: bool(got) and got[-1].is_ready)
+    event = Event(7, EventType.ERROR, 10013, "2026-11-21 T 10:00:00", "Emergency stop state", "")
+    rig.know(controller_state=ControllerState.EMERGENCY_STOP, reason="the emergency stop is pressed", last_event=event)
+    rig.client.until(lambda: not got[-1].is_ready)
+    assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", "the emergency stop is pressed")
+    assert (got[-1].last_event.number, got[-1].last_event.type) == (10013, "error")
+    rig.client.node.destroy_subscription(topic)
