@@ -37,19 +37,19 @@ def test_bringup_does_nothing_to_a_robot_that_is_ready(system: System) -> None:
 
 
 def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
-    assert system.bringup.why_not_ready() == "the motors are off"
+    assert system.manager.state().reason == "the motors are off"
     system.client.set_motors(True)
     system.wait(1.0)
-    assert system.bringup.why_not_ready() == "the RAPID program is stopped"
+    assert system.manager.state().reason == "the RAPID program is stopped"
     system.bringup.make_ready()
-    assert system.bringup.why_not_ready() is None
+    assert system.manager.state().reason == ""
 
 
 def test_bringup_says_that_only_the_pendant_chooses_auto(system: System) -> None:
     system.world.controller.mode = OperatingMode.MANUAL_REDUCED
     with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the pendant"):
         system.bringup.make_ready()
-    assert system.bringup.why_not_ready() == "the controller is not in AUTO"
+    assert system.manager.state().reason == "the controller is not in AUTO"
 
 
 def test_bringup_refuses_a_controller_without_egm(system: System) -> None:

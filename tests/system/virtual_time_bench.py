@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
@@ -11,15 +11,18 @@ from yumi.control.goals import put_goal
 from yumi.control.guard import Guard
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
-from yumi.control.requests import Event
+from yumi.control.request_desk import RequestDesk
+from yumi.control.requests import Done, Event, Refusal, Request
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
+from yumi.errors import CommandRefused
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.links.http import HttpReply, HttpRequest
@@ -88,6 +91,27 @@ class DriverArm:
         put_goal(self.goals, self.snapshot.session, goal)
 
 
+class MemoryFastLines:
+    """Both arms of the fast line, in this process."""
+
+    def __init__(self, arms: Mapping[Side, DriverArm], clock: ManualClock) -> None:
+        self._arms = arms
+        self._desk = RequestDesk({side: arm.line for side, arm in arms.items()})
+        self._clock = clock
+
+    def check(self) -> None:
+        """They run."""
+
+    def snapshot(self, side: Side) -> Snapshot:
+        return self._arms[side].snapshot
+
+    def ask(self, request: Request) -> Done:
+        reply = self._desk.serve(request, self._clock.now())
+        if isinstance(reply, Refusal):
+            raise CommandRefused(reply.sentence)
+        return reply
+
+
 class System(ManualClock):
     """World, wire and driver; the clock of everything.
 
@@ -106,6 +130,7 @@ class System(ManualClock):
         self.client = RwsClient(MemoryHttp(adapter, self), clock=self)
         self.steps: list[str] = []
         self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)
+        self.manager = RobotManager(self.bringup, MemoryFastLines(self.arms, self), self)
         routines = GripperRoutines(self.client, self)
         self.grippers = {side: Gripper(side, self.client, routines, self, 10.0) for side in Side}
 

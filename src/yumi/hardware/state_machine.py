@@ -17,9 +17,11 @@ from yumi.rws.rapid_values import RapidValue
 MAIN = "TRobMain"
 EGM = "TRobEGM"
 GRIPPER = "TRobSG"
+RAPID = "TRobRAPID"
 
 START_JOINT = "EGM_START_JOINT"
 STOP = "EGM_STOP"
+RUN_RAPID = "RUN_RAPID_ROUTINE"
 RUN_GRIPPER = "RUN_SG_ROUTINE"
 
 

@@ -1,0 +1,83 @@
+"""RAPID routines run by name, through the state machine's state "run RAPID routine"."""
+
+from __future__ import annotations
+
+import re
+
+from yumi.clock import Clock
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.hardware.cabinet import Cabinet
+from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.state_machine import RAPID, RUN_RAPID, MachineState
+from yumi.hardware.state_machines import StateMachines
+from yumi.hardware.waiting import wait_until
+from yumi.robot.joints import Side
+from yumi.rws import rapid_values
+
+LONGEST_ROUTINE = 300.0
+"""Longest wait for the end of a routine [s]; it goes on, only nobody waits any more."""
+
+_ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
+
+
+class RapidRoutines:
+    """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
+
+    Args:
+        client: a connected client.
+        cabinet: says whether requests are accepted.
+        machines: the state machines.
+        clock: where waiting time comes from.
+    """
+
+    def __init__(self, client: RwsClient, cabinet: Cabinet, machines: StateMachines, clock: Clock) -> None:
+        self._client = client
+        self._cabinet = cabinet
+        self._machines = machines
+        self._clock = clock
+
+    def run(self, side: Side, name: str) -> None:
+        """Run a routine in one arm's task and wait for its end.
+
+        Args:
+            side: whose task.
+            name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
+                ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
+
+        Raises:
+            CommandRefused: it is no name of a routine; nothing was changed.
+            RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
+        """
+        if not _ROUTINE.fullmatch(name):
+            raise CommandRefused(f"{name!r} is no name of a RAPID routine; give one of up to 32 letters and digits.")
+        self._check_free(side)
+        self._write(side, "routine_name_input", name)
+        self._write(side.other, "routine_name_input", "")
+        self._client.pulse_signal(RUN_RAPID)
+        wait_until(
+            self._clock,
+            lambda: self._is_over(side),
+            LONGEST_ROUTINE,
+            lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
+        )
+
+    def _check_free(self, side: Side) -> None:
+        self._cabinet.check_automatic()
+        if not self._cabinet.is_running:
+            raise RobotNotReady("The RAPID program is stopped, no routine can run; start it first.")
+        state = self._machines.state(side)
+        if state is not MachineState.IDLE:
+            raise RobotNotReady(
+                f"The {side.word} arm's state machine is in {state.name}; a routine needs IDLE, so end EGM first."
+            )
+
+    def _is_over(self, side: Side) -> bool:
+        """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
+        if not self._cabinet.is_running:
+            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
+        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
+            return False
+        return self._machines.state(side) is MachineState.IDLE
+
+    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))

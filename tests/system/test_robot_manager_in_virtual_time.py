@@ -1,0 +1,128 @@
+"""The robot manager against the virtual controller: named states, single steps, signals and variables."""
+
+from __future__ import annotations
+
+import pytest
+
+from system.virtual_time_bench import System
+from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
+from yumi.hardware.manager_state import Mode
+from yumi.hardware.state_machine import MachineState
+from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+
+
+@pytest.fixture
+def system() -> System:
+    return System()
+
+
+def test_manager_tells_all_that_is_known(system: System) -> None:
+    system.manager.start_egm()
+    state = system.manager.state()
+    assert (state.is_connected, state.mode, state.reason) == (True, OperatingMode.AUTO, "")
+    assert (state.controller_state, state.execution) == (ControllerState.MOTORS_ON, ExecutionState.RUNNING)
+    assert set(state.machines.values()) == {MachineState.RUN_EGM_ROUTINE}
+    assert set(state.egm.values()) == {"running"}
+    assert state.speed_ratio == 100
+    assert state.last_event is not None
+    assert state.last_event.code == 10150
+
+
+@pytest.mark.parametrize(
+    ("mode", "guided"),
+    [(Mode.EGM_LEFT, {Side.LEFT}), (Mode.EGM_RIGHT, {Side.RIGHT}), (Mode.EGM_BOTH, set(Side)), (Mode.READY, set())],
+)
+def test_manager_goes_to_a_named_state_from_egm_on_both_arms(system: System, mode: Mode, guided: set[Side]) -> None:
+    system.manager.start_egm()
+    system.manager.go_to(mode, system.steps.append)
+    assert {side for side, egm in system.manager.state().egm.items() if egm == "running"} == guided
+    assert {side for side, arm in system.arms.items() if arm.snapshot.is_commanded} == guided
+
+
+def test_manager_tells_each_step_on_the_way(system: System) -> None:
+    told: list[str] = []
+    system.manager.go_to(Mode.EGM_RIGHT, told.append)
+    assert told == [
+        "motors on",
+        "program pointer to main",
+        "start the RAPID program",
+        "start EGM on the right arm",
+        "activate joint_position_controller on the right arm",
+    ]
+    told.clear()
+    system.manager.go_to(Mode.MOTORS_OFF, told.append)
+    assert told == ["stop EGM", "motors off"]
+    assert system.client.controller_state() is ControllerState.MOTORS_OFF
+
+
+def test_manager_switches_step_by_step(system: System) -> None:
+    manager = system.manager
+    assert manager.motors_on() == "The motors are on"
+    assert manager.pp_to_main() == "The program pointers are at main"
+    assert manager.start_rapid() == "The RAPID program runs"
+    assert manager.set_speed_ratio(40) == "The speed ratio is 40 %"
+    assert manager.state().speed_ratio == 40
+    assert manager.stop_rapid() == "The RAPID program is stopped"
+    assert manager.motors_off() == "The motors are off"
+
+
+def test_manager_refuses_steps_in_the_wrong_state(system: System) -> None:
+    with pytest.raises(RobotNotReady, match="The motors are off, the RAPID program cannot start; switch the motors on"):
+        system.manager.start_rapid()
+    system.manager.make_ready()
+    with pytest.raises(RobotNotReady, match="The RAPID program runs, its pointer cannot be moved; stop it first"):
+        system.manager.pp_to_main()
+    with pytest.raises(CommandRefused, match="A speed ratio of 101 % is not possible; give 0 to 100"):
+        system.manager.set_speed_ratio(101)
+
+
+def test_manager_runs_a_routine_by_name(system: System) -> None:
+    system.manager.make_ready()
+    told = system.manager.run_routine(Side.LEFT, "runMoveToCalibrationPosition")
+    assert told == "Routine runMoveToCalibrationPosition of T_ROB_L has run"
+    assert system.world.arms[Side.LEFT].position[2] == pytest.approx(2.35619, abs=1e-4)
+
+
+def test_manager_refuses_a_routine_while_egm_runs(system: System) -> None:
+    system.manager.start_egm()
+    with pytest.raises(RobotNotReady, match="left arm's state machine is in RUN_EGM_ROUTINE; a routine needs IDLE"):
+        system.manager.run_routine(Side.LEFT, "runMoveJ")
+
+
+def test_manager_reads_and_writes_signals(system: System) -> None:
+    assert system.manager.read_signal("RUN_SG_ROUTINE") == "0"
+    system.manager.write_signal("RUN_SG_ROUTINE", "1")
+    assert system.manager.read_signal("RUN_SG_ROUTINE") == "1"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("nothing", "1", "The controller has no signal nothing; look at its list"),
+        ("RUN_SG_ROUTINE", "much", "'much' is no value for signal RUN_SG_ROUTINE; give a number"),
+        ("RUN_SG_ROUTINE", "nan", "Signal RUN_SG_ROUTINE cannot be nan; give a finite number"),
+        ("../panel", "1", "'../panel' is no name of a signal"),
+    ],
+)
+def test_manager_refuses_signals_that_cannot_be(system: System, name: str, value: str, sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        system.manager.write_signal(name, value)
+    assert system.manager.read_signal("RUN_SG_ROUTINE") == "0"
+
+
+def test_manager_does_not_write_a_signal_that_is_read_only(system: System) -> None:
+    with pytest.raises(ControllerRefused, match='a signal needs Access "All"'):
+        system.manager.write_signal("OUTPUT_STATIONARY_ROB_L", 0)
+
+
+def test_manager_reads_and_writes_variables(system: System) -> None:
+    system.manager.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12.5")
+    assert system.manager.read_variable("T_ROB_L", "TRobSG", "target_position_input") == "12.5"
+
+
+def test_manager_refuses_variables_that_cannot_be(system: System) -> None:
+    with pytest.raises(CommandRefused, match="The controller has no TRobSG/nothing in task T_ROB_L"):
+        system.manager.read_variable("T_ROB_L", "TRobSG", "nothing")
+    with pytest.raises(CommandRefused, match=r"'12,5' is no RAPID value; .* takes a num, such as 1\.5"):
+        system.manager.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12,5")
