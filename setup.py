@@ -9,6 +9,7 @@ distribution = setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),
+        ("share/yumi_ros2/launch", ["launch/yumi.launch.py"]),
     ],
 )
 # colcon reads what setup() was told back from its text, and a version specifier's text is not a literal.

@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import degrees, isnan
 from pathlib import Path
 from threading import Event as Flag
@@ -45,7 +45,10 @@ _WIDTH = _Width(0.0, 2.0 * TRAVEL, min_open=True)
 
 
 class _Commands(click.Group):
-    """Turns our errors into one sentence and exit code 1 (2 for wrong settings)."""
+    """Turns our errors into one sentence and exit code 1 (2 for wrong settings); leaves ROS's arguments to ROS."""
+
+    def main(self, args: Sequence[str] | None = None, **extra: Any) -> Any:
+        return super().main(_without_ros_arguments(sys.argv[1:] if args is None else args), **extra)
 
     def invoke(self, context: click.Context) -> Any:
         try:
@@ -137,6 +140,9 @@ def controller(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
 @click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
+@click.option(
+    "--autostart/--no-autostart", default=None, help="Whether to connect and activate the managed nodes by itself."
+)
 @_UNTIL
 def up(
     config: Path | None, controllers: Path | None, record: Path | None, until_stdin_closes: bool, **options: Any
@@ -229,12 +235,27 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     names = {
         "robot": {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"},
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
+        "ros": {"autostart": "autostart"},
     }
     values = {
         group: {name: given[option] for option, name in entries.items() if option in given}
         for group, entries in names.items()
     }
     return override(settings, values, "command line")
+
+
+def _without_ros_arguments(arguments: Sequence[str]) -> list[str]:
+    """``arguments`` less what stands from ``--ros-args`` to ``--`` or to the end; rclpy reads that by itself."""
+    kept: list[str] = []
+    is_ours = True
+    for argument in arguments:
+        if argument == "--ros-args":
+            is_ours = False
+        elif is_ours:
+            kept.append(argument)
+        elif argument == "--":
+            is_ours = True
+    return kept
 
 
 def _say_ready(what: str) -> None:

@@ -1,4 +1,4 @@
-"""The robot manager as any rclpy client sees it: its services, its actions, its state; the robot behind it is a fake."""
+"""The robot manager as an rclpy client sees it: services, actions and state; the robot behind it is a fake."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_order_reaches_its_method_with_its_arguments(
     rig: RobotManagerRig, kind: Any, service: str, fields: dict[str, Any], call: tuple[Any, ...]
 ) -> None:
     answer = rig.call(kind, service, **fields)
-    assert (answer.success, answer.message) == (True, f"{service} done")
+    assert answer.success, answer.message
     assert rig.manager.calls == [(service, *call)]
 
 

@@ -153,7 +153,7 @@ class RosDriver:
         offered = (self._manager_node, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
-        self._state = RobotStateTopic(self._manager_node, manager.state, clock)
+        self._state = RobotStateTopic(self._manager_node, manager.watch.state, clock)
         self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
         self._descriptions = publish_descriptions(self._manager_node)
         self._publish_health()
@@ -258,7 +258,7 @@ class RosDriver:
         array = DiagnosticArray()
         array.header.stamp = stamp(self._manager_node.get_clock().now().nanoseconds)
         array.status = [
-            robot_status(self._manager.state()),
+            robot_status(self._manager.watch.state()),
             *(egm_status(side, self._snapshot(side)) for side in Side),
         ]
         self._diagnostics.publish(array)

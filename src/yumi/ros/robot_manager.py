@@ -102,9 +102,17 @@ def _orders(manager: RobotManager) -> tuple[Offer, ...]:
 
 
 def _values(manager: RobotManager) -> tuple[Offer, ...]:
+    def write_signal(ask: Any) -> str:
+        manager.write_signal(ask.name, ask.value)
+        return f"Signal {ask.name} is {ask.value}"
+
+    def write_variable(ask: Any) -> str:
+        manager.write_variable(ask.task, ask.module, ask.name, ask.value)
+        return f"{ask.task}/{ask.module}/{ask.name} is {ask.value}"
+
     return (
         Offer("read_signal", ReadSignal, Lane.READ, lambda ask: manager.read_signal(ask.name), is_reading=True),
-        Offer("write_signal", WriteSignal, Lane.CHANGE, lambda ask: manager.write_signal(ask.name, ask.value)),
+        Offer("write_signal", WriteSignal, Lane.CHANGE, write_signal),
         Offer(
             "read_variable",
             ReadVariable,
@@ -112,12 +120,7 @@ def _values(manager: RobotManager) -> tuple[Offer, ...]:
             lambda ask: manager.read_variable(ask.task, ask.module, ask.name),
             is_reading=True,
         ),
-        Offer(
-            "write_variable",
-            WriteVariable,
-            Lane.CHANGE,
-            lambda ask: manager.write_variable(ask.task, ask.module, ask.name, ask.value),
-        ),
+        Offer("write_variable", WriteVariable, Lane.CHANGE, write_variable),
     )
 
 

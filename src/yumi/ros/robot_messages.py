@@ -8,6 +8,7 @@ from enum import Enum
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from std_msgs.msg import Header
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
@@ -28,7 +29,7 @@ _PERCENT = 100
 def robot_state(state: RobotState, time_ns: int) -> RobotStateMessage:
     """The state as a message; what is not known is empty."""
     return RobotStateMessage(
-        header=RobotStateMessage().header.__class__(stamp=stamp(time_ns)),
+        header=Header(stamp=stamp(time_ns)),
         is_connected=state.is_connected,
         is_ready=not state.reason,
         reason=state.reason,

@@ -24,7 +24,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("source")
     for name in ("pyproject.toml", "setup.py", "setup.cfg", "README.md", "LICENSE", "package.xml"):
         copy(ROOT / name, folder)
-    for name in ("src", "config", "resource"):
+    for name in ("src", "config", "resource", "launch"):
         copytree(ROOT / name, folder / name, ignore=ignore_patterns("__pycache__", "*.egg-info"))
     return folder
 

@@ -1,0 +1,71 @@
+"""Starts the driver, and a virtual robot for it with ``virtual:=true``.
+
+::
+
+    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1
+    ros2 launch yumi_ros2 yumi.launch.py virtual:=true
+    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 autostart:=false     # lead the managed nodes yourself
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, RegisterEventHandler, Shutdown
+from launch.event_handlers import OnProcessIO
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+READY = b"yumi is up"
+"""What either command prints when it serves."""
+
+ARGUMENTS = (
+    ("robot", "192.168.125.1", "Address of the controller."),
+    ("rws_port", "", "HTTP port of its Robot Web Services; empty: as in the settings, or 8080 of a virtual one."),
+    ("config", "", "Settings instead of the delivered yumi.yaml."),
+    ("controllers", "", "Controllers instead of the delivered controllers.yaml."),
+    ("record", "", "Record every cycle of both arms to this MCAP file."),
+    ("autostart", "true", "Whether the driver connects and activates its managed nodes by itself."),
+    ("virtual", "false", "Whether to start a virtual controller, and drive that."),
+    ("log_level", "info", "Of the driver: debug, info, warn or error."),
+)
+PASSED_ON = ("robot", "rws_port", "config", "controllers", "record")
+VIRTUAL = {"robot": "127.0.0.1", "rws_port": "8080"}
+
+
+def generate_launch_description() -> LaunchDescription:
+    """What ``ros2 launch`` asks for."""
+    declared = [DeclareLaunchArgument(name, default_value=value, description=text) for name, value, text in ARGUMENTS]
+    return LaunchDescription([*declared, OpaqueFunction(function=_start)])
+
+
+def _start(context: Any) -> list[Any]:
+    given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    if given["virtual"].lower() != "true":
+        return [_driver(given)]
+    given["robot"], given["rws_port"] = VIRTUAL["robot"], given["rws_port"] or VIRTUAL["rws_port"]
+    controller = _command("controller", ["--rws-port", given["rws_port"]])
+    waiting = [_driver(given)]
+
+    def start_driver(event: Any) -> list[Any] | None:
+        return [waiting.pop()] if waiting and READY in event.text else None
+
+    return [RegisterEventHandler(OnProcessIO(target_action=controller, on_stdout=start_driver)), controller]
+
+
+def _driver(given: dict[str, str]) -> Node:
+    options = [part for name in PASSED_ON if given[name] for part in (f"--{name.replace('_', '-')}", given[name])]
+    start = "--autostart" if given["autostart"].lower() == "true" else "--no-autostart"
+    return _command("up", [*options, start], ["--log-level", given["log_level"]])
+
+
+def _command(name: str, options: list[str], ros_arguments: list[str] | None = None) -> Node:
+    return Node(
+        package="yumi_ros2",
+        executable="yumi",
+        arguments=[name, *options],
+        ros_arguments=ros_arguments or [],
+        output="screen",
+        on_exit=Shutdown(reason=f"yumi {name} has ended"),
+    )
