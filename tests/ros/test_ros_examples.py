@@ -15,6 +15,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 EXPECTED = {
     "move_one_joint.py": "EGM has ended on both arms",
     "grip.py": "left gripper: holding at 10.0 mm",
+    "recover.py": "left arm RUN_EGM_ROUTINE, right arm IDLE",
 }
 
 
