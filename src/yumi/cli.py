@@ -47,8 +47,8 @@ _WIDTH = _Width(0.0, 2.0 * TRAVEL, min_open=True)
 class _Commands(click.Group):
     """Turns our errors into one sentence and exit code 1 (2 for wrong settings); leaves ROS's arguments to ROS."""
 
-    def main(self, args: Sequence[str] | None = None, **extra: Any) -> Any:
-        return super().main(_without_ros_arguments(sys.argv[1:] if args is None else args), **extra)
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
+        return super().make_context(info_name, _without_ros_arguments(args), *rest, **extra)
 
     def invoke(self, context: click.Context) -> Any:
         try:

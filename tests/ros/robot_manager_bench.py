@@ -136,8 +136,8 @@ class RobotManagerRig:
         self.manager.calls.clear()
         self.client.sentences.clear()
 
-    def call(self, kind: Any, name: str, **fields: Any) -> Any:
-        return self.client.call(kind, f"/yumi_robot_manager/{name}", kind.Request(**fields))
+    def call(self, kind: Any, service: str, /, **fields: Any) -> Any:
+        return self.client.call(kind, f"/yumi_robot_manager/{service}", kind.Request(**fields))
 
     def lead(self, node: str, label: str) -> bool:
         request = ChangeState.Request(transition=Transition(label=label))
@@ -172,7 +172,7 @@ class RobotManagerRig:
 class Goal:
     """A goal that was sent, its steps and its result."""
 
-    def __init__(self, rig: RobotManagerRig, kind: Any, name: str, **fields: Any) -> None:
+    def __init__(self, rig: RobotManagerRig, kind: Any, name: str, /, **fields: Any) -> None:
         self.steps: list[str] = []
         self._client = rig.client
         self._action = ActionClient(rig.client.node, kind, f"/yumi_robot_manager/{name}")

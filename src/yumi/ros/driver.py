@@ -169,7 +169,8 @@ class RosDriver:
             self._executor.add_node(node)
         for node in self._streaming():
             self._streams.add_node(node)
-        for publisher in (*self._states, self._state):
+        self._state.start()
+        for publisher in self._states:
             publisher.start()
         for thread in self._threads:
             thread.start()
@@ -177,14 +178,16 @@ class RosDriver:
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
         self._is_over.set()
-        for publisher in (*self._states, self._state):
+        self._state.stop()
+        for publisher in self._states:
             publisher.stop()
         self._executor.shutdown(timeout_sec=2.0)
         self._streams.shutdown(timeout_sec=2.0)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
-        for action in (*self._actions, self._manager_actions):
+        self._manager_actions.destroy()
+        for action in self._actions:
             action.destroy()
         self._trajectories.destroy()
         for arm in self._arms.values():

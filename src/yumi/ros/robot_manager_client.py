@@ -152,20 +152,20 @@ class RobotManagerClient:
     def _take_state(self, message: Any) -> None:
         self.state = message
 
-    def _demand(self, kind: Any, name: str, **fields: object) -> str:
-        return str(self._succeed(kind, name, **fields).message)
+    def _demand(self, kind: Any, service: str, /, **fields: object) -> str:
+        return str(self._succeed(kind, service, **fields).message)
 
-    def _succeed(self, kind: Any, name: str, **fields: object) -> Any:
-        response = self._call(kind, name, _ANSWER, **fields)
+    def _succeed(self, kind: Any, service: str, /, **fields: object) -> Any:
+        response = self._call(kind, service, _ANSWER, **fields)
         if not response.success:
             raise RobotNotReady(str(response.message))
         return response
 
-    def _call(self, kind: Any, name: str, timeout: float, **fields: object) -> Any:
-        client = self._client(kind, name)
-        self._spinner.until(client.service_is_ready, timeout, f"The service {name} of the driver: its appearance")
+    def _call(self, kind: Any, service: str, timeout: float, /, **fields: object) -> Any:
+        client = self._client(kind, service)
+        self._spinner.until(client.service_is_ready, timeout, f"The service {service} of the driver: its appearance")
         future = client.call_async(kind.Request(**fields))
-        self._spinner.until(future.done, timeout, f"The answer of {name}")
+        self._spinner.until(future.done, timeout, f"The answer of {service}")
         return future.result()
 
     def _client(self, kind: Any, name: str) -> Any:
