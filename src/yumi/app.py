@@ -4,6 +4,7 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: executor, streams, joint-states-r, joint-states-l, fingers,
+                                            robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
@@ -46,6 +47,7 @@ from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, WiredArm
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
@@ -124,6 +126,11 @@ class EgmPlan:
     controllers: Controllers
     position_gain: float = EGM_GAIN
     limits: JointLimits = YUMI_LIMITS
+
+    @property
+    def addresses(self) -> Mapping[Side, EgmAddress]:
+        """Where each arm's datagrams are awaited."""
+        return {side: EgmAddress(self.listen, port) for side, port in self.ports.items()}
 
 
 def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
@@ -226,15 +233,16 @@ def run_driver(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     ) as client:
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
-        bringup.check_controller()
         plan = plan_egm(settings, controllers)
+        bringup.check_controller(plan.addresses)
 
         def on_event(event: Event) -> None:
             records.note(event, clock.now(), time.time())
+            manager.note(event)
             ros.tell(event)
 
         fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-        manager = RobotManager(bringup, fast_lines, clock)
+        manager = RobotManager(bringup, fast_lines, clock, watchdog=settings.watchdog)
         grippers = build_grippers(client, clock, settings)
         with ExitStack() as stack:
             for only in (_only_in_ros_domain(), only_at_robot(settings)):
@@ -251,6 +259,8 @@ def run_driver(
                 records.record_all(record, time.time() - clock.now())
             fast_lines.start()
             stack.callback(fast_lines.stop)
+            manager.start()
+            stack.callback(manager.stop)
             stack.callback(_end_motion, manager, ros.say)
             ros.start()
             ros.say(f"Connected to {client.address}. {fast_lines.started_as}")

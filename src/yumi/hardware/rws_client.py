@@ -19,7 +19,7 @@ from yumi.links.http import HttpLink, HttpReply
 from yumi.robot.joints import Joints
 from yumi.rws import replies, requests
 from yumi.rws.pages import Page
-from yumi.rws.replies import Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
+from yumi.rws.replies import CfgInstance, Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
 from yumi.rws.representations import read_page
 from yumi.rws.requests import Request
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
@@ -265,6 +265,10 @@ class RwsClient:
         subscription = Subscription(self._session, resources, on_change, on_lost)
         subscription.open(reply)
         return subscription
+
+    def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
+        """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
+        return self._read(requests.get_cfg(domain, type), replies.cfg, f"reading the configuration {domain}/{type}")
 
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""

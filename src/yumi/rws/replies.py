@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from math import radians
@@ -63,6 +64,14 @@ class Signal:
     name: str
     type: SignalType
     value: float
+
+
+@dataclass(frozen=True, slots=True)
+class CfgInstance:
+    """One instance of a configuration type, its attributes as text."""
+
+    name: str
+    attributes: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +182,14 @@ def signal(page: Page) -> Signal:
     """``/rw/iosystem/signals/{name}``."""
     state = page.one("ios-signal", "ios-signal-li")
     return Signal(state.text("name"), _enum(SignalType, state.text("type")), _number(state, "lvalue"))
+
+
+def cfg(page: Page) -> tuple[CfgInstance, ...]:
+    """``/rw/cfg/{domain}/{type}/instances``."""
+    return tuple(
+        CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+        for state in page.of_type("cfg-dt-instance-li")
+    )
 
 
 def joint_target(page: Page) -> JointTarget:

@@ -150,6 +150,11 @@ def set_signal(name: str, value: float) -> Request:
     return post(f"/rw/iosystem/signals/{name}", "set", ("lvalue", text))
 
 
+def get_cfg(domain: str, type: str) -> Request:
+    """All instances of a configuration type."""
+    return get(f"/rw/cfg/{domain}/{type}/instances")
+
+
 def get_joint_target(unit: str) -> Request:
     return get(f"/rw/motionsystem/mechunits/{unit}/jointtarget")
 
