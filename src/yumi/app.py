@@ -4,6 +4,7 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: executor, streams, joint-states-r, joint-states-l, fingers,
+                                            robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
@@ -47,6 +48,7 @@ from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, WiredArm
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
@@ -125,6 +127,11 @@ class EgmPlan:
     controllers: Controllers
     position_gain: float = EGM_GAIN
     limits: JointLimits = YUMI_LIMITS
+
+    @property
+    def addresses(self) -> Mapping[Side, EgmAddress]:
+        """Where each arm's datagrams are awaited."""
+        return {side: EgmAddress(self.listen, port) for side, port in self.ports.items()}
 
 
 def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
@@ -231,17 +238,18 @@ def run_driver(
     with ExitStack() as stack:
         stack.callback(client.close)
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
-        connection = RobotConnection(client, bringup)
-        if settings.ros.autostart:
-            connection.connect()
         plan = plan_egm(settings, controllers)
 
         def on_event(event: Event) -> None:
             records.note(event, clock.now(), time.time())
+            manager.note(event)
             ros.tell(event)
 
         fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-        manager = RobotManager(bringup, fast_lines, clock)
+        manager = RobotManager(bringup, fast_lines, clock, watchdog=settings.watchdog)
+        connection = RobotConnection(client, partial(bringup.check_controller, plan.addresses), manager)
+        if settings.ros.autostart:
+            connection.check()
         grippers = build_grippers(client, clock, settings)
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
@@ -257,6 +265,7 @@ def run_driver(
             records.record_all(record, time.time() - clock.now())
         fast_lines.start()
         stack.callback(fast_lines.stop)
+        stack.callback(connection.disconnect)
         stack.callback(_end_motion, manager, connection, ros.say)
         ros.start()
         ros.say(fast_lines.started_as)

@@ -18,6 +18,7 @@ from yumi.control.parameter import Values
 from yumi.errors import SettingsError
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
+from yumi.hardware.watchdog import WatchdogSettings
 from yumi.parameter_file import Entry, ParameterFile, read_parameter_file
 from yumi.robot.joints import Side
 
@@ -152,6 +153,7 @@ class Settings:
     egm: EgmSettings = field(default_factory=EgmSettings)
     egm_motion: EgmMotionSettings = field(default_factory=EgmMotionSettings)
     gripper: GripperSettings = field(default_factory=GripperSettings)
+    watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
 

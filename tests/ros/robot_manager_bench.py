@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from threading import Event, Thread
+from threading import Barrier, Event, Thread
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.action import ActionClient
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock
 from yumi.control.inventory import HardwareInfo
 from yumi.control.lifecycle import State
-from yumi.control.requests import Done, ListHardware, Request, SetHardwareState
+from yumi.control.requests import Done, HoldArm, ListHardware, Request, SetHardwareState
 from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.state_machine import MachineState
@@ -26,6 +27,8 @@ from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.robot_state_topic import RobotStateTopic
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+
+THREADS = 6
 
 READY = RobotState(
     is_connected=True,
@@ -45,6 +48,7 @@ class FakeManager:
         self.calls: list[tuple[Any, ...]] = []
         self.refusals: dict[str, str] = {}
         self.robot = READY
+        self.watch = self
         self.may_go_on = Event()
         self.may_go_on.set()
 
@@ -91,8 +95,12 @@ class FakeLine:
 
     def __init__(self) -> None:
         self.states = dict.fromkeys(Side, State.ACTIVE)
+        self.held: list[Side] = []
 
     def ask(self, request: Request) -> Done:
+        if isinstance(request, HoldArm):
+            self.held.append(request.side)
+            return Done()
         if isinstance(request, SetHardwareState):
             self.states[request.side] = request.state
         assert isinstance(request, ListHardware | SetHardwareState)
@@ -118,12 +126,13 @@ class RobotManagerRig:
         self.actions = RobotManagerActions(*offered)
         self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock())
         self.client = Client()
-        self._executor = MultiThreadedExecutor(num_threads=6)
+        self._executor = MultiThreadedExecutor(num_threads=THREADS)
         for node in (self.node, *self.managed.all):
             self._executor.add_node(node)
         self._is_over = Event()
         self._thread = Thread(target=self._spin, name="robot-manager-rig")
         self._thread.start()
+        self._begin_all_threads()
         self.topic.start()
 
     def begin(self) -> None:
@@ -134,6 +143,7 @@ class RobotManagerRig:
         self.connection.refusal = ""
         self.managed.bring_up()
         self.manager.calls.clear()
+        self.line.held.clear()
         self.client.sentences.clear()
 
     def call(self, kind: Any, service: str, /, **fields: Any) -> Any:
@@ -163,6 +173,14 @@ class RobotManagerRig:
         self.actions.destroy()
         self.managed.destroy()
         self.node.destroy_node()
+
+    def _begin_all_threads(self) -> None:
+        """The pool would begin them one after another, in the middle of tests that look for threads left behind."""
+        barrier = Barrier(THREADS + 1)
+        group = ReentrantCallbackGroup()
+        for _ in range(THREADS):
+            self.node.create_guard_condition(barrier.wait, group).trigger()
+        barrier.wait(10.0)
 
     def _spin(self) -> None:
         while not self._is_over.is_set():

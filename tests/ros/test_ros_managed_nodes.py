@@ -66,6 +66,7 @@ def test_robot_is_inactive_even_where_it_cannot_be_told_to_hold(rig: RobotManage
     rig.manager.refusals["end_motion"] = "Nothing answers at 192.0.2.1."
     assert rig.lead("/yumi_robot", "deactivate")
     rig.client.until(rig.client.hears("Nothing answers at 192.0.2.1."))
+    assert rig.line.held == list(Side)
     assert rig.call(Trigger, "start_egm").message == INACTIVE
 
 
@@ -129,10 +130,9 @@ def test_hand_takes_no_goals_unless_it_and_the_robot_are_active(rig: RobotManage
     assert node in reason
 
 
-def test_node_that_was_shut_down_says_that_only_a_restart_helps(ros: None) -> None:
-    rig = RobotManagerRig()
-    rig.begin()
-    assert rig.lead("/yumi_robot", "shutdown")
-    assert rig.life("/yumi_robot") == "finalized"
-    assert rig.call(Trigger, "start_egm").message == "The robot has been shut down; restart the driver."
-    rig.close()
+def test_node_that_was_shut_down_says_that_only_a_restart_helps(rig: RobotManagerRig) -> None:
+    """The last of all: nothing leads it up again."""
+    assert rig.lead("/r/gripper", "shutdown")
+    assert rig.life("/r/gripper") == "finalized"
+    assert rig.managed.why_no_grip(Side.RIGHT) == "the right gripper has been shut down; restart the driver."
+    assert not rig.lead("/r/gripper", "configure")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
@@ -72,13 +72,15 @@ class DriverArm:
             side, EgmArm(link, session, stations), manager, Guard(YUMI_LIMITS), self.snapshots, self.recorder, stations
         )
 
-    def advance(self, now: float) -> None:
+    def advance(self, now: float) -> Sequence[Event]:
         cycle = self.line.run(now)
         if cycle is not None:
             self.admitted.append(cycle.admitted.position)
             self.measured.append(cycle.state.position)
         self.line.watch_silence(now)
-        self.events += self.line.take_events()
+        events = self.line.take_events()
+        self.events += events
+        return events
 
     @property
     def snapshot(self) -> Snapshot:
@@ -102,6 +104,9 @@ class MemoryFastLines:
     def check(self) -> None:
         """They run."""
 
+    def revive(self) -> tuple[Side, ...]:
+        return ()
+
     def snapshot(self, side: Side) -> Snapshot:
         return self._arms[side].snapshot
 
@@ -117,11 +122,12 @@ class System(ManualClock):
 
     Attributes:
         is_powered: whether the controller runs; set it to False for a power cut.
+        is_wired: whether the arms' datagrams arrive, both ways.
     """
 
     def __init__(self, *, object_width: float = 0.02) -> None:
         super().__init__()
-        self.is_powered = True
+        self.is_powered = self.is_wired = True
         self.world = World(WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)}))
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
@@ -157,8 +163,11 @@ class System(ManualClock):
     def _cycle(self) -> None:
         self.advance(CYCLE)
         if self.is_powered:
-            datagrams = self.world.cycle({side: end.receive() for side, end in self._robot_ends.items()})
+            inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
+            datagrams = self.world.cycle(inboxes if self.is_wired else {})
             for side, datagram in datagrams.items():
-                self._robot_ends[side].send(datagram)
+                if self.is_wired:
+                    self._robot_ends[side].send(datagram)
         for arm in self.arms.values():
-            arm.advance(self.now())
+            for event in arm.advance(self.now()):
+                self.manager.note(event)

@@ -101,13 +101,15 @@ class Connection:
     def _started(self, client: RwsClient, stack: ExitStack) -> FastLines:
         settings, clock, report = self._settings, SystemClock(), partial(log.info, "%s")
         bringup = Bringup(client, settings.egm_motion, clock, report, self._arms)
-        bringup.check_controller()
         plan = plan_egm(settings, self._controllers)
+        bringup.check_controller(plan.addresses)
         fast_lines = FastLines(partial(build_arm, plan), self._book.tell, settings.egm.wake)
         fast_lines.start()
         stack.callback(fast_lines.stop)
         self.grippers = build_grippers(client, clock, settings)
-        self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms)
+        self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms, settings.watchdog)
+        self.manager.watchdog.start()
+        stack.callback(self.manager.watchdog.stop)
         goals = {side: boxes.goals for side, boxes in fast_lines.boxes.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
         self.guidance = Guidance(fast_lines, goals, self._book, self._arms, limits, clock)

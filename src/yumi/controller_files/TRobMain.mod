@@ -42,6 +42,7 @@ MODULE TRobMain(SYSMODULE)
         initializeRAPIDModule;
         initializeEGMModule;
         initializeGripper;
+        initializeWatchdog;
         initializeSystemModule;
         idle_counter:=0;
         current_state:=STATE_IDLE;
@@ -54,6 +55,17 @@ MODULE TRobMain(SYSMODULE)
     ERROR
         IF ERRNO=ERR_REFUNKPRC THEN
             TPWrite MSG_MAIN+"No TRobSG, RUN_SG_ROUTINE does nothing";
+            TRYNEXT;
+        ENDIF
+        RAISE;
+    ENDPROC
+
+    ! The same for a robot whose SYS.cfg does not load TRobWatchdog.
+    LOCAL PROC initializeWatchdog()
+        %"initializeWatchdogModule"%;
+    ERROR
+        IF ERRNO=ERR_REFUNKPRC THEN
+            TPWrite MSG_MAIN+"No TRobWatchdog, nobody watches the driver";
             TRYNEXT;
         ENDIF
         RAISE;

@@ -6,22 +6,18 @@ for, with a deadline, and says what is wrong when it does not come.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused, RobotNotReady
+from yumi.errors import RobotNotReady
 from yumi.hardware.cabinet import Cabinet
+from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
 from yumi.hardware.manager_state import Report
 from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import MAIN, EgmMotionSettings, MachineState
+from yumi.hardware.state_machine import EgmMotionSettings, MachineState
 from yumi.hardware.state_machines import StateMachines
 from yumi.robot.joints import Side
-
-OLDEST_ROBOTWARE = (6, 9)
-"""EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
-
-EGM_OPTION = "689-1 Externally Guided Motion (EGM)"
 
 _IDLE_DEADLINE = 5.0
 
@@ -56,22 +52,24 @@ class Bringup:
         self._reports = [report]
         self._arms = arms
         self._is_checked = False
+        self._addresses: Mapping[Side, EgmAddress] | None = None
+        self._remarks: list[str] = []
+        self._told_remarks: list[str] = []
 
-    def check_controller(self) -> None:
-        """Check what can never be mended from here.
+    def check_controller(self, addresses: Mapping[Side, EgmAddress] | None = None) -> None:
+        """Check what can never be mended from here; what is only odd is told with the next step.
+
+        Args:
+            addresses: where each arm's datagrams are awaited, to be compared with the controller's; None: as before.
 
         Raises:
-            RobotNotReady: RobotWare is too old, EGM is missing, or the RAPID program is not there.
+            RobotNotReady: RobotWare is too old, an option or the RAPID program is not there, or an arm or its device.
         """
-        system = self.client.system()
-        if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            version = ".".join(map(str, system.robotware))
-            raise RobotNotReady(f"The controller runs RobotWare {version}; EGM for a YuMi needs 6.09 or newer.")
-        if EGM_OPTION not in system.options:
-            raise RobotNotReady(f"The controller lacks the option {EGM_OPTION!r}; without it no arm can be guided.")
-        for side in Side:
-            self._check_program(side)
+        self._addresses = addresses or self._addresses
+        checks = LaunchChecks(self.client, self._addresses)
+        checks.run()
         self._is_checked = True
+        self._remarks = [remark for remark in checks.remarks if remark not in self._told_remarks]
 
     def make_ready(self) -> None:
         """Motors on, program running, both state machines idle.
@@ -81,12 +79,22 @@ class Bringup:
         """
         if not self._is_checked:
             self.check_controller()
+        self._tell_remarks()
         self.cabinet.check_automatic()
         if not self.cabinet.are_motors_on:
             self.report("motors on")
             self.cabinet.switch_motors_on()
-        if not (self.cabinet.is_running and self.machines.are_idle):
+        if not self._is_idle():
             self.restart_program()
+
+    def _is_idle(self) -> bool:
+        """Whether the program runs with both machines idle; an EGM motion that was left behind comes to rest gently."""
+        if not self.cabinet.is_running:
+            return False
+        if MachineState.RUN_EGM_ROUTINE in self.machines.states().values():
+            with suppress(RobotNotReady):  # the program begins anew then
+                self.stop_egm()
+        return self.machines.are_idle
 
     def restart_program(self) -> None:
         """Stop the program, begin it anew at main, and wait until both machines are idle.
@@ -134,6 +142,12 @@ class Bringup:
         for report in self._reports:
             report(step)
 
+    def _tell_remarks(self) -> None:
+        for remark in self._remarks:
+            self.report(remark)
+        self._told_remarks += self._remarks
+        self._remarks = []
+
     @contextmanager
     def telling(self, report: Report) -> Iterator[None]:
         """Have ``report`` told each step, too, within the block."""
@@ -142,15 +156,3 @@ class Bringup:
             yield
         finally:
             self._reports.remove(report)
-
-    def _check_program(self, side: Side) -> None:
-        try:
-            kind = self.client.symbol_type(side.task, MAIN, "current_state")
-        except ControllerRefused as error:
-            raise RobotNotReady(
-                f"Task {side.task} has no state machine ({MAIN}); load the RAPID modules of this package on it."
-            ) from error
-        if kind != "num":
-            raise RobotNotReady(
-                f"{side.task}/{MAIN}/current_state has type {kind}, not num; load this version's modules."
-            )

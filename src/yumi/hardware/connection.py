@@ -1,10 +1,24 @@
-"""The connection to one controller: opened, checked and ended as a whole."""
+"""The connection to one controller: opened, checked, watched and ended as a whole."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from threading import Lock
+from typing import Protocol
+
 from yumi.errors import YumiError
-from yumi.hardware.bringup import Bringup
 from yumi.hardware.rws_client import RwsClient
+from yumi.rws.replies import SystemInfo
+
+
+class Watching(Protocol):
+    """What keeps watch over the robot while there is a connection."""
+
+    def start(self) -> None:
+        """Watch from now on."""
+
+    def stop(self) -> None:
+        """Watch no longer."""
 
 
 class RobotConnection:
@@ -15,33 +29,49 @@ class RobotConnection:
 
     Args:
         client: its session.
-        bringup: what checks the controller.
+        check_controller: sees that the controller can be used; raises RobotNotReady.
+        watching: kept up while it is open.
     """
 
-    def __init__(self, client: RwsClient, bringup: Bringup) -> None:
+    def __init__(self, client: RwsClient, check_controller: Callable[[], None], watching: Watching) -> None:
         self._client = client
-        self._bringup = bringup
+        self._check_controller = check_controller
+        self._watching = watching
+        self._lock = Lock()
+        self._system: SystemInfo | None = None
         self.is_open = False
 
-    def connect(self) -> str:
-        """Log in and check the controller, unless that has been done; which one it is.
+    def check(self) -> SystemInfo:
+        """Log in and see that the controller can be used, unless that has been done; which one it is.
 
         Raises:
             YumiError: there is no way to it, or it cannot be used; nothing is open.
         """
-        system = self._client.connect()
-        if not self.is_open:
+        if self._system is None:
             try:
-                self._bringup.check_controller()
+                self._system = self._client.connect()
+                self._check_controller()
             except YumiError:
+                self._system = None
                 self._client.close()
                 raise
-        self.is_open = True
+        return self._system
+
+    def connect(self) -> str:
+        """Open it, as :meth:`check`, and keep watch over the robot; which controller it is."""
+        with self._lock:
+            system = self.check()
+            if not self.is_open:
+                self._watching.start()
+                self.is_open = True
         version = ".".join(map(str, system.robotware))
         return f"Connected to {self._client.address}: {system.name}, RobotWare {version}."
 
     def disconnect(self) -> str:
-        """Log out; whoever asks the robot after this opens a session of its own."""
-        self.is_open = False
-        self._client.close()
+        """End the watch and log out; nothing where that has been done."""
+        with self._lock:
+            if self.is_open:
+                self._watching.stop()
+                self._client.close()
+            self._system, self.is_open = None, False
         return f"Disconnected from {self._client.address}."

@@ -19,7 +19,7 @@ from yumi.control.requests import (
     SendOrders,
     Stop,
 )
-from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.hardware.fast_line import LAST_HOLD, Answer, ArmBoxes, Build, Question, run_fast_line
 from yumi.hardware.wake import WakeMode
@@ -31,7 +31,7 @@ _ANSWER_TIMEOUT = 5.0
 
 def ended(side: Side) -> str:
     """What to tell when an arm's process is gone."""
-    return f"The fast-line process of the {side.word} arm has ended; restart the driver."
+    return f"The fast-line process of the {side.word} arm has ended; call recover, which starts another one."
 
 
 class FastLineProcess:
@@ -171,7 +171,8 @@ class FastLines:
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
-        self._lines = {side: FastLineProcess(side, build, self.boxes, on_event, wake) for side in Side}
+        self._new_line = lambda side: FastLineProcess(side, build, self.boxes, on_event, wake)
+        self._lines: dict[Side, FastLineProcess] = {side: self._new_line(side) for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
 
     def start(self) -> None:
@@ -203,6 +204,22 @@ class FastLines:
         for side, line in self._lines.items():
             if not line.is_alive:
                 raise RobotNotReady(ended(side))
+
+    def revive(self) -> tuple[Side, ...]:
+        """Start again what has ended by itself, with its controllers as at first; tells which arms.
+
+        Raises:
+            NoConnection: one cannot listen for the robot.
+            RobotNotReady: one ended while it started.
+        """
+        ended_ones = tuple(side for side, line in self._lines.items() if not line.is_alive)
+        for side in ended_ones:
+            self._lines[side].join()
+            put_snapshot(self.boxes[side].snapshots, Snapshot())  # what its predecessor knew is history
+            line = self._lines[side] = self._new_line(side)
+            line.start()
+            line.wait_until_it_listens()
+        return ended_ones
 
     def snapshot(self, side: Side) -> Snapshot:
         """What is known of an arm; nothing when its process is gone."""

@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from threading import Lock
-from typing import Protocol
 
 from yumi.clock import Clock
-from yumi.control.requests import Done, HoldArm, Request, SwitchControllers
-from yumi.control.snapshot import Snapshot
+from yumi.control.requests import Event
 from yumi.errors import RobotNotReady
+from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.controller_data import ControllerData
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.rapid_routines import RapidRoutines
+from yumi.hardware.recovery import Recovery
 from yumi.hardware.robot_watch import RobotWatch
-from yumi.hardware.state_machine import MachineState
-from yumi.hardware.waiting import wait_until
+from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
-
-FIRST_DATAGRAM = 5.0
-"""How long the arms may take from the start signal until they follow [s]."""
 
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
-
-
-class FastLines(Protocol):
-    """What is needed of the fast lines."""
-
-    def check(self) -> None:
-        """See that they run; raises RobotNotReady."""
-
-    def snapshot(self, side: Side) -> Snapshot:
-        """What is known of an arm."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
 
 
 class RobotManager:
@@ -51,9 +35,11 @@ class RobotManager:
         clock: where waiting time comes from.
         leading: name of the controller that commands an arm after EGM has started.
         arms: the arms that are guided unless told otherwise; the others stand still.
+        watchdog: whether the robot shall stop when this program falls silent, and when.
 
     Attributes:
         watch: what is known of the robot.
+        watchdog: on the robot, and our signs of life to it.
     """
 
     def __init__(
@@ -63,23 +49,40 @@ class RobotManager:
         clock: Clock,
         leading: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
+        watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
     ) -> None:
-        self.watch = RobotWatch(bringup.client, fast_lines)
+        self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
+        self.watch = RobotWatch(bringup.client, fast_lines, clock)
         self._bringup = bringup
         self._cabinet = bringup.cabinet
         self._data = ControllerData(bringup.client, bringup.cabinet)
         self._routines = RapidRoutines(bringup.client, bringup.cabinet, bringup.machines, clock)
+        self._guidance = ArmGuidance(bringup, fast_lines, clock, leading, self.watchdog)
+        self._recovery = Recovery(bringup, self._guidance, fast_lines, clock)
         self._fast_lines = fast_lines
-        self._clock = clock
-        self._leading = leading
         self._arms = arms
         self._lock = Lock()  # one at a time; the robot has one state
+
+    def start(self) -> None:
+        """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
+        self.watch.start()
+        self.watchdog.start()
+
+    def stop(self) -> None:
+        """Watch no longer; to be called after :meth:`end_motion`."""
+        self.watchdog.stop()
+        self.watch.stop()
 
     # What is known
 
     def state(self) -> RobotState:
-        """All that is known of the robot."""
-        return self.watch.look()
+        """All that is known of the robot: at once while the watch keeps it fresh, else read from the controller."""
+        return self.watch.state() if self.watch.is_running else self.watch.look()
+
+    def note(self, event: Event) -> None:
+        """Take note of what a fast line tells."""
+        self._guidance.note(event)
+        self.watch.hint()
 
     def check_ready(self) -> str:
         """Whether EGM can be started, or runs.
@@ -88,7 +91,7 @@ class RobotManager:
             RobotNotReady: it cannot; the message says why.
         """
         self._fast_lines.check()
-        if self._are_guided(self._arms):
+        if self._guidance.are_guided(self._arms):
             return "ready, EGM runs"
         reason = self.state().reason
         if reason:
@@ -103,8 +106,8 @@ class RobotManager:
 
     def make_ready(self) -> str:
         """Motors on, program running, state machines idle; nothing when it is ready or EGM runs."""
-        with self._lock:
-            if not self._are_guided(self._arms):
+        with self._changing():
+            if not self._guidance.are_guided(self._arms):
                 self._bringup.make_ready()
         return "The robot is ready"
 
@@ -117,9 +120,8 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        with self._lock:
-            self._fast_lines.check()
-            return self._guide(tuple(arms) if arms else self._arms)
+        with self._changing():
+            return self._guidance.begin(tuple(arms) if arms else self._arms)
 
     def stop_egm(self) -> str:
         """Deactivate what commands the arms and stop EGM; they come to rest.
@@ -127,8 +129,8 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        with self._lock:
-            self._end_egm()
+        with self._changing():
+            self._guidance.end()
         return "EGM has ended on both arms"
 
     def go_to(self, mode: Mode, report: Report) -> str:
@@ -141,16 +143,27 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        with self._lock, self._bringup.telling(report):
+        with self._changing(), self._bringup.telling(report):
             if mode.arms:
-                self._fast_lines.check()
-                return self._guide(mode.arms)
-            self._end_any_egm()
+                return self._guidance.begin(mode.arms)
+            self._guidance.end_if_begun()
             if mode is Mode.READY:
                 self._bringup.make_ready()
                 return "The robot is ready, EGM does not run"
             self._switch_motors_off()
             return "The motors are off"
+
+    def recover(self, report: Report) -> str:
+        """Say what stopped the robot and bring it back, to EGM with its controllers if it was to be in EGM.
+
+        Args:
+            report: told each step.
+
+        Raises:
+            YumiError: somebody has to do something at the robot first; the message says what stopped it and what.
+        """
+        with self._changing(), self._bringup.telling(report):
+            return self._recovery.run()
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -158,52 +171,52 @@ class RobotManager:
         Raises:
             YumiError: the robot could not be told.
         """
-        with self._lock:
-            self._end_any_egm()
+        with self._changing():
+            self._guidance.end_if_begun()
 
     # Single steps
 
     def motors_on(self) -> str:
         """Motors on; a released emergency stop is acknowledged by it. Raises RobotNotReady."""
-        with self._lock:
+        with self._changing():
             self._cabinet.switch_motors_on()
         return "The motors are on"
 
     def motors_off(self) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
-        with self._lock:
-            self._end_any_egm()
+        with self._changing():
+            self._guidance.end_if_begun()
             self._switch_motors_off()
         return "The motors are off"
 
     def start_rapid(self) -> str:
         """Start the program where its pointers are. Raises RobotNotReady."""
-        with self._lock:
+        with self._changing():
             self._cabinet.start_rapid()
         return "The RAPID program runs"
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
-        with self._lock:
-            self._end_any_egm()
+        with self._changing():
+            self._guidance.end_if_begun()
             self._cabinet.stop_rapid()
         return "The RAPID program is stopped"
 
     def pp_to_main(self) -> str:
         """Program pointers to main; the program must be stopped. Raises RobotNotReady."""
-        with self._lock:
+        with self._changing():
             self._cabinet.move_pp_to_main()
         return "The program pointers are at main"
 
     def set_speed_ratio(self, percent: int) -> str:
         """Override of the speeds of RAPID motions, 0 to 100 %; EGM motions take no notice. Raises YumiError."""
-        with self._lock:
+        with self._changing():
             self._cabinet.set_speed_ratio(percent)
         return f"The speed ratio is {percent} %"
 
     def run_routine(self, side: Side, name: str) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
-        with self._lock:
+        with self._changing():
             self._routines.run(side, name)
         return f"Routine {name} of {side.task} has run"
 
@@ -227,62 +240,15 @@ class RobotManager:
 
     # How
 
-    def _guide(self, arms: tuple[Side, ...]) -> str:
-        """EGM and controllers on exactly these arms."""
-        if any(self._snapshot(side).is_running for side in Side if side not in arms):
-            self._end_egm()  # the signal that ends EGM ends it on both
-        if not self._are_guided(arms):
-            self._begin_egm(arms)
-        for side in arms:
-            if not self._snapshot(side).is_commanded:
-                self._bringup.report(f"activate {self._leading} on the {side.word} arm")
-                self._fast_lines.ask(SwitchControllers(side, activate=(self._leading,)))
-        whom = "both arms" if len(arms) > 1 else f"the {arms[0].word} arm"
-        return f"EGM runs on {whom}, {self._leading} is active"
-
-    def _begin_egm(self, arms: tuple[Side, ...]) -> None:
-        if any(self._snapshot(side).is_running for side in Side):
-            self._bringup.stop_egm()  # one arm alone: end it, so that both begin together
-        self._bringup.make_ready()
-        self._bringup.start_egm(arms)
-        wait_until(self._clock, lambda: self._are_guided(arms), FIRST_DATAGRAM, lambda: self._why_not_guided(arms))
-
-    def _end_egm(self) -> None:
-        try:
-            self._hold()
-        finally:
-            self._bringup.stop_egm()  # whatever became of the fast line
-
-    def _end_any_egm(self) -> None:
-        if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
-            self._end_egm()
-
-    def _hold(self) -> None:
-        """Deactivate whatever commands the arms: they come to rest and hold."""
-        for side in Side:
-            if self._snapshot(side).is_commanded:
-                self._fast_lines.ask(HoldArm(side))
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """One at a time; who looks afterwards sees what has changed."""
+        with self._lock:
+            try:
+                yield
+            finally:
+                self.watch.refresh()
 
     def _switch_motors_off(self) -> None:
         self._bringup.report("motors off")
         self._cabinet.switch_motors_off()
-
-    def _why_not_guided(self, arms: tuple[Side, ...]) -> str:
-        silent = [side for side in arms if not self._snapshot(side).is_streaming]
-        if not silent:
-            words = " and ".join(side.word for side in arms if not self._snapshot(side).is_running)
-            return (
-                f"EGM started but the robot does not follow on the {words} arm; look at the event log on the pendant."
-            )
-        words = " and ".join(side.word for side in silent)
-        devices = ", ".join(side.unit for side in silent)
-        return (
-            f"EGM started on the robot but no datagram came for the {words} arm; check the remote address and port of "
-            f"the controller's UDPUC device {devices} and this machine's firewall."
-        )
-
-    def _are_guided(self, arms: Sequence[Side]) -> bool:
-        return all(self._snapshot(side).is_running for side in arms)
-
-    def _snapshot(self, side: Side) -> Snapshot:
-        return self._fast_lines.snapshot(side)

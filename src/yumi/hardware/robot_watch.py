@@ -1,26 +1,63 @@
 """The watch: keeps what is known of the robot fresh, whoever changes it.
 
-A thread looks at the newest number of the event log, which every change of mode, motors and program raises, and reads
-the rest when it has changed, or when it was not read for a while.
+The controller tells by itself when mode, motors, program, speed ratio or event log change, and when somebody raises a
+signal of the state machines; their states are variables that it does not tell, so these are read after each hint, and
+often while one of them is about to change. A controller that grants no subscription is asked for the newest number of
+its event log instead, which every change of mode, motors and program raises.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from threading import Lock
+from threading import Event as Flag
+from threading import Lock, Thread
 from typing import Protocol
 
+from yumi.clock import Clock
 from yumi.control.snapshot import Snapshot
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.hardware.manager_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import MAIN, MachineState
+from yumi.hardware.rws_subscription import Subscription
+from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState
 from yumi.hardware.state_machines import read_machine_state
 from yumi.robot.joints import Side
+from yumi.rws.replies import Event
+from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.subscriptions import (
+    CONTROLLER_STATE,
+    EXECUTION,
+    OPERATING_MODE,
+    SPEED_RATIO,
+    Change,
+    event_log,
+    signal_state,
+)
+
+EVENT_LOG = event_log()
+SIGNALS = tuple(map(signal_state, (START_JOINT, STOP, RUN_RAPID)))
+RESOURCES = (OPERATING_MODE, CONTROLLER_STATE, EXECUTION, SPEED_RATIO, EVENT_LOG, *SIGNALS)
+"""What the controller is asked to tell."""
+
+POLL = 0.15
+"""Time between two looks at the event log of a controller that tells nothing by itself [s]."""
+
+BUSY_LOOK = 0.2
+"""Time between two looks at state machines that are about to change [s]."""
+
+WHOLE_LOOK = 5.0
+"""Everything is read again after this time, should the controller have forgotten to tell something [s]."""
+
+RECONNECT = 1.0
+"""Time between two attempts to reach a controller that does not answer [s]."""
 
 Listener = Callable[[RobotState], None]
-"""Told the robot's state after a change."""
+"""Told the robot's state after a change, on the watch's thread."""
+
+_STARTING = 503
+_FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
 
 
 class Snapshots(Protocol):
@@ -36,13 +73,33 @@ class RobotWatch:
     Args:
         client: a connected client.
         fast_lines: where the arms' datagrams arrive.
+        clock: where its times come from.
+
+    Attributes:
+        on_change: told each change.
     """
 
-    def __init__(self, client: RwsClient, fast_lines: Snapshots) -> None:
+    def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock) -> None:
+        self.on_change: Listener = lambda _: None
         self._client = client
         self._fast_lines = fast_lines
+        self._clock = clock
         self._lock = Lock()
         self._state = RobotState()
+        self._told = RobotState()
+        self._subscription: Subscription | None = None
+        self._is_lost = self._is_hinted = False
+        self._changes: deque[Change] = deque()
+        self._looked_at = self._glanced_at = -RECONNECT
+        self._bell, self._is_over = Flag(), Flag()
+        self._thread: Thread | None = None
+
+    # For everybody, from any thread
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it keeps itself fresh."""
+        return self._thread is not None
 
     def state(self) -> RobotState:
         """What was known last, with EGM as it is now."""
@@ -55,32 +112,188 @@ class RobotWatch:
             found = self._read()
         except YumiError:
             found = RobotState()
-        with self._lock:
-            self._state = found
+        self._keep(found)
         return self._completed(found)
+
+    def refresh(self) -> None:
+        """Read what a step of our own has changed, so that who asks next sees it."""
+        if self.is_running:
+            self.look()
+
+    def hint(self) -> None:
+        """Something has happened to an arm: have a look soon."""
+        self._is_hinted = True
+        self._bell.set()
+
+    # The thread
+
+    def start(self) -> None:
+        """Keep it fresh from now on."""
+        self._is_over.clear()
+        self._thread = Thread(target=self._run, name="robot-watch", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Know nothing any more."""
+        self._is_over.set()
+        self._bell.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self._lose()
+
+    def step(self) -> float:
+        """Take what was told, read what is due, tell what has changed; returns how soon the next step is due [s]."""
+        now = self._clock.now()
+        try:
+            delay = self._follow(now) if self._state.is_connected else self._connect(now)
+        except YumiError:  # a controller that is starting refuses everything
+            delay = RECONNECT
+            self._lose()
+        self._tell()
+        return delay
+
+    def _run(self) -> None:
+        while not self._is_over.is_set():
+            delay = self.step()
+            self._bell.wait(delay)
+            self._bell.clear()
+
+    def _connect(self, now: float) -> float:
+        self._subscribe()
+        self._keep(self._read())
+        self._looked_at = self._glanced_at = now
+        return self._next_look()
+
+    def _follow(self, now: float) -> float:
+        if self._is_lost:
+            self._unsubscribe()
+            return self._connect(now)
+        is_hinted, self._is_hinted = self._is_hinted, False
+        if now - self._looked_at >= WHOLE_LOOK or (self._subscription is None and self._has_news()):
+            self._keep(self._read())
+            self._looked_at = self._glanced_at = now
+        elif self._take_changes() or is_hinted or (self._is_busy and now - self._glanced_at >= BUSY_LOOK):
+            self._keep(replace(self._state, machines=self._machines()))
+            self._glanced_at = now
+        return self._next_look()
+
+    def _next_look(self) -> float:
+        if self._subscription is None:
+            return POLL
+        return BUSY_LOOK if self._is_busy else WHOLE_LOOK
+
+    @property
+    def _is_busy(self) -> bool:
+        return not _FIXED.issuperset(self._state.machines.values())
+
+    def _lose(self) -> None:
+        self._unsubscribe()
+        self._keep(RobotState())
+
+    # What the controller tells
+
+    def _subscribe(self) -> None:
+        """A controller that refuses is polled."""
+        self._changes.clear()
+        self._is_lost = False
+        try:
+            self._subscription = self._client.subscribe(RESOURCES, self._note, self._note_loss)
+        except (ControllerRefused, ProtocolError):
+            self._client.system()  # raises unless it answers
+            self._subscription = None
+
+    def _unsubscribe(self) -> None:
+        subscription, self._subscription = self._subscription, None
+        if subscription is not None:
+            subscription.close()
+
+    def _note(self, change: Change) -> None:
+        self._changes.append(change)
+        self._bell.set()
+
+    def _note_loss(self, sentence: str) -> None:
+        self._is_lost = True
+        self._bell.set()
+
+    def _take_changes(self) -> bool:
+        """Whether anything was told."""
+        is_told = bool(self._changes)
+        while self._changes:
+            change = self._changes.popleft()
+            if change.path == EVENT_LOG.path:
+                self._keep(replace(self._state, last_event=self._newest_event()))
+            else:
+                self._keep(changed(self._state, change))
+        return is_told
+
+    def _has_news(self) -> bool:
+        newest, known = self._newest_event(), self._state.last_event
+        return (newest.number if newest else 0) != (known.number if known else 0)
+
+    # What is read
 
     def _read(self) -> RobotState:
         client = self._client
-        events = client.events(count=1)
         return RobotState(
             is_connected=True,
             mode=client.operating_mode(),
             controller_state=client.controller_state(),
             execution=client.execution(),
-            machines={side: self._machine(side) for side in Side},
+            machines=self._machines(),
             speed_ratio=client.speed_ratio(),
-            last_event=events[0] if events else None,
+            last_event=self._newest_event(),
         )
+
+    def _newest_event(self) -> Event | None:
+        events = self._client.events(count=1)
+        return events[0] if events else None
+
+    def _machines(self) -> Mapping[Side, MachineState | None]:
+        return {side: self._machine(side) for side in Side}
 
     def _machine(self, side: Side) -> MachineState | None:
         try:
             return read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
-        except (ControllerRefused, ProtocolError):
+        except ProtocolError:
             return None
+        except ControllerRefused as error:
+            if error.status == _STARTING:
+                raise
+            return None
+
+    # What is kept
+
+    def _keep(self, state: RobotState) -> None:
+        with self._lock:
+            self._state = state
 
     def _completed(self, state: RobotState) -> RobotState:
         live = replace(state, egm=egm_states(self._fast_lines))
         return replace(live, reason=why_not_ready(live))
+
+    def _tell(self) -> None:
+        state = self.state()
+        if state != self._told:
+            self._told = state
+            self.on_change(state)
+
+
+def changed(state: RobotState, change: Change) -> RobotState:
+    """``state`` after what the controller has told; an unknown word changes nothing."""
+    for name, text in change.fields.items():
+        try:
+            if name == "opmode":
+                state = replace(state, mode=OperatingMode(text))
+            elif name == "ctrlstate":
+                state = replace(state, controller_state=ControllerState(text))
+            elif name == "ctrlexecstate":
+                state = replace(state, execution=ExecutionState(text))
+            elif name == "speedratio":
+                state = replace(state, speed_ratio=int(text))
+        except ValueError:
+            continue
+    return state
 
 
 def egm_states(fast_lines: Snapshots) -> Mapping[Side, str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtin_data import DATA
 from yumi.rapid.errors import RapidReferenceError, RapidRuntimeError, RapidSyntaxError
+from yumi.rapid.host import Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Call, Library
 from yumi.rapid.literals import format_value
@@ -107,8 +108,12 @@ def write_display(call: Call) -> None:
     "ErrWrite", r"\switch W | \switch I, string Header, string Reason, \string RL2, \string RL3, \string RL4"
 )
 def write_event(call: Call) -> None:
-    lines = [call["Header"], call["Reason"], *(call.get(name) for name in ("RL2", "RL3", "RL4"))]
-    call.task.host.write_text(call.task.name, ": ".join(line for line in lines if line))
+    r"""On the display and in the event log: an error, with \W a warning, with \I information."""
+    title, host, name = call["Header"], call.task.host, call.task.name
+    text = ": ".join(line for line in (call["Reason"], *(call.get(each) for each in ("RL2", "RL3", "RL4"))) if line)
+    host.write_text(name, ": ".join(line for line in (title, text) if line))
+    severity = Severity.WARNING if call.present("W") else Severity.INFORMATION if call.present("I") else Severity.ERROR
+    host.write_event(name, title, text, severity)
 
 
 # Clocks -----------------------------------------------------------------------------------------------------------

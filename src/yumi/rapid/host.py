@@ -45,11 +45,22 @@ class TaskEvent:
     line: int = 0
 
 
+class Severity(Enum):
+    """How serious a message for the event log is."""
+
+    INFORMATION = "information"
+    WARNING = "warning"
+    ERROR = "error"
+
+
 class Host(Protocol):
     """The controller as a RAPID task sees it."""
 
     def write_text(self, task: str, text: str) -> None:
         """Show one line on the operator's display (TPWrite)."""
+
+    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
+        """Put a message into the event log (ErrWrite)."""
 
     def read_signal(self, name: str) -> float:
         """The value of an I/O signal; raises KeyError when there is none of that name."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Protocol
 
 from yumi.control.lifecycle import State
+from yumi.control.requests import HoldArm
 from yumi.robot.joints import Side
 from yumi.ros.arm_hardware import ArmHardware
+from yumi.ros.controller_nodes import Line
 
 
 class Connection(Protocol):
@@ -37,14 +39,16 @@ class RobotLife:
 
     Args:
         connection: the way to it.
-        manager: what stops it.
+        manager: what ends EGM.
+        line: where its arms are held, at once and whatever the connection is worth.
     """
 
     noun = "the robot"
 
-    def __init__(self, connection: Connection, manager: Stopping) -> None:
+    def __init__(self, connection: Connection, manager: Stopping, line: Line) -> None:
         self._connection = connection
         self._manager = manager
+        self._line = line
 
     def configure(self) -> str:
         return self._connection.connect()
@@ -53,6 +57,8 @@ class RobotLife:
         return "The robot may move."
 
     def deactivate(self) -> str:
+        for side in Side:
+            self._line.ask(HoldArm(side))
         self._manager.end_motion()
         return "The robot holds, and may not move."
 

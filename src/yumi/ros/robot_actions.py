@@ -81,7 +81,7 @@ class RobotManagerActions:
                 result.message = str(error)
                 self._log.error(f"{name}: {error}")
                 handle.abort()
-            result.state = robot_state(self._manager.state(), self._clock.now().nanoseconds)
+            result.state = robot_state(self._manager.watch.state(), self._clock.now().nanoseconds)
             self._on_change()
             return result
 

@@ -13,6 +13,7 @@ from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.errors import CommandRefused
+from yumi.hardware.event_texts import EVENT_TEXTS
 from yumi.hardware.manager_state import Mode, RobotState
 from yumi.hardware.state_machine import MachineState
 from yumi.robot.joints import Side
@@ -49,13 +50,14 @@ def controller_event(event: Event | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
+    text = EVENT_TEXTS.get(event.code)
     return ControllerEvent(
         number=event.code,
         type=_TYPES[event.type],
         title=event.title,
         stamp=_stamp(event.time),
-        cause="",
-        remedy="",
+        cause="" if text is None else text.cause,
+        remedy="" if text is None else text.remedy,
     )
 
 

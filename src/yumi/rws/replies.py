@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from math import radians
@@ -66,6 +67,14 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True)
+class CfgInstance:
+    """One instance of a configuration type, its attributes as text."""
+
+    name: str
+    attributes: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class JointTarget:
     """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
 
@@ -86,7 +95,17 @@ class JointTarget:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One message of the event log; ``time`` is the controller's local time as it prints it."""
+    """One message of the event log.
+
+    Attributes:
+        number: of the message; it rises with each.
+        type: its weight.
+        code: ABB's number of the event.
+        time: the controller's local time as it prints it.
+        title: one line.
+        description: what happened, in ABB's words.
+        arguments: what the controller put into those words.
+    """
 
     number: int
     type: EventType
@@ -94,6 +113,15 @@ class Event:
     time: str
     title: str
     description: str
+    arguments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One entry of a directory; ``size`` [byte] is None for a directory."""
+
+    name: str
+    size: int | None
 
 
 def system(page: Page) -> SystemInfo:
@@ -156,6 +184,14 @@ def signal(page: Page) -> Signal:
     return Signal(state.text("name"), _enum(SignalType, state.text("type")), _number(state, "lvalue"))
 
 
+def cfg(page: Page) -> tuple[CfgInstance, ...]:
+    """``/rw/cfg/{domain}/{type}/instances``."""
+    return tuple(
+        CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+        for state in page.of_type("cfg-dt-instance-li")
+    )
+
+
 def joint_target(page: Page) -> JointTarget:
     """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
     state = page.one("ms-jointtarget")
@@ -167,6 +203,11 @@ def joint_target(page: Page) -> JointTarget:
 def events(page: Page) -> tuple[Event, ...]:
     """``/rw/elog/{domain}``, in the controller's order."""
     return tuple(map(_event, page.of_type("elog-message-li", "elog-message")))
+
+
+def files(page: Page) -> tuple[FileInfo, ...]:
+    """``/fileservice/{directory}``."""
+    return tuple(map(_file, page.of_type("fs-dir", "fs-file")))
 
 
 def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
@@ -196,6 +237,10 @@ def _task(state: State) -> TaskInfo:
     )
 
 
+def _file(state: State) -> FileInfo:
+    return FileInfo(state.title, int(_number(state, "fs-size")) if state.type == "fs-file" else None)
+
+
 def _event(state: State) -> Event:
     return Event(
         number=int(_last_number(state.title)),
@@ -204,6 +249,7 @@ def _event(state: State) -> Event:
         time=state.text("tstamp"),
         title=state.text("title"),
         description=state.text("desc"),
+        arguments=tuple(argument.value for argument in state.arguments),
     )
 
 

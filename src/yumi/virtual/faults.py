@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from yumi.robot.joints import Side
 from yumi.rws.states import OperatingMode
 from yumi.virtual.irc5 import Irc5
 
@@ -35,3 +36,11 @@ class Faults:
     def select_manual_mode(self) -> None:
         """Someone turns the key to manual reduced speed."""
         self._controller.select_mode(OperatingMode.MANUAL_REDUCED)
+
+    def select_automatic_mode(self) -> None:
+        """Someone turns the key back to automatic and confirms it."""
+        self._controller.select_mode(OperatingMode.AUTO)
+
+    def collide(self, side: Side) -> None:
+        """An arm runs into something."""
+        self._controller.collide(side)

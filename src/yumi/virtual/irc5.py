@@ -192,6 +192,12 @@ class Irc5:
         if self.controller_state is ControllerState.EMERGENCY_STOP:
             self.controller_state = ControllerState.EMERGENCY_STOP_RESET
 
+    def collide(self, side: Side) -> None:
+        """Motion supervision of an arm finds a force: the program stops with an error, the motors stay on."""
+        sentence = f"Motion supervision of {side.unit} has found a force that stops it."
+        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR)
+        self.execution.stop(sentence)
+
     def select_mode(self, mode: OperatingMode) -> None:
         """Someone turns the mode selector: motors off, RAPID stops."""
         if mode is not self.mode:
@@ -268,7 +274,7 @@ class Irc5:
 
     def _loaded(self, station: Station) -> tuple[Task, Station, TaskHost]:
         """The task of one arm with the modules the configuration lists for it (CAB_TASK_MODULES)."""
-        host = TaskHost(self.signals, self.files, is_virtual=self.identity.is_virtual)
+        host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
         library = robot_library(
             station,
             configuration=self._configuration,

@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from yumi.rapid.host import TaskEvent
+from yumi.rapid.host import Severity, TaskEvent
+from yumi.virtual.events import EventLog, EventType
 from yumi.virtual.refusal import Refusal, Refused
 from yumi.virtual.signals import Signals
 
 _SCREEN_LINES = 200
+_NUMBERS: Mapping[Severity, tuple[int, EventType]] = {
+    Severity.ERROR: (80001, EventType.ERROR),
+    Severity.WARNING: (80002, EventType.WARNING),
+    Severity.INFORMATION: (80003, EventType.INFORMATION),
+}  # of messages that programs write
 
 
 class TaskHost:
@@ -20,15 +26,20 @@ class TaskHost:
         events: why the task stopped by itself, until somebody takes note.
     """
 
-    def __init__(self, signals: Signals, files: Mapping[str, str], *, is_virtual: bool) -> None:
+    def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
         self._files = files
+        self._log = log
         self._is_virtual = is_virtual
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
+
+    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
+        code, type = _NUMBERS[severity]
+        self._log.append(code, title, text, type)
 
     def read_signal(self, name: str) -> float:
         try:

@@ -23,6 +23,8 @@ SIGNALS = {
     "EGM_STOP_STREAM": "DI",
     "RUN_RAPID_ROUTINE": "DI",
     "RUN_SG_ROUTINE": "DI",
+    "WD_EXTERNAL_STATUS": "DO",
+    "WD_STOP_REQUEST": "DI",
     "OUTPUT_STATIONARY_ROB_R": "DO",
     "OUTPUT_STATIONARY_ROB_L": "DO",
 }
@@ -44,6 +46,7 @@ SYMBOLS = {
         "module_file_path_input": "string",
     },
     "TRobSG": {"command_input": "num", "target_position_input": "num", "settings": "SGSettings"},
+    "TRobWatchdog": {"active": "bool", "check_external_status": "bool", "external_timeout": "num"},
     "TRobUtility": {"general_info": "GeneralInfo", "calibration_values": "CalibrationValues"},
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from yumi.rapid import InstructionSet, Task, TaskEvent
+from yumi.rapid.host import Severity
 
 
 class RecordingHost:
@@ -11,11 +12,15 @@ class RecordingHost:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.events: list[TaskEvent] = []
+        self.log: list[tuple[str, str, Severity]] = []
         self.files: dict[str, str] = {}
         self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0}
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
+
+    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
+        self.log.append((title, text, severity))
 
     def read_signal(self, name: str) -> float:
         return self.signals[name.lower()]

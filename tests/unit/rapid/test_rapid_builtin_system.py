@@ -3,6 +3,8 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
+from yumi.rapid.host import Severity
+
 EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
 
 
@@ -21,10 +23,14 @@ def test_text_is_written_with_a_value(arguments: str, line: str) -> None:
     assert started(f"TPErase; TPWrite {arguments};").lines == [line]
 
 
-def test_event_is_written_with_its_reason() -> None:
-    assert started('ErrWrite \\W, "Gripper", "not calibrated"\\RL2:="jog it";').lines == [
-        "Gripper: not calibrated: jog it"
-    ]
+@pytest.mark.parametrize(
+    ("switch", "severity"),
+    [("", Severity.ERROR), ("\\W, ", Severity.WARNING), ("\\I, ", Severity.INFORMATION)],
+)
+def test_event_is_written_with_its_reason(switch: str, severity: Severity) -> None:
+    bench = started(f'ErrWrite {switch}"Gripper", "not calibrated"\\RL2:="jog it";')
+    assert bench.lines == ["Gripper: not calibrated: jog it"]
+    assert bench.host.log == [("Gripper", "not calibrated: jog it", severity)]
 
 
 def test_clock_counts_while_it_runs() -> None:

@@ -56,7 +56,7 @@ class InstructionBench:
         self.configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
         self.events = EventLog(lambda: 0.0)
         self.speed_ratio = 100
-        self.host = TaskHost(Signals([], lambda *_: None), {}, is_virtual=False)
+        self.host = TaskHost(Signals([], lambda *_: None), {}, self.events, is_virtual=False)
         library = robot_library(
             self.station,
             configuration=self.configuration,

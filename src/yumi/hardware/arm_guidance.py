@@ -1,0 +1,172 @@
+"""Guidance: EGM on the robot and the controllers on top of it, begun and ended together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from yumi.clock import Clock
+from yumi.control.requests import (
+    Done,
+    Event,
+    HoldArm,
+    Request,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+    SwitchControllers,
+)
+from yumi.control.snapshot import Snapshot
+from yumi.errors import CommandRefused
+from yumi.hardware.bringup import Bringup
+from yumi.hardware.state_machine import MachineState
+from yumi.hardware.waiting import wait_until
+from yumi.hardware.watchdog import Watchdog
+from yumi.robot.joints import Side
+
+FIRST_DATAGRAM = 5.0
+"""How long the arms may take from the start signal until they follow [s]."""
+
+
+class FastLines(Protocol):
+    """What is needed of the fast lines."""
+
+    def check(self) -> None:
+        """See that they run; raises RobotNotReady."""
+
+    def revive(self) -> Sequence[Side]:
+        """Start again what has ended; tells which arms."""
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm."""
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles."""
+
+
+class ArmGuidance:
+    """EGM and controllers of both arms.
+
+    Args:
+        bringup: what is done over RWS.
+        fast_lines: where the controllers live.
+        clock: where waiting time comes from.
+        leading: name of the controller that commands an arm after EGM has started, unless another one did before EGM
+            ended by itself.
+        watchdog: on the robot.
+
+    Attributes:
+        wanted: the arms that shall be guided, whether or not they are.
+    """
+
+    def __init__(self, bringup: Bringup, fast_lines: FastLines, clock: Clock, leading: str, watchdog: Watchdog) -> None:
+        self.wanted: tuple[Side, ...] = ()
+        self._bringup = bringup
+        self._fast_lines = fast_lines
+        self._clock = clock
+        self._leading = leading
+        self._watchdog = watchdog
+        self._fallen: dict[Side, tuple[str, ...]] = {}
+
+    def are_guided(self, arms: Sequence[Side]) -> bool:
+        """Whether EGM guides all of ``arms``."""
+        return all(self._snapshot(side).is_running for side in arms)
+
+    def note(self, event: Event) -> None:
+        """Remember which controllers EGM's end has deactivated."""
+        if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing) and event.deactivated:
+            self._fallen[event.side] = event.deactivated
+
+    def begin(self, arms: tuple[Side, ...]) -> str:
+        """EGM and controllers on exactly these arms; tells in a sentence what commands them.
+
+        Raises:
+            YumiError: a step failed; the message says which.
+        """
+        self._fast_lines.check()
+        if any(self._snapshot(side).is_running for side in Side if side not in arms):
+            self.end()  # the signal that ends EGM ends it on both
+        self.wanted = arms
+        if not self.are_guided(arms):
+            self._start_egm(arms)
+        for side in arms:
+            if not self._snapshot(side).is_commanded:
+                self._activate(side)
+            self._fallen.pop(side, None)
+        whom = "both arms" if len(arms) > 1 else f"the {arms[0].word} arm"
+        return f"EGM runs on {whom}, the controllers are active"
+
+    def end(self) -> None:
+        """Deactivate what commands the arms and stop EGM; they come to rest.
+
+        Raises:
+            YumiError: a step failed; the message says which.
+        """
+        self.wanted = ()
+        self._fallen.clear()
+        try:
+            self._hold()
+        finally:
+            self._bringup.stop_egm()  # whatever became of the fast line
+            self._watchdog.disarm()
+
+    def end_if_begun(self) -> None:
+        """The same, if the robot is in EGM."""
+        self.wanted = ()
+        if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
+            self.end()
+
+    def _start_egm(self, arms: tuple[Side, ...]) -> None:
+        """An arm that EGM guides goes on where only the other one has to begin."""
+        machines = {side: self._bringup.state(side) for side in Side}
+        is_going_on = any(self._snapshot(side).is_running for side in arms)
+        missing = [side for side in arms if not self._snapshot(side).is_running]
+        if not (is_going_on and all(machines[side] is MachineState.IDLE for side in missing)):
+            self._hold()
+            self._bringup.make_ready()
+        self._arm_watchdog()
+        self._bringup.start_egm(arms)
+        wait_until(self._clock, lambda: self.are_guided(arms), FIRST_DATAGRAM, lambda: self._why_not_guided(arms))
+
+    def _arm_watchdog(self) -> None:
+        """A program that began anew has forgotten that it shall watch."""
+        self._watchdog.is_armed = False
+        remark = self._watchdog.arm()
+        if remark:
+            self._bringup.report(remark)
+
+    def _activate(self, side: Side) -> None:
+        """What commanded the arm before EGM ended by itself, if it still can, or what leads."""
+        leading = (self._leading,)
+        names = self._fallen.get(side, leading)
+        self._bringup.report(f"activate {', '.join(names)} on the {side.word} arm")
+        try:
+            self._fast_lines.ask(SwitchControllers(side, activate=names))
+        except CommandRefused as error:
+            if names == leading:
+                raise
+            self._bringup.report(f"activate {self._leading} instead: {error}")
+            self._fast_lines.ask(SwitchControllers(side, activate=leading))
+
+    def _hold(self) -> None:
+        """Deactivate whatever commands the arms: they come to rest and hold."""
+        for side in Side:
+            if self._snapshot(side).is_commanded:
+                self._fast_lines.ask(HoldArm(side))
+
+    def _why_not_guided(self, arms: tuple[Side, ...]) -> str:
+        silent = [side for side in arms if not self._snapshot(side).is_streaming]
+        if not silent:
+            words = " and ".join(side.word for side in arms if not self._snapshot(side).is_running)
+            return (
+                f"EGM started but the robot does not follow on the {words} arm; look at the event log on the pendant."
+            )
+        words = " and ".join(side.word for side in silent)
+        devices = ", ".join(side.unit for side in silent)
+        return (
+            f"EGM started on the robot but no datagram came for the {words} arm; check the remote address and port of "
+            f"the controller's UDPUC device {devices} and this machine's firewall."
+        )
+
+    def _snapshot(self, side: Side) -> Snapshot:
+        return self._fast_lines.snapshot(side)

@@ -1,0 +1,100 @@
+"""Recovery: says what stopped the robot, clears what may be cleared, and brings it back; no process is restarted."""
+
+from __future__ import annotations
+
+from yumi.clock import Clock
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
+from yumi.hardware.arm_guidance import ArmGuidance, FastLines
+from yumi.hardware.bringup import Bringup
+from yumi.hardware.event_texts import cause_among, explain
+from yumi.rws.replies import Event
+
+RESTART = 120.0
+"""Longest wait for a controller that is starting [s]."""
+
+_ATTEMPT = 1.0  # [s] between two
+_STARTING = 503
+_EVENTS = 50
+
+
+class Recovery:
+    """Gets one robot back on its feet.
+
+    Args:
+        bringup: what is done over RWS.
+        guidance: EGM and controllers.
+        fast_lines: where the controllers live.
+        clock: where waiting time comes from.
+    """
+
+    def __init__(self, bringup: Bringup, guidance: ArmGuidance, fast_lines: FastLines, clock: Clock) -> None:
+        self._bringup = bringup
+        self._client = bringup.client
+        self._guidance = guidance
+        self._fast_lines = fast_lines
+        self._clock = clock
+        self._seen = 0  # number of the newest event that was told already
+
+    def run(self) -> str:
+        """Bring the robot back to ready, and to EGM with its controllers if it was to be in EGM.
+
+        Returns:
+            What had stopped it, and what it does now.
+
+        Raises:
+            RobotNotReady: somebody has to do something at the robot first; the message says what stopped it and what.
+        """
+        self._reach()
+        for side in self._fast_lines.revive():
+            self._bringup.report(f"start the fast-line process of the {side.word} arm again")
+        why = self._why_stopped()
+        self._bringup.report(why)
+        try:
+            told = self._get_up()
+        except YumiError as error:
+            raise RobotNotReady(f"{why}. {error}") from error
+        self._seen = self._newest_number()
+        return f"{why}. {told}."
+
+    def _get_up(self) -> str:
+        wanted = self._guidance.wanted
+        self._bringup.check_controller()  # somebody may have loaded another program
+        if wanted:
+            return self._guidance.begin(wanted)
+        self._guidance.end_if_begun()
+        self._bringup.make_ready()
+        return "The robot is ready"
+
+    def _why_stopped(self) -> str:
+        cause = cause_among(event for event in self._events() if event.number > self._seen)
+        return f"The robot was stopped by {explain(cause)}" if cause else "The event log names nothing that stopped it"
+
+    def _newest_number(self) -> int:
+        return max((event.number for event in self._events()), default=0)
+
+    def _events(self) -> tuple[Event, ...]:
+        return self._client.events(count=_EVENTS)
+
+    def _reach(self) -> None:
+        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds."""
+        end, is_told = self._clock.now() + RESTART, False
+        while not self._answers():
+            if self._clock.now() >= end:
+                raise RobotNotReady(
+                    f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and "
+                    "the network cable."
+                )
+            if not is_told:
+                self._bringup.report("wait for the controller, which does not answer")
+                is_told = True
+            self._clock.wait(_ATTEMPT)
+
+    def _answers(self) -> bool:
+        try:
+            return bool(self._client.tasks())
+        except (NoConnection, ProtocolError):
+            return False
+        except ControllerRefused as error:
+            if error.status != _STARTING:
+                raise
+            return False

@@ -1,0 +1,116 @@
+"""The driver's end of the watchdog: a sign of life to the robot, which stops its program without one.
+
+The robot's end is ``controller_files/TRobWatchdog.mod``. A driver whose fast line has died gives no sign either: nobody
+guides the arm then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event as Flag
+from threading import Thread
+
+from yumi.bounds import bounded
+from yumi.errors import ControllerRefused, YumiError
+from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.state_machine import EXTERNAL_STATUS, WATCHDOG
+from yumi.robot.joints import Side
+from yumi.rws import rapid_values
+
+SIGNS_PER_TIMEOUT = 5
+"""So many signs of life come within the time after which the robot stops."""
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogSettings:
+    """The watchdog on the robot.
+
+    Attributes:
+        enabled: whether the robot shall stop when the driver gives no sign of life while EGM runs.
+        timeout: after this time [s].
+    """
+
+    enabled: bool = True
+    timeout: float = bounded(5.0, 1.0, 60.0, "s")
+
+
+class Watchdog:
+    """Has the robot watch the driver, and gives it signs of life.
+
+    Args:
+        client: a connected client.
+        check: sees that the fast lines run; raises RobotNotReady.
+        settings: whether, and how.
+
+    Attributes:
+        is_armed: whether the robot watches.
+    """
+
+    def __init__(self, client: RwsClient, check: Callable[[], None], settings: WatchdogSettings) -> None:
+        self.is_armed = False
+        self._client = client
+        self._check = check
+        self._settings = settings
+        self._is_over = Flag()
+        self._thread: Thread | None = None
+
+    def start(self) -> None:
+        """Give signs of life whenever it is armed; nothing to do when it is switched off."""
+        if self._settings.enabled:
+            self._is_over.clear()
+            self._thread = Thread(target=self._run, name="watchdog", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Give none any more."""
+        self._is_over.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def arm(self) -> str:
+        """Have the robot watch from now on, if somebody is there to give signs of life.
+
+        Returns:
+            What there is to say: the robot may have no watchdog.
+        """
+        if self._thread is None or self.is_armed:
+            return ""
+        try:
+            self.have_robot_watch()
+        except ControllerRefused as error:
+            return f"no watchdog, the robot will not notice when this program dies: {error}"
+        return ""
+
+    def have_robot_watch(self) -> None:
+        """Arm it, whoever gives the signs of life; raises ControllerRefused when the robot has no watchdog."""
+        self._client.set_signal(EXTERNAL_STATUS, 1)
+        for side in Side:
+            self._write(side, "external_timeout", self._settings.timeout)
+            self._write(side, "check_external_status", True)
+            self._write(side, "active", True)
+        self.is_armed = True
+
+    def disarm(self) -> None:
+        """Have the robot watch no longer; one without a program has stopped watching by itself."""
+        if self.is_armed:
+            self.is_armed = False
+            for side in Side:
+                self._write(side, "active", False)
+
+    def give_sign(self) -> None:
+        """Give one sign of life, if the fast lines are alive, too; where one is lost, the next one follows."""
+        try:
+            self._check()
+            self._client.set_signal(EXTERNAL_STATUS, 1)
+        except YumiError:
+            return
+
+    def _run(self) -> None:
+        while not self._is_over.wait(self._settings.timeout / SIGNS_PER_TIMEOUT):
+            if self.is_armed:
+                self.give_sign()
+
+    def _write(self, side: Side, name: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, WATCHDOG, name, rapid_values.encode(value))

@@ -1,0 +1,77 @@
+"""A motion that something stops: the rig of the recovery scenarios, in virtual time."""
+
+from __future__ import annotations
+
+from math import radians
+
+from system.virtual_time_bench import System
+from yumi.control.flight_recorder import Frame
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
+from yumi.virtual.faults import Faults
+
+GOALS: dict[Side, Joints] = {
+    Side.RIGHT: joints([radians(value) for value in (20.0, -118.4, -110.0, 40.0, -30.0, 42.5, 20.0)]),
+    Side.LEFT: joints([radians(value) for value in (-20.0, -104.1, 110.0, 18.0, 31.0, 63.0, 20.0)]),
+}
+NEAR = radians(0.5)
+
+
+class MovingSystem(System):
+    """Both arms on their way to :data:`GOALS`, guided by the robot manager.
+
+    Attributes:
+        faults: what may happen to the controller.
+        told: what recovery has told, step by step.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.faults = Faults(self.world.controller)
+        self.told: list[str] = []
+        self.manager.start_egm()
+        self.go(GOALS)
+        self.wait(0.3)
+
+    def go(self, goals: dict[Side, Joints]) -> None:
+        for side, goal in goals.items():
+            self.arms[side].go(goal)
+
+    def recover(self) -> str:
+        return self.manager.recover(self.told.append)
+
+    def is_moving_again(self) -> bool:
+        """Whether both arms reach new goals; what the next seconds of a demo would need."""
+        goals = {side: home(side) for side in Side}
+        self.go(goals)
+        self.until(lambda: all(self.is_near(side, goals[side]) for side in Side), 4.0)
+        return True
+
+    def is_near(self, side: Side, goal: Joints) -> bool:
+        position = self.arms[side].snapshot.position
+        return max(abs(now - wanted) for now, wanted in zip(position, goal, strict=True)) < NEAR
+
+    @property
+    def largest_jump(self) -> float:
+        """Of either arm, see :func:`largest_jump`."""
+        return max(largest_jump(arm.recorder.frames()) for arm in self.arms.values())
+
+
+def largest_jump(frames: tuple[Frame, ...]) -> float:
+    """Largest step of a command that the robot follows, from the one before it, or, when the robot begins to follow,
+    from the arm; in shares of a joint's speed times a cycle.
+    """
+    steps = [
+        abs(new - old) / (speed * CYCLE)
+        for before, frame in zip((None, *frames), frames, strict=False)
+        if frame.is_running
+        for old, new, speed in zip(_origin(before, frame), frame.admitted, YUMI_LIMITS.velocity, strict=True)
+    ]
+    return max(steps)
+
+
+def _origin(before: Frame | None, frame: Frame) -> Joints:
+    is_followed = before is not None and before.is_running and before.session == frame.session
+    return before.admitted if before is not None and is_followed else frame.position
