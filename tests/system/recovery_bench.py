@@ -6,6 +6,7 @@ from math import radians
 
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import Frame
+from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
@@ -25,10 +26,13 @@ class MovingSystem(System):
     Attributes:
         faults: what may happen to the controller.
         told: what recovery has told, step by step.
+
+    Args:
+        motion: what EGM starts with.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, motion: EgmMotionSettings | None = None) -> None:
+        super().__init__(motion=motion)
         self.faults = Faults(self.world.controller)
         self.told: list[str] = []
         self.manager.start_egm()
@@ -38,6 +42,13 @@ class MovingSystem(System):
     def go(self, goals: dict[Side, Joints]) -> None:
         for side, goal in goals.items():
             self.arms[side].go(goal)
+
+    def be_silent(self, seconds: float, *sides: Side) -> None:
+        """The network loses the datagrams of some arms, or both, both ways; the controller goes on."""
+        self.unwired = set(sides or Side)
+        self.wait(seconds)
+        self.unwired = set()
+        self.wait(0.05)
 
     def recover(self) -> str:
         return self.manager.recover(self.told.append)

@@ -8,22 +8,17 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.errors import RobotNotReady
+from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.joints import Side
+from yumi.virtual.faults import Faults
 
 NO_JUMP = 1.001
+ACTIVATION = [f"activate joint_position_controller on the {side.word} arm" for side in Side]
 
 
 @pytest.fixture
 def system() -> MovingSystem:
     return MovingSystem()
-
-
-def be_silent(system: MovingSystem, seconds: float) -> None:
-    """The network loses the arms' datagrams, both ways; the controller goes on."""
-    system.is_wired = False
-    system.wait(seconds)
-    system.is_wired = True
-    system.wait(0.05)
 
 
 @pytest.mark.parametrize(
@@ -36,7 +31,7 @@ def be_silent(system: MovingSystem, seconds: float) -> None:
     ids=["program stopped", "motors off", "collision"],
 )
 def test_robot_moves_again_after_what_needs_nobody(
-    system: MovingSystem, happens: Callable[[object], None], why: str
+    system: MovingSystem, happens: Callable[[Faults], None], why: str
 ) -> None:
     happens(system.faults)
     system.wait(0.2)
@@ -65,7 +60,7 @@ def test_robot_moves_again_after_what_needs_nobody(
     ids=["emergency stop", "manual mode"],
 )
 def test_recovery_says_what_somebody_has_to_do_first(
-    system: MovingSystem, happens: Callable[[object], None], ends: Callable[[object], None], sentence: str
+    system: MovingSystem, happens: Callable[[Faults], None], ends: Callable[[Faults], None], sentence: str
 ) -> None:
     happens(system.faults)
     system.wait(0.2)
@@ -73,5 +68,155 @@ def test_recovery_says_what_somebody_has_to_do_first(
         system.recover()
     ends(system.faults)
     system.recover()
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+@pytest.mark.parametrize("silence", [0.05, 1.0])
+def test_arms_go_on_after_a_network_that_was_silent(system: MovingSystem, silence: float) -> None:
+    system.be_silent(silence)
+    told = system.recover()
+    assert told.endswith("EGM runs on both arms, the controllers are active.")
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
+    system.be_silent(0.016)
+    assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_network_that_stays_silent_is_told_with_what_to_check(system: MovingSystem) -> None:
+    system.unwired = set(Side)
+    system.wait(1.0)
+    with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
+        system.recover()
+    system.unwired = set()
+    system.recover()
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_robot_that_got_no_answer_in_time_is_brought_back() -> None:
+    system = MovingSystem(EgmMotionSettings(comm_timeout=1.0))
+    system.be_silent(1.5)
+    told = system.recover()
+    assert "41822 No data from the UdpUc device: no EGM answer reached the robot in time" in told
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_motion_that_ended_by_convergence_begins_again() -> None:
+    system = MovingSystem(EgmMotionSettings(cond_time=0.5))
+    system.until(lambda: not any(arm.snapshot.is_running for arm in system.arms.values()), 4.0)
+    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_motion_that_asked_for_too_much_load_is_told_and_begins_again(system: MovingSystem) -> None:
+    system.faults.overload(Side.RIGHT)
+    system.wait(0.2)
+    assert "50375 Dynamic load too high: the references asked for more torque than an arm has" in system.recover()
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_one_arm_that_lost_egm_begins_again_while_the_other_goes_on() -> None:
+    system = MovingSystem(EgmMotionSettings(comm_timeout=0.5))
+    left = system.arms[Side.LEFT]
+    system.be_silent(0.8, Side.RIGHT)
+    session, activation = left.snapshot.session, left.snapshot.activation
+    system.recover()
+    assert (left.snapshot.session, left.snapshot.activation) == (session, activation)
+    assert "stop EGM" not in system.told
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_driver_that_stood_still_for_a_moment_goes_on(system: MovingSystem) -> None:
+    """The machine stalls: nothing is answered, then all that has come is there at once."""
+    arms, system.arms = system.arms, {}
+    system.wait(0.2)
+    system.arms = arms
+    system.wait(0.05)
+    assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: MovingSystem) -> None:
+    """Robot and driver stall together: for the driver the robot was silent, for the robot nothing was."""
+    system.advance(0.2)
+    for side, arm in system.arms.items():
+        arm.line.watch_silence(system.now())
+        assert not system.arms[side].line.manager.is_commanding
+    system.wait(0.05)
+    system.recover()
+    assert system.told == ["The event log names nothing that stopped it", *ACTIVATION]
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> None:
+    system.faults.stop_program()
+    system.wait(0.2)
+    system.recover()
+    assert "activate joint_position_controller on the right arm" in system.told
+    assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+
+
+def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
+    system.restart_controller()
+    system.wait(0.5)
+    begin = system.now()
+    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.told[0] == "wait for the controller, which does not answer"
+    assert 19.0 < system.now() - begin < 25.0
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> None:
+    system.is_powered, system.http.adapter, system.arms = False, None, {}
+    with pytest.raises(RobotNotReady, match="has not answered for 120 s; check its power and the network cable"):
+        system.recover()
+
+
+def test_session_that_expired_is_opened_again(system: MovingSystem) -> None:
+    system.faults.stop_program()
+    system.forget_sessions()
+    system.recover()
+    assert system.is_moving_again()
+
+
+def test_connection_that_is_reset_does_not_stop_recovery(system: MovingSystem) -> None:
+    system.faults.stop_program()
+    system.http.resets = 1
+    system.recover()
+    assert system.is_moving_again()
+
+
+def test_wrong_program_is_told_until_the_right_one_is_loaded(system: MovingSystem) -> None:
+    task = system.world.controller.tasks["T_ROB_L"]
+    system.faults.stop_program()
+    main = task.program.modules.pop("trobmain")
+    with pytest.raises(RobotNotReady, match=r"Task T_ROB_L has no state machine \(TRobMain\); load the RAPID modules"):
+        system.recover()
+    task.program.modules["trobmain"] = main
+    system.recover()
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_first(system: MovingSystem) -> None:
+    system.arms = {}
+    system.wait(1.0)
+    system.start_driver()
+    system.steps.clear()
+    system.manager.start_egm()
+    assert system.steps == ["stop EGM", "start EGM on both arms", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import inf
 
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
@@ -18,14 +20,14 @@ from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, NoConnection
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names
@@ -38,16 +40,27 @@ CONTROLLER = "joint_position_controller"
 
 
 class MemoryHttp:
-    """Carries requests straight to the virtual controller."""
+    """Carries requests straight to the virtual controller.
+
+    Attributes:
+        adapter: the controller's end; None while nothing answers.
+        resets: so many exchanges from now on end with a reset connection.
+    """
 
     address = "memory"
 
-    def __init__(self, adapter: RwsAdapter, clock: ManualClock) -> None:
-        self._adapter = adapter
+    def __init__(self, adapter: RwsAdapter | None, clock: ManualClock) -> None:
+        self.adapter = adapter
+        self.resets = 0
         self._clock = clock
 
     def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        return self._adapter.handle(request, self._clock.now())
+        if self.adapter is None:
+            raise NoConnection("Nothing answers in this memory.")
+        if self.resets:
+            self.resets -= 1
+            raise ConnectionLost("The connection was reset.")
+        return self.adapter.handle(request, self._clock.now())
 
     def close(self) -> None:
         """Nothing to close."""
@@ -122,23 +135,34 @@ class System(ManualClock):
 
     Attributes:
         is_powered: whether the controller runs; set it to False for a power cut.
-        is_wired: whether the arms' datagrams arrive, both ways.
+        gives_signs: whether somebody gives the robot's watchdog its signs.
+        unwired: the arms whose datagrams are lost, both ways.
     """
 
-    def __init__(self, *, object_width: float = 0.02) -> None:
+    def __init__(self, *, object_width: float = 0.02, motion: EgmMotionSettings | None = None) -> None:
         super().__init__()
-        self.is_powered = self.is_wired = True
-        self.world = World(WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)}))
+        self.is_powered = True
+        self.gives_signs = False
+        self.unwired: set[Side] = set()
+        self._settings = WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)})
+        self._dark_until = inf
+        self.world = World(self._settings)
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
-        self.arms = {side: DriverArm(side, ends[side][0]) for side in Side}
-        adapter = RwsAdapter(self.world.controller, user="Default User", password="robotics")
-        self.client = RwsClient(MemoryHttp(adapter, self), clock=self)
+        self._driver_ends = {side: ends[side][0] for side in Side}
+        self.http = MemoryHttp(self._new_adapter(), self)
+        self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
-        self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)
-        self.manager = RobotManager(self.bringup, MemoryFastLines(self.arms, self), self)
+        self._motion = motion or EgmMotionSettings()
+        self.start_driver()
         routines = GripperRoutines(self.client, self)
         self.grippers = {side: Gripper(side, self.client, routines, self, 10.0) for side in Side}
+
+    def start_driver(self) -> None:
+        """A new driver in place of the old one, which nobody has told to end."""
+        self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
+        self.bringup = Bringup(self.client, self._motion, self, self.steps.append)
+        self.manager = RobotManager(self.bringup, MemoryFastLines(self.arms, self), self)
 
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""
@@ -153,6 +177,24 @@ class System(ManualClock):
             self.wait(CYCLE)
         return self.now() - begin
 
+    def restart_controller(self, darkness: float = 20.0) -> None:
+        """A warm restart: everything ends, and nothing answers for ``darkness`` [s]."""
+        self.is_powered, self.http.adapter = False, None
+        self._dark_until = self.now() + darkness
+
+    def forget_sessions(self) -> None:
+        """The controller knows no session of Robot Web Services any more."""
+        self.http.adapter = self._new_adapter()
+
+    def _new_adapter(self) -> RwsAdapter:
+        return RwsAdapter(self.world.controller, user="Default User", password="robotics")
+
+    def _boot(self) -> None:
+        positions = {side: arm.position for side, arm in self.world.arms.items()}
+        self.world = World(replace(self._settings, positions=positions))
+        self.is_powered, self._dark_until = True, inf
+        self.forget_sessions()
+
     def start_egm(self) -> None:
         self.bringup.make_ready()
         self.bringup.start_egm()
@@ -162,12 +204,15 @@ class System(ManualClock):
 
     def _cycle(self) -> None:
         self.advance(CYCLE)
+        if self.now() >= self._dark_until:
+            self._boot()
+        if self.gives_signs:
+            self.world.controller.signals.set("WD_EXTERNAL_STATUS", 1)
         if self.is_powered:
             inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
-            datagrams = self.world.cycle(inboxes if self.is_wired else {})
-            for side, datagram in datagrams.items():
-                if self.is_wired:
-                    self._robot_ends[side].send(datagram)
+            datagrams = self.world.cycle({side: each for side, each in inboxes.items() if side not in self.unwired})
+            for side in datagrams.keys() - self.unwired:
+                self._robot_ends[side].send(datagrams[side])
         for arm in self.arms.values():
             for event in arm.advance(self.now()):
                 self.manager.note(event)

@@ -192,12 +192,18 @@ class SensorSession(Generic[Message]):
         return ahead > 0 and self.number > 0 and self._has_counted_on(message, ahead, now)
 
     def _has_counted_on(self, message: Message, ahead: int, now: float) -> bool:
-        """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours."""
+        """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours.
+
+        Ours does not count for the very next datagram: the robot has stood still with us, as a virtual one does on a
+        machine that stalls.
+        """
         since = self._last_time - self._first_time
         cycle = since / (self._last_seqno - self._first_seqno) if since > 0.0 else CYCLE
         passed = message.measured_time - self._last_time
         tolerance = cycle + _CLOCK_TOLERANCE * passed
-        return abs(passed - ahead * cycle) <= tolerance and abs(passed - self.silence(now)) <= tolerance + self._silence
+        if abs(passed - ahead * cycle) > tolerance:
+            return False
+        return ahead == 1 or abs(passed - self.silence(now)) <= tolerance + self._silence
 
     def _go_on(self, ahead: int) -> None:
         self.is_resumed = self.is_resumed or not self._is_open

@@ -125,13 +125,14 @@ class Bringup:
         self.machines.start_egm(chosen)
 
     def stop_egm(self) -> None:
-        """Stop EGM; both arms come to rest.
+        """Stop EGM; both arms come to rest. A program that is stopped has ended it by itself.
 
         Raises:
             RobotNotReady: an arm did not become idle.
         """
-        self.report("stop EGM")
-        self.machines.stop_egm()
+        if self.cabinet.is_running:
+            self.report("stop EGM")
+            self.machines.stop_egm()
 
     def state(self, side: Side) -> MachineState:
         """The state machine of one arm."""

@@ -41,6 +41,10 @@ class Faults:
         """Someone turns the key back to automatic and confirms it."""
         self._controller.select_mode(OperatingMode.AUTO)
 
+    def overload(self, side: Side) -> None:
+        """An arm that EGM guides is asked for more torque than it has."""
+        self._controller.overload(side)
+
     def collide(self, side: Side) -> None:
         """An arm runs into something."""
         self._controller.collide(side)

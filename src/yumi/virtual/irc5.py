@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, OperatingMode
+from yumi.virtual.arm_load import Overload
 from yumi.virtual.configuration import Configuration, Instance
 from yumi.virtual.egm_adapter import EgmFailure, EgmOutcome
 from yumi.virtual.events import EventLog, EventType
@@ -197,6 +198,12 @@ class Irc5:
         sentence = f"Motion supervision of {side.unit} has found a force that stops it."
         self.events.append(50204, "Motion supervision", sentence, EventType.ERROR)
         self.execution.stop(sentence)
+
+    def overload(self, side: Side) -> None:
+        """EGM asks more of an arm's first joint than its drive gives; nothing happens unless EGM guides it."""
+        arm = self._stations[side].arm
+        limit = arm.model.torque[0]
+        arm.overload = Overload(0, 1.5 * limit, limit)
 
     def select_mode(self, mode: OperatingMode) -> None:
         """Someone turns the mode selector: motors off, RAPID stops."""

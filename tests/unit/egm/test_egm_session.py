@@ -164,6 +164,15 @@ def test_session_goes_on_after_a_silence_when_the_robot_has_counted_on(
     assert (session.counters.lost, reply_seqno(session)) == (999, 1)
 
 
+def test_session_goes_on_with_the_very_next_datagram_of_a_robot_that_stood_still_with_us(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert session.close_if_silent(2.0)
+    assert accept(session, 11, now=2.0) == 11
+    assert (session.number, session.is_resumed) == (1, True)
+
+
 def test_session_begins_anew_after_a_silence_when_the_robot_had_stopped_its_clock(
     session: SensorSession[JointReport],
 ) -> None:

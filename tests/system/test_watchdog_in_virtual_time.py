@@ -1,0 +1,137 @@
+"""The watchdog on the robot: a driver that falls silent, a stop request, and a task that is held by a trap."""
+
+from __future__ import annotations
+
+import pytest
+
+from system.recovery_bench import MovingSystem
+from system.virtual_time_bench import System
+from yumi.errors import ControllerRefused
+from yumi.hardware.state_machine import WATCHDOG
+from yumi.hardware.watchdog import Watchdog, WatchdogSettings
+from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState, ExecutionState
+
+TIMEOUT = 1.5
+RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 2 s
+SETTINGS = WatchdogSettings(timeout=TIMEOUT)
+
+
+def watchdog(system: System) -> Watchdog:
+    return Watchdog(system.client, lambda: None, SETTINGS)
+
+
+@pytest.fixture
+def system() -> MovingSystem:
+    system = MovingSystem()
+    watchdog(system).have_robot_watch()
+    return system
+
+
+def execution(system: System) -> ExecutionState:
+    return system.client.execution()
+
+
+def logged(system: System, code: int) -> list[str]:
+    return [event.description for event in system.world.controller.events.entries() if event.code == code]
+
+
+def hardest_braking(system: System, seconds: float) -> float:
+    """Largest change of a joint's planned speed from cycle to cycle within the next ``seconds`` [rad/s²]."""
+    hardest, arm = 0.0, system.world.arms[Side.RIGHT]
+    end = system.now() + seconds
+    while system.now() < end:
+        before, begin = arm.velocity, system.now()
+        system.wait(0.004)
+        changes = [abs(new - old) for new, old in zip(arm.velocity, before, strict=True)]
+        hardest = max(hardest, *(change / (system.now() - begin) for change in changes))
+    return hardest
+
+
+def test_robot_stops_gently_and_says_so_when_its_driver_dies(system: MovingSystem) -> None:
+    system.arms = {}
+    braking = hardest_braking(system, TIMEOUT + RAMP)
+    assert execution(system) is ExecutionState.STOPPED
+    assert system.client.controller_state() is ControllerState.MOTORS_ON
+    assert "No sign of life for 1.5 s: T_ROB_R" in logged(system, 80001)
+    assert all(arm.is_stationary for arm in system.world.arms.values())
+    assert braking < 20.0
+
+
+def test_robot_that_stopped_itself_is_brought_back_by_the_next_driver(system: MovingSystem) -> None:
+    system.arms = {}
+    system.wait(TIMEOUT + 0.5)
+    system.start_driver()
+    assert system.recover().startswith("The robot was stopped by 80001 Stopped by the watchdog")
+    system.manager.start_egm()
+    assert system.is_moving_again()
+
+
+def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
+    driver = watchdog(system)
+    for _ in range(6):
+        driver.give_sign()
+        system.wait(TIMEOUT / 2)
+    assert execution(system) is ExecutionState.RUNNING
+    assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+
+
+def test_stop_request_stops_the_robot_at_once(system: MovingSystem) -> None:
+    system.manager.write_signal("WD_STOP_REQUEST", 1)
+    system.wait(0.1)
+    assert execution(system) is ExecutionState.STOPPED
+    assert "Stop requested by WD_STOP_REQUEST: T_ROB_L" in logged(system, 80001)
+
+
+def test_watchdog_that_is_not_active_stops_nothing() -> None:
+    system = MovingSystem()
+    system.manager.write_signal("WD_STOP_REQUEST", 1)
+    system.wait(6.0)
+    assert execution(system) is ExecutionState.RUNNING
+    assert logged(system, 80001) == []
+
+
+def test_watchdog_that_was_disarmed_stops_nothing(system: MovingSystem) -> None:
+    driver = watchdog(system)
+    driver.have_robot_watch()
+    driver.disarm()
+    system.wait(TIMEOUT + 0.5)
+    assert execution(system) is ExecutionState.RUNNING
+
+
+def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: MovingSystem) -> None:
+    system.gives_signs = True
+    assert system.grippers[Side.LEFT].calibrate_if_needed()
+    system.wait(0.5)
+    assert execution(system) is ExecutionState.RUNNING
+
+
+def test_driver_whose_fast_line_died_gives_no_sign(system: MovingSystem) -> None:
+    def check() -> None:
+        raise ControllerRefused("The fast line has ended.", status=0)
+
+    Watchdog(system.client, check, SETTINGS).give_sign()
+    assert system.client.signal("WD_EXTERNAL_STATUS").value == 0
+
+
+def test_robot_without_a_watchdog_is_guided_all_the_same(system: MovingSystem) -> None:
+    for task in system.world.controller.tasks.values():
+        del task.program.modules[WATCHDOG.lower()]
+    remark = watchdog(system)
+    remark.start()
+    try:
+        assert remark.arm().startswith("no watchdog, the robot will not notice when this program dies")
+    finally:
+        remark.stop()
+
+
+def test_egm_arms_the_watchdog_and_its_end_disarms_it() -> None:
+    system = System()
+    system.manager.watchdog.start()
+    try:
+        system.manager.start_egm()
+        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        system.manager.stop_egm()
+        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+    finally:
+        system.manager.watchdog.stop()
