@@ -101,7 +101,7 @@ class MoveAndGrab:
             Exception: whatever the check raises.
         """
         self._wait_until_ready()
-        self._start_egm()
+        self._despite_stops(self._start_egm)
         missed = {side: self._arms[side].missed for side in Side}
         self._despite_stops(lambda: self._grip("open both grippers", OPEN))
         for side in (Side.RIGHT, Side.LEFT):
@@ -138,13 +138,17 @@ class MoveAndGrab:
 
     def _despite_stops(self, step: Callable[[], T]) -> T:
         """What ``step`` gives; where the robot has been stopped meanwhile, it recovers and ``step`` is done again."""
-        for attempt in range(RECOVERIES):
+        attempt = 0
+        while True:
             try:
+                if attempt:
+                    self._recover()
                 return step()
             except GoalNotReached as error:
-                self._progress.step(f"{error} Recover, attempt {attempt + 1} of {RECOVERIES}")
-                self._recover()
-        return step()
+                attempt += 1
+                if attempt > RECOVERIES:
+                    raise
+                self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
 
     def _recover(self) -> None:
         try:
@@ -168,7 +172,13 @@ class MoveAndGrab:
         for side in Side:
             self._arms[side].wait_for_state(5.0)
             self._arms[side].wait_for_status(5.0)
+            self._wait_for_command(side)
+
+    def _wait_for_command(self, side: Side) -> None:
+        try:
             self._arms[side].wait_for_command(5.0)
+        except RobotNotReady as error:
+            raise GoalNotReached(f"The {side.word} arm was stopped before it moved.") from error
 
     def _move(self, side: Side) -> None:
         goal, arm, report = GOALS[side], self._arms[side], self.reports[side]
