@@ -13,7 +13,7 @@ from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState
 
 TIMEOUT = 1.5
-RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 2 s
+RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s
 SETTINGS = WatchdogSettings(timeout=TIMEOUT)
 
 
