@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import aiohttp
 
@@ -22,7 +22,7 @@ _CLOSE_TIMEOUT = 1.0
 _MAX_TEXT = 1024 * 1024
 
 
-_Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[Literal[True]]"
+_Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[bool]"
 
 
 @dataclass(frozen=True, slots=True)
