@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -22,6 +24,7 @@ PING = 30.0
 
 _MAX_BODY = 64 * 1024 * 1024
 _KEEP_ALIVE = 300.0  # [s]
+_LAST_WORDS = 0.02  # [s]
 _GRACE = 0.2  # [s] an answer under way may take when the server stops
 
 
@@ -67,9 +70,12 @@ class HttpServer:
         self._thread.join()
 
     def hang_up(self) -> None:
-        """Cut all connections off, as a machine does that goes down; the port stays open."""
+        """Cut all connections off, as a machine does that goes down; the port stays open.
+
+        An answer that is under way gets out.
+        """
         loop, _ = self._listening.result()
-        loop.call_soon_threadsafe(self._abort_all)
+        loop.call_soon_threadsafe(loop.call_later, _LAST_WORDS, self._abort_all)
 
     def __enter__(self) -> HttpServer:
         self.start()
@@ -123,19 +129,22 @@ class HttpServer:
 
 
 async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamResponse:
-    socket = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
+    response = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
     for name, value in upgrade.headers:
-        socket.headers.add(name, value)
-    await socket.prepare(request)
-    channel = SocketChannel(socket, request.transport)
+        response.headers.add(name, value)
+    await response.prepare(request)
+    channel = SocketChannel(response, request.transport)
     upgrade.attach(channel)
     await channel.serve()
-    return socket
+    return response
 
 
 def _abort(transport: asyncio.BaseTransport | None) -> None:
-    """Cut a connection off; what is under way on it is lost."""
+    """Cut a connection off with a reset; what is under way on it is lost."""
     if isinstance(transport, asyncio.Transport):
+        end = transport.get_extra_info("socket")
+        if end is not None:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         transport.abort()
 
 

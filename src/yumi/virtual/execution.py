@@ -99,6 +99,16 @@ class RapidExecution:
         except RapidError as error:
             raise Refused(Refusal.BAD_PROGRAM, str(error)) from error
 
+    def replace_program(self, texts: Mapping[str, str]) -> None:
+        """Load other modules, by their paths, in the place of all; the program pointers go to their main."""
+        for task in self.tasks.values():
+            task.lose_pp()
+            for module in task.modules:
+                task.unload(module.name)
+            for path, text in texts.items():
+                task.load(text, path)
+        self.move_pp_to_main()
+
     def unload_module(self, task: str, name: str) -> None:
         """Remove a module from ``task``.
 

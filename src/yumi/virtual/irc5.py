@@ -200,6 +200,13 @@ class Irc5:
         """
         self.execution.unload_module(task, name)
 
+    def replace_program(self, files: Mapping[str, str]) -> None:
+        """Somebody loads another program into both tasks, or that of the configuration when ``files`` is empty."""
+        self.execution.stop("Another program is loaded.")
+        self.files.update(files)
+        paths = list(files) or [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        self.execution.replace_program({path: self.files[path] for path in paths})
+
     def acknowledge_collision(self) -> None:
         """Somebody has taken note of the latest collision."""
         self.collision_state = CollisionState.INIT

@@ -12,7 +12,7 @@ from yumi.rws.subscriptions import MAX_GROUPS, MAX_HIGH, MAX_RESOURCES, PROTOCOL
 from yumi.virtual.rws_groups import Group, Groups, Watch
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Failure, Route, invalid
-from yumi.virtual.rws_sources import find_source
+from yumi.virtual.rws_sources import Event, find_source
 
 _CREATED = 201
 _OK = 200
@@ -116,7 +116,7 @@ def _watch(controller: Controller, resource: Resource) -> Watch:
 
 def _shown(group: Group, status: int) -> HttpReply:
     """The group with the values its client knows from now on."""
-    events = []
+    events: list[Event] = []
     for watch in group.watches.values():
         if watch.told is not None:
             events += watch.source.show(None, watch.told)
