@@ -101,6 +101,7 @@ class RwsAdapter:
         """Tell subscribers what has changed, and forget what belongs to sessions that have ended."""
         self._now = now
         if self._controller.is_dark and not self._was_dark:
+            self.drop_web_sockets()
             self.expire_sessions()
             self._hang_up()
         self._was_dark = self._controller.is_dark
