@@ -63,7 +63,7 @@ class MemoryHttp:
         return reply
 
     def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> MemoryChannel:
-        upgrade = (("Connection", "Upgrade"), ("Upgrade", "websocket"))
+        upgrade = (("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
         reply = self._handled(replace(request, headers=(*request.headers, *upgrade)))
         if isinstance(reply, HttpReply):
             raise ControllerRefused("No WebSocket is opened.", status=reply.status)
@@ -199,7 +199,8 @@ class System(ManualClock):
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append)
-        self.manager = RobotManager(self.bringup, MemoryFastLines(self.arms, self), self)
+        self.fast_lines = MemoryFastLines(self.arms, self)
+        self.manager = RobotManager(self.bringup, self.fast_lines, self)
 
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""
