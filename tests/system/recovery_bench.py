@@ -11,7 +11,7 @@ from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home
-from yumi.virtual.faults import Faults
+from yumi.virtual.fault_names import Fault
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (20.0, -118.4, -110.0, 40.0, -30.0, 42.5, 20.0)]),
@@ -24,7 +24,6 @@ class MovingSystem(System):
     """Both arms on their way to :data:`GOALS`, guided by the robot manager.
 
     Attributes:
-        faults: what may happen to the controller.
         told: what recovery has told, step by step.
 
     Args:
@@ -33,7 +32,6 @@ class MovingSystem(System):
 
     def __init__(self, motion: EgmMotionSettings | None = None) -> None:
         super().__init__(motion=motion)
-        self.faults = Faults(self.world.controller)
         self.told: list[str] = []
         self.manager.start_egm()
         self.go(GOALS)
@@ -45,10 +43,9 @@ class MovingSystem(System):
 
     def be_silent(self, seconds: float, *sides: Side) -> None:
         """The network loses the datagrams of some arms, or both, both ways; the controller goes on."""
-        self.unwired = set(sides or Side)
-        self.wait(seconds)
-        self.unwired = set()
-        self.wait(0.05)
+        for side in sides or Side:
+            self.faults.happen(Fault.EGM_SILENCE, side, seconds)
+        self.wait(seconds + 0.05)
 
     def recover(self) -> str:
         return self.manager.recover(self.told.append)

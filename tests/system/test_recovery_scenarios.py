@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.errors import RobotNotReady
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.joints import Side
-from yumi.virtual.faults import Faults
+from yumi.virtual.fault_names import Fault
 
 NO_JUMP = 1.001
 ACTIVATION = [f"activate joint_position_controller on the {side.word} arm" for side in Side]
@@ -22,18 +20,16 @@ def system() -> MovingSystem:
 
 
 @pytest.mark.parametrize(
-    ("happens", "why"),
+    ("fault", "why"),
     [
-        (lambda faults: faults.stop_program(), "10125 Program stopped: the RAPID program was stopped, on the pendant"),
-        (lambda faults: faults.switch_motors_off(), "10010 Motors OFF: the motors were switched off"),
-        (lambda faults: faults.collide(Side.LEFT), "50204 Motion supervision: an arm has collided"),
+        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the pendant"),
+        (Fault.MOTORS_OFF, "10010 Motors OFF: the motors were switched off"),
+        (Fault.COLLISION, "50204 Motion supervision: an arm has collided"),
+        (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high: the references asked for more torque than an arm has"),
     ],
-    ids=["program stopped", "motors off", "collision"],
 )
-def test_robot_moves_again_after_what_needs_nobody(
-    system: MovingSystem, happens: Callable[[Faults], None], why: str
-) -> None:
-    happens(system.faults)
+def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: Fault, why: str) -> None:
+    system.faults.happen(fault)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     told = system.recover()
@@ -44,29 +40,33 @@ def test_robot_moves_again_after_what_needs_nobody(
 
 
 @pytest.mark.parametrize(
-    ("happens", "ends", "sentence"),
+    ("fault", "mended", "sentence"),
     [
         (
-            lambda faults: faults.press_emergency_stop(),
-            lambda faults: faults.release_emergency_stop(),
+            Fault.EMERGENCY_STOP,
+            Fault.EMERGENCY_STOP_RESET,
             "10013 Emergency stop: .* Motors do not go on, .* an emergency stop is pressed; release it",
         ),
         (
-            lambda faults: faults.select_manual_mode(),
-            lambda faults: faults.select_automatic_mode(),
+            Fault.MANUAL_MODE,
+            Fault.AUTO_MODE,
             "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the pendant",
         ),
+        (
+            Fault.WRONG_PROGRAM,
+            Fault.RIGHT_PROGRAM,
+            r"Task T_ROB_R has no state machine \(TRobMain\); load the RAPID modules",
+        ),
     ],
-    ids=["emergency stop", "manual mode"],
 )
 def test_recovery_says_what_somebody_has_to_do_first(
-    system: MovingSystem, happens: Callable[[Faults], None], ends: Callable[[Faults], None], sentence: str
+    system: MovingSystem, fault: Fault, mended: Fault, sentence: str
 ) -> None:
-    happens(system.faults)
+    system.faults.happen(fault)
     system.wait(0.2)
     with pytest.raises(RobotNotReady, match=sentence):
         system.recover()
-    ends(system.faults)
+    system.faults.happen(mended)
     system.recover()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -89,11 +89,11 @@ def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
 
 
 def test_network_that_stays_silent_is_told_with_what_to_check(system: MovingSystem) -> None:
-    system.unwired = set(Side)
+    system.faults.happen(Fault.EGM_SILENCE)
     system.wait(1.0)
     with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
         system.recover()
-    system.unwired = set()
+    system.faults.happen(Fault.EGM_REPAIR)
     system.recover()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -108,18 +108,11 @@ def test_robot_that_got_no_answer_in_time_is_brought_back() -> None:
     assert system.largest_jump < NO_JUMP
 
 
-def test_motion_that_ended_by_convergence_begins_again() -> None:
-    system = MovingSystem(EgmMotionSettings(cond_time=0.5))
-    system.until(lambda: not any(arm.snapshot.is_running for arm in system.arms.values()), 4.0)
-    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
-    assert system.is_moving_again()
-    assert system.largest_jump < NO_JUMP
-
-
-def test_motion_that_asked_for_too_much_load_is_told_and_begins_again(system: MovingSystem) -> None:
-    system.faults.overload(Side.RIGHT)
+def test_motion_that_ended_by_convergence_begins_again(system: MovingSystem) -> None:
+    system.faults.happen(Fault.EGM_CONVERGENCE)
     system.wait(0.2)
-    assert "50375 Dynamic load too high: the references asked for more torque than an arm has" in system.recover()
+    assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
+    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -161,7 +154,7 @@ def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: Mo
 
 
 def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> None:
-    system.faults.stop_program()
+    system.faults.happen(Fault.PROGRAM_STOP)
     system.wait(0.2)
     system.recover()
     assert "activate joint_position_controller on the right arm" in system.told
@@ -169,7 +162,7 @@ def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> 
 
 
 def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
-    system.restart_controller()
+    system.faults.happen(Fault.WARM_RESTART)
     system.wait(0.5)
     begin = system.now()
     assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
@@ -180,35 +173,23 @@ def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
 
 
 def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> None:
-    system.is_powered, system.http.adapter, system.arms = False, None, {}
+    system.is_powered, system.http.is_there, system.arms = False, False, {}
     with pytest.raises(RobotNotReady, match="has not answered for 120 s; check its power and the network cable"):
         system.recover()
 
 
 def test_session_that_expired_is_opened_again(system: MovingSystem) -> None:
-    system.faults.stop_program()
-    system.forget_sessions()
+    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.happen(Fault.RWS_SESSIONS_EXPIRED)
     system.recover()
     assert system.is_moving_again()
 
 
 def test_connection_that_is_reset_does_not_stop_recovery(system: MovingSystem) -> None:
-    system.faults.stop_program()
+    system.faults.happen(Fault.PROGRAM_STOP)
     system.http.resets = 1
     system.recover()
     assert system.is_moving_again()
-
-
-def test_wrong_program_is_told_until_the_right_one_is_loaded(system: MovingSystem) -> None:
-    task = system.world.controller.tasks["T_ROB_L"]
-    system.faults.stop_program()
-    main = task.program.modules.pop("trobmain")
-    with pytest.raises(RobotNotReady, match=r"Task T_ROB_L has no state machine \(TRobMain\); load the RAPID modules"):
-        system.recover()
-    task.program.modules["trobmain"] = main
-    system.recover()
-    assert system.is_moving_again()
-    assert system.largest_jump < NO_JUMP
 
 
 def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_first(system: MovingSystem) -> None:
@@ -220,3 +201,11 @@ def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_
     assert system.steps == ["stop EGM", "start EGM on both arms", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
+
+
+def test_controller_that_is_busy_is_waited_for(system: MovingSystem) -> None:
+    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.happen(Fault.RWS_BUSY, duration=3.0)
+    system.recover()
+    assert system.told[0] == "wait for the controller, which does not answer"
+    assert system.is_moving_again()

@@ -126,3 +126,54 @@ def test_manager_refuses_variables_that_cannot_be(system: System) -> None:
         system.manager.read_variable("T_ROB_L", "TRobSG", "nothing")
     with pytest.raises(CommandRefused, match=r"'12,5' is no RAPID value; .* takes a num, such as 1\.5"):
         system.manager.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12,5")
+
+
+PICK = """MODULE Pick
+    PERS num count:=0;
+    PROC pickOne()
+        count:=count+%d;
+    ENDPROC
+ENDMODULE
+"""
+
+
+def test_manager_loads_a_module_and_runs_its_routine(system: System) -> None:
+    system.manager.make_ready()
+    told = system.manager.run_module(Side.LEFT, "Pick.mod", PICK % 1, "pickOne")
+    assert told == "Routine pickOne of T_ROB_L has run"
+    assert system.manager.read_variable("T_ROB_L", "Pick", "count") == "1"
+    assert system.client.execution() is ExecutionState.RUNNING
+
+
+def test_manager_replaces_a_module_that_was_loaded_before(system: System) -> None:
+    system.manager.make_ready()
+    for step in (1, 5):
+        system.manager.run_module(Side.LEFT, "Pick.mod", PICK % step, "pickOne")
+    assert system.manager.read_variable("T_ROB_L", "Pick", "count") == "5"
+
+
+@pytest.mark.parametrize(
+    ("file_name", "text", "sentence"),
+    [
+        ("../x.mod", PICK % 1, "'../x.mod' is no name of a RAPID file"),
+        ("Pick.mod", "PROC x() ENDPROC", "The text of Pick.mod declares no MODULE"),
+        ("Pick.mod", "MODULE TRobMain\nENDMODULE", "TRobMain belong to the robot-side program; rename yours"),
+        (
+            "Pick.mod",
+            "MODULE Pick\nPROC x( ENDPROC\nENDMODULE",
+            "T_ROB_L did not load HOME:/Pick.mod; it is no correct",
+        ),
+    ],
+)
+def test_manager_refuses_modules_that_cannot_be(system: System, file_name: str, text: str, sentence: str) -> None:
+    system.manager.make_ready()
+    with pytest.raises(CommandRefused, match=sentence):
+        system.manager.load_module(Side.LEFT, file_name, text)
+    assert "Pick" not in {module.name for module in system.client.modules("T_ROB_L")}
+
+
+def test_manager_says_that_a_routine_is_unknown(system: System) -> None:
+    system.manager.make_ready()
+    with pytest.raises(CommandRefused, match="Task T_ROB_R has no routine nothing; load a module with a procedure"):
+        system.manager.run_routine(Side.RIGHT, "nothing")
+    assert system.client.execution() is ExecutionState.RUNNING

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import inf
 
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
@@ -20,18 +19,21 @@ from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import CommandRefused, NoConnection
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.links.channel import Upgrade
 from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
+from yumi.links.web_socket import Listener
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
+from yumi.virtual.fault_desk import FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
@@ -43,27 +45,63 @@ class MemoryHttp:
     """Carries requests straight to the virtual controller.
 
     Attributes:
-        adapter: the controller's end; None while nothing answers.
+        is_there: whether there is a controller at all.
         resets: so many exchanges from now on end with a reset connection.
     """
 
     address = "memory"
 
-    def __init__(self, adapter: RwsAdapter | None, clock: ManualClock) -> None:
-        self.adapter = adapter
+    def __init__(self, adapter: RwsAdapter, clock: ManualClock) -> None:
+        self.is_there = True
         self.resets = 0
+        self._adapter = adapter
         self._clock = clock
 
     def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        if self.adapter is None:
-            raise NoConnection("Nothing answers in this memory.")
+        reply = self._handled(request)
+        assert isinstance(reply, HttpReply)
+        return reply
+
+    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> MemoryChannel:
+        upgrade = (("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
+        reply = self._handled(replace(request, headers=(*request.headers, *upgrade)))
+        if isinstance(reply, HttpReply):
+            raise ControllerRefused("No WebSocket is opened.", status=reply.status)
+        channel = MemoryChannel(listener)
+        reply.attach(channel)
+        return channel
+
+    def _handled(self, request: HttpRequest) -> HttpReply | Upgrade:
         if self.resets:
             self.resets -= 1
             raise ConnectionLost("The connection was reset.")
-        return self.adapter.handle(request, self._clock.now())
+        reply = self._adapter.handle(request, self._clock.now()) if self.is_there else None
+        if reply is None:
+            raise NoConnection("Nothing answers in this memory.")
+        return reply
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+class MemoryChannel:
+    """A WebSocket without a wire, both ends of it."""
+
+    has_left = False
+
+    def __init__(self, listener: Listener) -> None:
+        self.is_open = True
+        self._listener = listener
+
+    def send(self, text: str) -> None:
+        self._listener.on_text(text)
+
+    def close(self) -> None:
+        self.is_open, self.has_left = False, True
+
+    def abort(self) -> None:
+        self.is_open = False
+        self._listener.on_lost("The WebSocket in this memory broke.")
 
 
 class DriverArm:
@@ -136,21 +174,20 @@ class System(ManualClock):
     Attributes:
         is_powered: whether the controller runs; set it to False for a power cut.
         gives_signs: whether somebody gives the robot's watchdog its signs.
-        unwired: the arms whose datagrams are lost, both ways.
+        faults: what may happen to the controller.
     """
 
     def __init__(self, *, object_width: float = 0.02, motion: EgmMotionSettings | None = None) -> None:
         super().__init__()
         self.is_powered = True
         self.gives_signs = False
-        self.unwired: set[Side] = set()
-        self._settings = WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)})
-        self._dark_until = inf
-        self.world = World(self._settings)
+        self.world = World(WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)}))
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self._driver_ends = {side: ends[side][0] for side in Side}
-        self.http = MemoryHttp(self._new_adapter(), self)
+        self.adapter = RwsAdapter(self.world.controller, user="Default User", password="robotics")
+        self.faults = FaultDesk(self.world, self.adapter)
+        self.http = MemoryHttp(self.adapter, self)
         self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self._motion = motion or EgmMotionSettings()
@@ -162,7 +199,8 @@ class System(ManualClock):
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append)
-        self.manager = RobotManager(self.bringup, MemoryFastLines(self.arms, self), self)
+        self.fast_lines = MemoryFastLines(self.arms, self)
+        self.manager = RobotManager(self.bringup, self.fast_lines, self)
 
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""
@@ -177,24 +215,6 @@ class System(ManualClock):
             self.wait(CYCLE)
         return self.now() - begin
 
-    def restart_controller(self, darkness: float = 20.0) -> None:
-        """A warm restart: everything ends, and nothing answers for ``darkness`` [s]."""
-        self.is_powered, self.http.adapter = False, None
-        self._dark_until = self.now() + darkness
-
-    def forget_sessions(self) -> None:
-        """The controller knows no session of Robot Web Services any more."""
-        self.http.adapter = self._new_adapter()
-
-    def _new_adapter(self) -> RwsAdapter:
-        return RwsAdapter(self.world.controller, user="Default User", password="robotics")
-
-    def _boot(self) -> None:
-        positions = {side: arm.position for side, arm in self.world.arms.items()}
-        self.world = World(replace(self._settings, positions=positions))
-        self.is_powered, self._dark_until = True, inf
-        self.forget_sessions()
-
     def start_egm(self) -> None:
         self.bringup.make_ready()
         self.bringup.start_egm()
@@ -204,15 +224,14 @@ class System(ManualClock):
 
     def _cycle(self) -> None:
         self.advance(CYCLE)
-        if self.now() >= self._dark_until:
-            self._boot()
         if self.gives_signs:
             self.world.controller.signals.set("WD_EXTERNAL_STATUS", 1)
         if self.is_powered:
             inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
-            datagrams = self.world.cycle({side: each for side, each in inboxes.items() if side not in self.unwired})
-            for side in datagrams.keys() - self.unwired:
-                self._robot_ends[side].send(datagrams[side])
+            datagrams = self.world.cycle(inboxes)
+            self.adapter.advance(self.now())
+            for side, datagram in datagrams.items():
+                self._robot_ends[side].send(datagram)
         for arm in self.arms.values():
             for event in arm.advance(self.now()):
                 self.manager.note(event)

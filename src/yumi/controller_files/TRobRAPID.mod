@@ -10,6 +10,9 @@ MODULE TRobRAPID(SYSMODULE)
     LOCAL VAR num callbyvar_num_input:=0;
     LOCAL VAR string module_file_path_input:="";
 
+    ! Whether the routine asked for last was none.
+    LOCAL VAR bool is_routine_unknown:=FALSE;
+
     LOCAL VAR intnum intno_run_routine;
 
     PROC initializeRAPIDModule()
@@ -26,7 +29,8 @@ MODULE TRobRAPID(SYSMODULE)
         ISignalDI RUN_RAPID_ROUTINE,HIGH,intno_run_routine;
     ENDPROC
 
-    ! Everything that may take time; called by the main loop.
+    ! Everything that may take time; called by the main loop. What is none of the routines below is a procedure of the
+    ! task, which the controller looks up only now.
     PROC runRAPIDRoutine()
         IF NOT attemptSystemRoutine(routine_name_input) THEN
             TEST routine_name_input
@@ -38,12 +42,21 @@ MODULE TRobRAPID(SYSMODULE)
                 runMoveAbsJ;
             CASE "runCallByVar":
                 runCallByVar;
+            CASE "runModuleLoad","runModuleUnload":
+                ! They have already run in the trap: nothing is left to do.
             DEFAULT:
-                ! An unknown name, or one that has already run in the trap: nothing is left to do.
+                %routine_name_input%;
             ENDTEST
         ENDIF
         routine_name_input:="";
         current_state:=STATE_IDLE;
+    ERROR
+        IF ERRNO=ERR_REFUNKPRC OR ERRNO=ERR_CALLPROC THEN
+            TPWrite MSG_RAPID+inQuotes(routine_name_input)+" is unknown!";
+            is_routine_unknown:=TRUE;
+            TRYNEXT;
+        ENDIF
+        RAISE;
     ENDPROC
 
     LOCAL TRAP handleRunRAPIDRoutine
@@ -51,6 +64,7 @@ MODULE TRobRAPID(SYSMODULE)
             TPWrite MSG_RAPID+"Attempting "+inQuotes(routine_name_input);
             attemptInTrap;
             IF routine_name_input<>"" AND current_state=STATE_IDLE THEN
+                is_routine_unknown:=FALSE;
                 current_state:=STATE_RUN_RAPID_ROUTINE;
                 RAISE CHANGE_STATE;
             ENDIF

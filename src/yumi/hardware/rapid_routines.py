@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from yumi.clock import Clock
-from yumi.errors import CommandRefused, RobotNotReady
+from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.hardware.cabinet import Cabinet
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import RAPID, RUN_RAPID, MachineState
@@ -18,6 +18,11 @@ LONGEST_ROUTINE = 300.0
 """Longest wait for the end of a routine [s]; it goes on, only nobody waits any more."""
 
 _ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
+
+
+_FILE = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
+_MODULE = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
+_OUR_MODULES = "trob"  # how those of the state machine begin
 
 
 class RapidRoutines:
@@ -60,6 +65,53 @@ class RapidRoutines:
             LONGEST_ROUTINE,
             lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
         )
+        if self._was_unknown(side):
+            raise CommandRefused(
+                f"Task {side.task} has no routine {name}; load a module with a procedure of that name."
+            )
+
+    def load_module(self, side: Side, file_name: str, text: str) -> None:
+        """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
+
+        A module that was loaded from the same file before is replaced; the state machine loads it, so that the program
+        goes on meanwhile.
+
+        Args:
+            side: whose task.
+            file_name: such as ``Pick.mod``.
+            text: the module.
+
+        Raises:
+            CommandRefused: name or text cannot be, the text is no RAPID, or the module is there from another file.
+            RobotNotReady: the program does not run, or the arm is busy.
+        """
+        module = _module_in(file_name, text)
+        self._check_free(side)
+        path = f"HOME:/{file_name}"
+        if self._has_module(side, module):
+            self._run_with_file(side, "runModuleUnload", path)
+            if self._has_module(side, module):
+                raise CommandRefused(
+                    f"Task {side.task} has a module {module} from another file; unload it on the pendant, or rename yours."
+                )
+        self._client.upload(path, text)
+        self._run_with_file(side, "runModuleLoad", path)
+        if not self._has_module(side, module):
+            raise CommandRefused(f"{side.task} did not load {path}; it is no correct RAPID module, see the event log.")
+
+    def _run_with_file(self, side: Side, routine: str, path: str) -> None:
+        self._write(side, "module_file_path_input", path)
+        self.run(side, routine)
+
+    def _has_module(self, side: Side, name: str) -> bool:
+        return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
+
+    def _was_unknown(self, side: Side) -> bool:
+        """ABB's own state machine does not tell."""
+        try:
+            return self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+        except ControllerRefused:
+            return False
 
     def _check_free(self, side: Side) -> None:
         self._cabinet.check_automatic()
@@ -81,3 +133,15 @@ class RapidRoutines:
 
     def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
         self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
+
+
+def _module_in(file_name: str, text: str) -> str:
+    """The name of the module that ``text`` declares."""
+    if not _FILE.fullmatch(file_name):
+        raise CommandRefused(f"{file_name!r} is no name of a RAPID file; give letters and digits and .mod or .sys.")
+    found = _MODULE.search(text)
+    if found is None:
+        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
+    if found[1].lower().startswith(_OUR_MODULES):
+        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
+    return found[1]

@@ -220,6 +220,17 @@ class RobotManager:
             self._routines.run(side, name)
         return f"Routine {name} of {side.task} has run"
 
+    def load_module(self, side: Side, file_name: str, text: str) -> str:
+        """Write a RAPID module onto the controller and load it, see :meth:`RapidRoutines.load_module`."""
+        with self._changing():
+            self._routines.load_module(side, file_name, text)
+        return f"{side.task} has loaded HOME:/{file_name}"
+
+    def run_module(self, side: Side, file_name: str, text: str, routine: str) -> str:
+        """Load a module and run one of its routines; both may raise."""
+        self.load_module(side, file_name, text)
+        return self.run_routine(side, routine)
+
     # Data
 
     def read_signal(self, name: str) -> str:

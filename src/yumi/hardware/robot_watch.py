@@ -153,11 +153,19 @@ class RobotWatch:
         self._tell()
         return delay
 
+    @property
+    def is_rung(self) -> bool:
+        """Whether the next step is due at once."""
+        return self._bell.is_set()
+
+    def take_ring(self) -> None:
+        """Begin a step; what rings from now on is for the next one."""
+        self._bell.clear()
+
     def _run(self) -> None:
         while not self._is_over.is_set():
-            delay = self.step()
-            self._bell.wait(delay)
-            self._bell.clear()
+            self.take_ring()
+            self._bell.wait(self.step())
 
     def _connect(self, now: float) -> float:
         self._subscribe()
@@ -185,7 +193,13 @@ class RobotWatch:
 
     @property
     def _is_busy(self) -> bool:
-        return not _FIXED.issuperset(self._state.machines.values())
+        """Whether a state machine is about to change, or its arm's datagrams tell of another state."""
+        egm = egm_states(self._fast_lines)
+        return any(
+            machine not in _FIXED or (machine is MachineState.RUN_EGM_ROUTINE) != (egm[side] == EGM_RUNNING)
+            for side, machine in self._state.machines.items()
+            if machine is not None
+        )
 
     def _lose(self) -> None:
         self._unsubscribe()

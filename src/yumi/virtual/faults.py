@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from yumi.robot.joints import Side
 from yumi.rws.states import OperatingMode
 from yumi.virtual.irc5 import Irc5
 
@@ -38,13 +37,24 @@ class Faults:
         self._controller.select_mode(OperatingMode.MANUAL_REDUCED)
 
     def select_automatic_mode(self) -> None:
-        """Someone turns the key back to automatic and confirms it."""
+        """Someone turns the key back and confirms it."""
         self._controller.select_mode(OperatingMode.AUTO)
 
-    def overload(self, side: Side) -> None:
-        """An arm that EGM guides is asked for more torque than it has."""
-        self._controller.overload(side)
+    def load_wrong_program(self) -> None:
+        """Someone loads a program of their own into both tasks and puts the program pointers on its main."""
+        self._controller.replace_program({_WRONG_FILE: _WRONG_PROGRAM})
 
-    def collide(self, side: Side) -> None:
-        """An arm runs into something."""
-        self._controller.collide(side)
+    def load_right_program(self) -> None:
+        """The program of the configuration is in both tasks again, the program pointers on its main."""
+        self._controller.replace_program({})
+
+
+_WRONG_FILE = "HOME:/Pick.mod"
+_WRONG_PROGRAM = """MODULE Pick
+    PROC main()
+        WHILE TRUE DO
+            WaitTime 1;
+        ENDWHILE
+    ENDPROC
+ENDMODULE
+"""

@@ -1,0 +1,132 @@
+"""The watch over the robot in virtual time: whoever changes something, it is known within 200 ms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from system.recovery_bench import MovingSystem
+from yumi.errors import ControllerRefused
+from yumi.hardware.manager_state import RobotState
+from yumi.hardware.state_machine import START_JOINT, MachineState
+from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.virtual.fault_names import Fault
+
+NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
+
+
+class Watched:
+    """A robot whose watch makes its steps whenever they are due.
+
+    Attributes:
+        told: each state that the watch has told.
+    """
+
+    def __init__(self, system: MovingSystem) -> None:
+        self.system = system
+        self.watch = system.manager.watch
+        self.told: list[RobotState] = []
+        self.watch.on_change = self.told.append
+        self.step()
+
+    def step(self) -> None:
+        """What the thread does: the next step is due after a time, or when the bell rings."""
+        self._due = self.system.now() + self.watch.step()
+
+    def wait(self, seconds: float) -> None:
+        end = self.system.now() + seconds
+        while self.system.now() < end:
+            self.system.wait(0.004)
+            if self.watch.is_rung or self.system.now() >= self._due:
+                self.watch.take_ring()
+                self.step()
+
+    def until(self, is_so: Callable[[RobotState], bool], timeout: float = 3.0) -> float:
+        """Let time pass until the watch knows it; returns how long it took [s]."""
+        begin = self.system.now()
+        while not is_so(self.watch.state()):
+            assert self.system.now() - begin < timeout, f"unknown after {timeout} s: {self.watch.state()}"
+            self.wait(0.004)
+        return self.system.now() - begin
+
+
+@pytest.fixture
+def watched() -> Watched:
+    watched = Watched(MovingSystem())
+    watched.wait(1.0)
+    return watched
+
+
+@pytest.mark.parametrize(
+    ("fault", "is_known"),
+    [
+        (Fault.PROGRAM_STOP, lambda state: state.execution is ExecutionState.STOPPED),
+        (Fault.MOTORS_OFF, lambda state: state.controller_state is ControllerState.MOTORS_OFF),
+        (Fault.EMERGENCY_STOP, lambda state: state.controller_state is ControllerState.EMERGENCY_STOP),
+        (Fault.MANUAL_MODE, lambda state: state.mode is OperatingMode.MANUAL_REDUCED),
+        (Fault.COLLISION, lambda state: state.last_event.code in (50204, 10125)),
+        (Fault.EGM_CONVERGENCE, lambda state: set(state.machines.values()) == {MachineState.IDLE}),
+        (Fault.WARM_RESTART, lambda state: not state.is_connected),
+    ],
+)
+def test_change_from_any_side_is_known_within_200_ms(
+    watched: Watched, fault: Fault, is_known: Callable[[RobotState], bool]
+) -> None:
+    watched.system.faults.happen(fault)
+    notice = 0.2 if fault is Fault.WARM_RESTART else 0.0  # the controller goes down so long after it was told to
+    assert watched.until(is_known) <= NOTICED + notice
+
+
+def test_start_signal_of_another_client_is_known(watched: Watched) -> None:
+    system = watched.system
+    system.manager.stop_egm()
+    watched.until(lambda state: state.machines[Side.LEFT] is MachineState.IDLE)
+    system.world.controller.signals.set(START_JOINT, 0)
+    watched.wait(0.1)
+    system.world.controller.signals.set(START_JOINT, 1)
+    assert watched.until(lambda state: state.machines[Side.LEFT] is MachineState.RUN_EGM_ROUTINE) <= NOTICED
+
+
+def test_watch_knows_the_robot_again_after_a_restart(watched: Watched) -> None:
+    watched.system.faults.happen(Fault.WARM_RESTART)
+    watched.until(lambda state: not state.is_connected)
+    assert watched.until(lambda state: state.is_connected, 25.0) > 19.0
+    assert watched.watch.state().reason == "the motors are off"
+
+
+def test_watch_goes_on_after_its_web_socket_broke(watched: Watched) -> None:
+    watched.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    watched.wait(0.5)
+    watched.system.faults.happen(Fault.MOTORS_OFF)
+    assert watched.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+
+
+def test_watch_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = MovingSystem()
+
+    def refuse(*_: object) -> None:
+        raise ControllerRefused("no subscriptions left", status=400)
+
+    monkeypatch.setattr(system.client, "subscribe", refuse)
+    watched = Watched(system)
+    watched.wait(1.0)
+    system.faults.happen(Fault.MOTORS_OFF)
+    assert watched.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= 0.5
+
+
+def test_watch_tells_each_change_once(watched: Watched) -> None:
+    watched.told.clear()
+    watched.system.faults.happen(Fault.PROGRAM_STOP)
+    watched.wait(1.0)
+    assert [state.execution for state in watched.told] == [ExecutionState.STOPPED] * len(watched.told)
+    assert len(set(map(str, watched.told))) == len(watched.told)
+
+
+def test_watch_asks_little_while_nothing_happens(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+    exchange = watched.system.http.exchange
+    monkeypatch.setattr(watched.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
+    watched.wait(10.0)
+    assert len(asked) <= 20
