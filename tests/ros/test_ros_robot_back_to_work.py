@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from ros_bench import Client, Robot
+from yumi_interfaces.srv import RunRoutine
 
 from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode
@@ -108,6 +109,22 @@ def test_signals_and_variables_are_read_and_written(manager: RobotManagerClient)
     assert manager.read_signal("RUN_SG_ROUTINE") == "0"
     with pytest.raises(RobotNotReady, match="no_such_signal"):
         manager.read_signal("no_such_signal")
+
+
+def test_routine_of_a_loaded_module_is_stopped_by_who_does_not_wait_for_its_end(
+    manager: RobotManagerClient, client: Client
+) -> None:
+    module = "MODULE Patience\n  PROC sitThere()\n    WaitTime 60;\n  ENDPROC\nENDMODULE\n"
+    assert manager.load_module(Side.RIGHT, "Patience.mod", module) == "T_ROB_R has loaded HOME:/Patience.mod"
+    service = client.node.create_client(RunRoutine, "yumi_robot_manager/run_routine")
+    client.until(service.service_is_ready)
+    running = service.call_async(RunRoutine.Request(arm="right", routine="sitThere"))
+    busy = "RUN_RAPID_ROUTINE"
+    manager.wait_for_state(lambda state: state.right_state_machine == busy, 10.0, "The beginning of the routine")
+    assert manager.stop_rapid() == "The RAPID program is stopped"
+    client.until(running.done)
+    assert running.result().message.startswith("The RAPID program stopped while T_ROB_R ran a routine")
+    assert manager.recover().endswith("The robot is ready.")
 
 
 def test_deactivated_robot_comes_to_rest_and_goes_on_when_it_is_activated(

@@ -28,6 +28,9 @@ _OUR_MODULES = "trob"  # how those of the state machine begin
 class RapidRoutines:
     """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
 
+    Attributes:
+        is_running: whether the end of one is awaited.
+
     Args:
         client: a connected client.
         cabinet: says whether requests are accepted.
@@ -40,6 +43,7 @@ class RapidRoutines:
         self._cabinet = cabinet
         self._machines = machines
         self._clock = clock
+        self.is_running = False
 
     def run(self, side: Side, name: str) -> None:
         """Run a routine in one arm's task and wait for its end.
@@ -56,6 +60,17 @@ class RapidRoutines:
         if not _ROUTINE.fullmatch(name):
             raise CommandRefused(f"{name!r} is no name of a RAPID routine; give one of up to 32 letters and digits.")
         self._check_free(side)
+        self.is_running = True
+        try:
+            self._run_to_its_end(side, name)
+        finally:
+            self.is_running = False
+        if self._was_unknown(side):
+            raise CommandRefused(
+                f"Task {side.task} has no routine {name}; load a module with a procedure of that name."
+            )
+
+    def _run_to_its_end(self, side: Side, name: str) -> None:
         self._write(side, "routine_name_input", name)
         self._write(side.other, "routine_name_input", "")
         self._client.pulse_signal(RUN_RAPID)
@@ -65,10 +80,6 @@ class RapidRoutines:
             LONGEST_ROUTINE,
             lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
         )
-        if self._was_unknown(side):
-            raise CommandRefused(
-                f"Task {side.task} has no routine {name}; load a module with a procedure of that name."
-            )
 
     def load_module(self, side: Side, file_name: str, text: str) -> None:
         """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
@@ -92,7 +103,8 @@ class RapidRoutines:
             self._run_with_file(side, "runModuleUnload", path)
             if self._has_module(side, module):
                 raise CommandRefused(
-                    f"Task {side.task} has a module {module} from another file; unload it on the pendant, or rename yours."
+                    f"Task {side.task} has a module {module} from another file; unload it on the pendant, or rename "
+                    "yours."
                 )
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)

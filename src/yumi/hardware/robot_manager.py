@@ -171,6 +171,7 @@ class RobotManager:
         Raises:
             YumiError: the robot could not be told.
         """
+        self._stop_routine()
         with self._changing():
             self._guidance.end_if_begun()
 
@@ -184,6 +185,7 @@ class RobotManager:
 
     def motors_off(self) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
+        self._stop_routine()
         with self._changing():
             self._guidance.end_if_begun()
             self._switch_motors_off()
@@ -197,6 +199,7 @@ class RobotManager:
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
+        self._stop_routine()
         with self._changing():
             self._guidance.end_if_begun()
             self._cabinet.stop_rapid()
@@ -259,6 +262,11 @@ class RobotManager:
                 yield
             finally:
                 self.watch.refresh()
+
+    def _stop_routine(self) -> None:
+        """A routine may take minutes; what stops the robot does not wait for its turn."""
+        if self._routines.is_running:
+            self._cabinet.stop_rapid()
 
     def _switch_motors_off(self) -> None:
         self._bringup.report("motors off")

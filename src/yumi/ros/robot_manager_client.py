@@ -23,12 +23,14 @@ from yumi_interfaces.srv import (
 
 from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode
+from yumi.hardware.rapid_routines import LONGEST_ROUTINE
 from yumi.robot.joints import Side
 from yumi.ros.spinner import Spinner
 
 NAME = "yumi_robot_manager"
 _ANSWER = 30.0  # [s]
 _READ = 10.0  # [s]
+_ROUTINE = LONGEST_ROUTINE + _ANSWER
 _ACTION = 120.0  # [s]; a controller that restarts is dark for some twenty
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -113,7 +115,7 @@ class RobotManagerClient:
 
     def run_routine(self, side: Side, routine: str) -> str:
         """Run a RAPID routine without parameters, and wait for its end."""
-        return self._demand(RunRoutine, "run_routine", arm=side.word, routine=routine)
+        return str(self._succeed(RunRoutine, "run_routine", _ROUTINE, arm=side.word, routine=routine).message)
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
         """Write a RAPID module to the controller and load it into the arm's task."""
@@ -122,11 +124,11 @@ class RobotManagerClient:
     def run_module(self, side: Side, file_name: str, text: str, routine: str) -> str:
         """Write and load a RAPID module and run one of its routines, and wait for its end."""
         fields = {"arm": side.word, "file_name": file_name, "text": text, "routine": routine}
-        return self._demand(RunModule, "run_module", **fields)
+        return str(self._succeed(RunModule, "run_module", _ROUTINE, **fields).message)
 
     def read_signal(self, name: str) -> str:
         """The value of an I/O signal."""
-        return str(self._succeed(ReadSignal, "read_signal", name=name).value)
+        return str(self._succeed(ReadSignal, "read_signal", _READ, name=name).value)
 
     def write_signal(self, name: str, value: str) -> str:
         """Write an I/O signal."""
@@ -134,7 +136,8 @@ class RobotManagerClient:
 
     def read_variable(self, task: str, module: str, name: str) -> str:
         """The value of a RAPID variable, as RAPID writes it."""
-        return str(self._succeed(ReadVariable, "read_variable", task=task, module=module, name=name).value)
+        fields = {"task": task, "module": module, "name": name}
+        return str(self._succeed(ReadVariable, "read_variable", _READ, **fields).value)
 
     def write_variable(self, task: str, module: str, name: str, value: str) -> str:
         """Write a RAPID variable; ``value`` as RAPID writes it."""
@@ -153,10 +156,10 @@ class RobotManagerClient:
         self.state = message
 
     def _demand(self, kind: Any, service: str, /, **fields: object) -> str:
-        return str(self._succeed(kind, service, **fields).message)
+        return str(self._succeed(kind, service, _ANSWER, **fields).message)
 
-    def _succeed(self, kind: Any, service: str, /, **fields: object) -> Any:
-        response = self._call(kind, service, _ANSWER, **fields)
+    def _succeed(self, kind: Any, service: str, timeout: float, /, **fields: object) -> Any:
+        response = self._call(kind, service, timeout, **fields)
         if not response.success:
             raise RobotNotReady(str(response.message))
         return response
