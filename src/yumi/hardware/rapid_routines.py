@@ -66,9 +66,7 @@ class RapidRoutines:
             lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
         )
         if self._was_unknown(side):
-            raise CommandRefused(
-                f"Task {side.task} has no routine {name}; load a module with a procedure of that name."
-            )
+            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
 
     def load_module(self, side: Side, file_name: str, text: str) -> None:
         """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
@@ -92,7 +90,7 @@ class RapidRoutines:
             self._run_with_file(side, "runModuleUnload", path)
             if self._has_module(side, module):
                 raise CommandRefused(
-                    f"Task {side.task} has a module {module} from another file; unload it on the pendant, or rename yours."
+                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
                 )
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
