@@ -14,7 +14,7 @@ from yumi.rws.states import ControllerState, ExecutionState
 from yumi.virtual.arm_model import ArmModel
 
 TIMEOUT = 1.5
-RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 2 s
+RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s
 SETTINGS = WatchdogSettings(timeout=TIMEOUT)
 
 
