@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from system.virtual_time_bench import System
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, SettingsError
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.rapid.errors import UnknownSymbol
@@ -123,3 +123,30 @@ def test_settings_the_robot_does_not_keep_are_noticed(system: System) -> None:
     task.write = lambda module, symbol, literal: None if symbol == "settings" else write(module, symbol, literal)  # type: ignore[method-assign]
     with pytest.raises(RobotNotReady, match="T_ROB_L did not take the EGM settings"):
         bringup.start_egm()
+
+
+GRIPPER = "[TRUE,[[0,0,114.2],[1,0,0,0]],[0.23,[8.2,11.7,52],[1,0,0,0],0.00021,0.00024,0.00009]]"
+
+
+def test_tool_and_presync_of_the_settings_reach_the_robot() -> None:
+    system = System(motion=EgmMotionSettings(tool=GRIPPER, use_presync=True))
+    system.start_egm()
+    settings = rapid_values.decode(system.client.symbol("T_ROB_L", EGM, "settings"))
+    assert isinstance(settings, tuple)
+    assert settings[1] is True
+    assert isinstance(settings[3], tuple)
+    assert settings[3][0] == rapid_values.decode(GRIPPER)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("tool", "tool0"),
+        ("tool", "[TRUE]"),
+        ("offset", "[[0,0,0],[2,0,0,0]]"),
+        ("sensor_frame", '[[0,0,"0"],[1,0,0,0]]'),
+    ],
+)
+def test_settings_that_are_no_rapid_values_are_refused(name: str, text: str) -> None:
+    with pytest.raises(SettingsError, match=f"egm_motion: {name} is .*; it must be a RAPID (tooldata|pose) such as"):
+        EgmMotionSettings(**{name: text})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from multiprocessing import active_children
 from queue import Queue
 
 import pytest
@@ -15,6 +16,7 @@ from yumi.control.lifecycle import State
 from yumi.control.requests import (
     ConfigureController,
     Event,
+    FastLineEnded,
     ListControllerKinds,
     ListControllers,
     ListHardware,
@@ -30,7 +32,7 @@ from yumi.control.requests import (
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
-from yumi.errors import CommandRefused, NoConnection
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.hardware.fast_lines import FastLines
 from yumi.links.poller import Poller
 from yumi.links.udp import UdpClient, UdpServer, free_port
@@ -174,3 +176,18 @@ def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events
         pytest.raises(NoConnection, match=f"UDP port {ports[RIGHT]} is taken"),
     ):
         lines.start()
+
+
+def test_fast_line_that_was_killed_is_started_again(fast_lines: FastLines, robot: Robot, events: Queue[Event]) -> None:
+    robot.exchange(MESSAGE)
+    next(child for child in active_children() if child.name == f"yumi-fast-line-{RIGHT.value}").kill()
+    while not isinstance(events.get(timeout=5.0), FastLineEnded):
+        continue
+    with pytest.raises(RobotNotReady, match="The fast-line process of the right arm has ended; call recover"):
+        fast_lines.check()
+    assert fast_lines.revive() == (RIGHT,)
+    fast_lines.check()
+    assert not fast_lines.snapshot(RIGHT).is_streaming
+    answer = robot.exchange(replace(MESSAGE, seqno=900))
+    assert answer.position == pytest.approx(HOME)
+    assert fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,))).sentence

@@ -174,6 +174,6 @@ def test_manager_refuses_modules_that_cannot_be(system: System, file_name: str, 
 
 def test_manager_says_that_a_routine_is_unknown(system: System) -> None:
     system.manager.make_ready()
-    with pytest.raises(CommandRefused, match="Task T_ROB_R has no routine nothing; load a module with a procedure"):
+    with pytest.raises(CommandRefused, match="Task T_ROB_R has no routine nothing; load a module that has it"):
         system.manager.run_routine(Side.RIGHT, "nothing")
     assert system.client.execution() is ExecutionState.RUNNING

@@ -11,6 +11,7 @@ from yumi.hardware.state_machine import WATCHDOG
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState
+from yumi.virtual.arm_model import ArmModel
 
 TIMEOUT = 1.5
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s
@@ -55,7 +56,7 @@ def test_robot_stops_gently_and_says_so_when_its_driver_dies(system: MovingSyste
     assert system.client.controller_state() is ControllerState.MOTORS_ON
     assert "No sign of life for 1.5 s: T_ROB_R" in logged(system, 80001)
     assert all(arm.is_stationary for arm in system.world.arms.values())
-    assert braking < 20.0
+    assert braking < ArmModel().brake_deceleration
 
 
 def test_robot_that_stopped_itself_is_brought_back_by_the_next_driver(system: MovingSystem) -> None:

@@ -361,7 +361,7 @@ class FastLineEnded:
     def __str__(self) -> str:
         return (
             f"{self.side.word.capitalize()} arm: its fast-line process has ended (exit code {self.exit_code}); the "
-            "robot gets no answers any more and keeps its last references. Stop EGM and restart the driver."
+            "robot gets no answers any more and keeps its last references. Call recover, which starts another one."
         )
 
 

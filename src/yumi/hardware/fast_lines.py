@@ -171,9 +171,12 @@ class FastLines:
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
-        self._new_line = lambda side: FastLineProcess(side, build, self.boxes, on_event, wake)
-        self._lines: dict[Side, FastLineProcess] = {side: self._new_line(side) for side in Side}
+        self._build, self._on_event, self._wake = build, on_event, wake
+        self._lines = {side: self._new_line(side) for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
+
+    def _new_line(self, side: Side) -> FastLineProcess:
+        return FastLineProcess(side, self._build, self.boxes, self._on_event, self._wake)
 
     def start(self) -> None:
         """Start both processes and wait until they listen.

@@ -66,9 +66,7 @@ class RapidRoutines:
         finally:
             self.is_running = False
         if self._was_unknown(side):
-            raise CommandRefused(
-                f"Task {side.task} has no routine {name}; load a module with a procedure of that name."
-            )
+            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
 
     def _run_to_its_end(self, side: Side, name: str) -> None:
         self._write(side, "routine_name_input", name)
@@ -103,8 +101,7 @@ class RapidRoutines:
             self._run_with_file(side, "runModuleUnload", path)
             if self._has_module(side, module):
                 raise CommandRefused(
-                    f"Task {side.task} has a module {module} from another file; unload it on the pendant, or rename "
-                    "yours."
+                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
                 )
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
