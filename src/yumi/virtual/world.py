@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yumi.controller_files
 import yumi.virtual
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
@@ -29,6 +30,7 @@ class WorldSettings:
     Attributes:
         robot_name: name of controller and system.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
+        gripper_modules: what each hand is made of; servo alone for an arm that is left out.
         positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
         arm_model: dynamics of both arms.
         egm_host: address the arms send their datagrams to.
@@ -40,6 +42,7 @@ class WorldSettings:
 
     robot_name: str = "YuMi"
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
+    gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
     positions: Mapping[Side, Joints] = field(default_factory=dict)
     arm_model: ArmModel = field(default_factory=ArmModel)
     egm_host: str = "127.0.0.1"
@@ -103,7 +106,8 @@ class World:
 
 def _station(side: Side, settings: WorldSettings) -> Station:
     arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
-    gripper = VirtualGripper(settings.workpieces.get(side), is_calibrated=settings.grippers_are_calibrated)
+    modules = settings.gripper_modules.get(side, GripperModules.SERVO)
+    gripper = VirtualGripper(settings.workpieces.get(side), modules, is_calibrated=settings.grippers_are_calibrated)
     return Station(arm, EgmClient(arm, settings.egm), gripper)
 
 
