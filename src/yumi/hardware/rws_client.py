@@ -6,21 +6,24 @@ One client holds one session: build it, ``connect`` and ``close`` it, or use it 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.hardware.rws_session import Link, RwsSession
+from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.links.http import HttpLink, HttpReply
 from yumi.robot.joints import Joints
 from yumi.rws import replies, requests
 from yumi.rws.pages import Page
-from yumi.rws.replies import Event, ModuleInfo, Signal, SystemInfo, TaskInfo
+from yumi.rws.replies import Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
 from yumi.rws.representations import read_page
 from yumi.rws.requests import Request
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.subscriptions import Resource
 
 T = TypeVar("T")
 
@@ -144,6 +147,10 @@ class RwsClient:
         """Move the program pointer of every selected task to ``main``; RAPID must be stopped."""
         self._do(requests.move_pp_to_main(), "moving the program pointers to main")
 
+    def restart(self) -> None:
+        """Warm restart: every connection and session ends, and the controller does not answer for some time."""
+        self._do(requests.restart(), "restarting the controller")
+
     def tasks(self) -> tuple[TaskInfo, ...]:
         """The RAPID tasks, in the controller's order."""
         return self._read(requests.get_tasks(), replies.tasks, "reading the RAPID tasks")
@@ -151,6 +158,52 @@ class RwsClient:
     def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
         return self._read(requests.get_modules(task), replies.modules, f"reading the modules of {task}")
+
+    def load_module(self, task: str, path: str, replace: bool = True) -> None:
+        """Load a file of the controller, such as ``HOME:/pick.mod``, as a module of ``task``.
+
+        RAPID must be stopped; while it runs, a RAPID program loads modules itself (``runModuleLoad`` of the state
+        machine).
+
+        Args:
+            task: such as ``T_ROB_R``.
+            path: the file as RAPID names it.
+            replace: whether it may take the place of a module of the same name.
+        """
+        with self._mastership("rapid"):
+            self._do(requests.load_module(task, path, replace=replace), f"loading {path} into {task}")
+
+    def unload_module(self, task: str, name: str) -> None:
+        """Remove a module from ``task``; RAPID must be stopped."""
+        with self._mastership("rapid"):
+            self._do(requests.unload_module(task, name), f"unloading {name} from {task}")
+
+    def upload(self, path: str, text: str) -> None:
+        """Create or replace a file such as ``HOME:/pick.mod``; RAPID's files are Latin-1.
+
+        Raises:
+            CommandRefused: the text has characters that such a file cannot hold.
+        """
+        try:
+            content = text.encode("latin-1")
+        except UnicodeEncodeError as error:
+            wrong = text[error.start]
+            raise CommandRefused(f"RAPID files hold Latin-1 only; {path} cannot have {wrong!r} in it.") from error
+        self._do(requests.put_file(path, content), f"writing {path}")
+
+    def download(self, path: str) -> str:
+        """Content of a file such as ``HOME:/pick.mod``."""
+        reply = self._session.exchange(requests.get_file(path))
+        self._accepted(reply, f"reading {path}")
+        return reply.body.decode("latin-1")
+
+    def files(self, path: str) -> tuple[FileInfo, ...]:
+        """What is in a directory such as ``HOME:/yumi``."""
+        return self._read(requests.get_file(path.rstrip("/") + "/"), replies.files, f"listing {path}")
+
+    def delete_file(self, path: str) -> None:
+        """Remove a file, or a directory with all that is in it."""
+        self._do(requests.delete_file(path), f"removing {path}")
 
     def symbol(self, task: str, module: str, name: str) -> str:
         """Value of a RAPID symbol as its literal; ``yumi.rws.rapid_values`` decodes it."""
@@ -190,6 +243,29 @@ class RwsClient:
                     f"Signal {name} of {self.address} does not keep the value {level}; find what else writes it."
                 )
 
+    def subscribe(self, resources: Sequence[Resource], on_change: OnChange, on_lost: OnLost) -> Subscription:
+        """Be told of every change of ``resources``, over a WebSocket, as soon as their priority allows.
+
+        A controller gives a session two subscriptions at most; ``close`` one that is no longer needed.
+
+        Args:
+            resources: see :mod:`yumi.rws.subscriptions`.
+            on_change: told the present values before this call returns, then each change on a thread of the
+                subscription's own; it must not ask the controller anything there.
+            on_lost: told once, in a sentence, when nothing more will come since the connection or the session has
+                ended; subscribe again. Not after ``close``.
+
+        Raises:
+            CommandRefused: there is no resource.
+        """
+        if not resources:
+            raise CommandRefused("A subscription needs a resource; name at least one.")
+        reply = self._session.exchange(requests.subscribe(resources))
+        self._accepted(reply, "subscribing")
+        subscription = Subscription(self._session, resources, on_change, on_lost)
+        subscription.open(reply)
+        return subscription
+
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
         target = self._read(requests.get_joint_target(unit), replies.joint_target, f"reading the joints of {unit}")
@@ -207,6 +283,19 @@ class RwsClient:
             if len(page) < size:
                 break
         return found[:count]
+
+    def clear_events(self, domain: int = 0) -> None:
+        """Empty an event log; domain 0 empties all."""
+        self._do(requests.clear_events(domain), f"clearing the event log {domain}")
+
+    @contextmanager
+    def _mastership(self, domain: str) -> Iterator[None]:
+        """The right to change programs; whoever forgets to give it back locks the FlexPendant out."""
+        self._do(requests.request_mastership(domain), f"requesting the mastership of {domain}")
+        try:
+            yield
+        finally:
+            self._session.exchange(requests.release_mastership(domain))
 
     def _read(self, request: Request, parse: Callable[[Page], T], what: str) -> T:
         return parse(self._page(self._session.exchange(request), what))

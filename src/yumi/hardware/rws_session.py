@@ -19,7 +19,8 @@ from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
 from yumi.hardware.rws_pace import RequestPace
 from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.rws import digest, forms
+from yumi.links.web_socket import Listener
+from yumi.rws import digest
 from yumi.rws.login import Headers, Login
 from yumi.rws.requests import Request
 
@@ -35,6 +36,14 @@ class Link(Protocol):
     def address(self) -> str: ...
 
     def exchange(self, request: HttpRequest, timeout: float) -> HttpReply: ...
+
+    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> Socket: ...
+
+    def close(self) -> None: ...
+
+
+class Socket(Protocol):
+    """An open WebSocket; :class:`yumi.links.web_socket.WebSocket` is one."""
 
     def close(self) -> None: ...
 
@@ -74,6 +83,16 @@ class RwsSession:
         finally:
             self._lock.release()
 
+    def open_socket(self, target: str, listener: Listener) -> Socket:
+        """A WebSocket that belongs to this session, on a connection of its own.
+
+        Raises:
+            NoConnection: nothing answered in time.
+            ControllerRefused: what answers does not open a WebSocket.
+        """
+        self._pace.wait()
+        return self._link.open_socket(HttpRequest("GET", target, self._login.headers()), listener, self._timeout)
+
     def close(self) -> None:
         """Close the connection and forget the session; the controller keeps it until its time is up."""
         self._login.forget()
@@ -109,7 +128,7 @@ class RwsSession:
         left = deadline - self._clock.now()
         if left <= 0.0:
             raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")
-        kind = () if request.form is None else (("Content-Type", forms.CONTENT_TYPE),)
+        kind = () if request.content_type is None else (("Content-Type", request.content_type),)
         message = HttpRequest(request.method, request.target, headers + kind, request.body)
         reply = self._link.exchange(message, left)
         self._login.accept(reply.headers)

@@ -17,8 +17,7 @@ import httpx
 
 from yumi.clock import Clock, SystemClock
 from yumi.errors import NoConnection, ProtocolError, SettingsError
-
-Headers = tuple[tuple[str, str], ...]
+from yumi.links.web_socket import Headers, Listener, WebSocket
 
 _HOST = re.compile(r"[0-9A-Za-z._-]+|[0-9a-f:.]+(%[\w.-]+)?")  # a name, IPv4, or IPv6
 _KEEP_ALIVE = 280.0  # [s]; below the five minutes after which a controller forgets an idle session
@@ -100,6 +99,17 @@ class HttpLink:
             finally:
                 response.close()
         return HttpReply(response.status_code, tuple(response.headers.multi_items()), body)
+
+    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> WebSocket:
+        """A WebSocket at the target of ``request``, on a connection of its own.
+
+        Raises:
+            NoConnection: nothing answers at the address in time.
+            ControllerRefused: what answers does not open a WebSocket.
+        """
+        socket = WebSocket(self.address, request.target, request.headers, listener)
+        socket.open(timeout)
+        return socket
 
     def close(self) -> None:
         """Close the connection; another exchange opens a new one."""

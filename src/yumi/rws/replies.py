@@ -86,7 +86,17 @@ class JointTarget:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One message of the event log; ``time`` is the controller's local time as it prints it."""
+    """One message of the event log.
+
+    Attributes:
+        number: of the message; it rises with each.
+        type: its weight.
+        code: ABB's number of the event.
+        time: the controller's local time as it prints it.
+        title: one line.
+        description: what happened, in ABB's words.
+        arguments: what the controller put into those words.
+    """
 
     number: int
     type: EventType
@@ -94,6 +104,15 @@ class Event:
     time: str
     title: str
     description: str
+    arguments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One entry of a directory; ``size`` [byte] is None for a directory."""
+
+    name: str
+    size: int | None
 
 
 def system(page: Page) -> SystemInfo:
@@ -169,6 +188,11 @@ def events(page: Page) -> tuple[Event, ...]:
     return tuple(map(_event, page.of_type("elog-message-li", "elog-message")))
 
 
+def files(page: Page) -> tuple[FileInfo, ...]:
+    """``/fileservice/{directory}``."""
+    return tuple(map(_file, page.of_type("fs-dir", "fs-file")))
+
+
 def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
     """The error for an answer that says no; ``what`` is the request in a few words."""
     known = _status(content_type, body)
@@ -196,6 +220,10 @@ def _task(state: State) -> TaskInfo:
     )
 
 
+def _file(state: State) -> FileInfo:
+    return FileInfo(state.title, int(_number(state, "fs-size")) if state.type == "fs-file" else None)
+
+
 def _event(state: State) -> Event:
     return Event(
         number=int(_last_number(state.title)),
@@ -204,6 +232,7 @@ def _event(state: State) -> Event:
         time=state.text("tstamp"),
         title=state.text("title"),
         description=state.text("desc"),
+        arguments=tuple(argument.value for argument in state.arguments),
     )
 
 

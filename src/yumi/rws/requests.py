@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from urllib.parse import quote
 
 from yumi.rws import forms
 from yumi.rws.forms import Pairs
 from yumi.rws.states import ControllerState
+from yumi.rws.subscriptions import Resource, write_resources
 
 _PATH_SAFE = "/;:$@-._~"
 
@@ -21,12 +23,14 @@ class Request:
         path: resource, unescaped.
         query: parameters in the URL.
         form: parameters in the body; None for a request without a body.
+        content: a file in the body instead of a form.
     """
 
     method: str
     path: str
     query: Pairs = ()
     form: Pairs | None = None
+    content: bytes | None = None
 
     @property
     def target(self) -> str:
@@ -36,13 +40,20 @@ class Request:
 
     @property
     def body(self) -> bytes:
-        """The form, encoded."""
-        return forms.encode(self.form or ()).encode("ascii")
+        """The file, or the form, encoded."""
+        return forms.encode(self.form or ()).encode("ascii") if self.content is None else self.content
+
+    @property
+    def content_type(self) -> str | None:
+        """What the body is; None for a request without one."""
+        if self.content is not None:
+            return "application/octet-stream"
+        return None if self.form is None else forms.CONTENT_TYPE
 
     @property
     def is_repeatable(self) -> bool:
         """Whether asking twice does no more than asking once."""
-        return self.method == "GET"
+        return self.method in ("GET", "PUT")
 
 
 def get(path: str, *query: tuple[str, str]) -> Request:
@@ -152,6 +163,69 @@ def get_events(domain: int, limit: int, page: int = 1) -> Request:
         ("start", str(page)),
         ("limit", str(limit)),
     )
+
+
+def clear_events(domain: int) -> Request:
+    """Empty one event log; domain 0 holds all."""
+    return post(f"/rw/elog/{domain}", "clear")
+
+
+def restart() -> Request:
+    """Warm restart: everybody is cut off, programs and configuration stay."""
+    return post("/rw/panel", "restart", ("restart-mode", "restart"))
+
+
+def get_mastership(domain: str) -> Request:
+    return get(f"/rw/mastership/{domain}")
+
+
+def request_mastership(domain: str) -> Request:
+    """The right to change what ``domain`` stands for: ``cfg``, ``motion`` or ``rapid``."""
+    return post(f"/rw/mastership/{domain}", "request")
+
+
+def release_mastership(domain: str) -> Request:
+    return post(f"/rw/mastership/{domain}", "release")
+
+
+def load_module(task: str, path: str, *, replace: bool) -> Request:
+    """Load a file such as ``HOME:/yumi/pick.mod`` as a module of ``task``."""
+    place = f"/rw/rapid/tasks/{task}"
+    return post(place, "loadmod", ("modulepath", path), ("replace", "true" if replace else "false"))
+
+
+def unload_module(task: str, module: str) -> Request:
+    return post(f"/rw/rapid/tasks/{task}", "unloadmod", ("module", module))
+
+
+def get_file(path: str) -> Request:
+    """The content of a file, or the list of a directory; ``path`` such as ``HOME:/yumi/pick.mod``."""
+    return get(_file_service(path))
+
+
+def put_file(path: str, content: bytes) -> Request:
+    """Create a file, or replace its content."""
+    return Request("PUT", _file_service(path), content=content)
+
+
+def delete_file(path: str) -> Request:
+    """Remove a file or a directory."""
+    return Request("DELETE", _file_service(path))
+
+
+def _file_service(path: str) -> str:
+    """Where RAPID's ``HOME:/pick.mod`` is on the network; the device's name stands behind ``$`` there."""
+    device, _, rest = path.partition(":")
+    return f"/fileservice/${device.lower()}/{rest.lstrip('/')}"
+
+
+def subscribe(resources: Sequence[Resource]) -> Request:
+    """A new group of resources to be told about."""
+    return Request("POST", "/subscription", form=write_resources(resources))
+
+
+def unsubscribe(group: int) -> Request:
+    return Request("DELETE", f"/subscription/{group}")
 
 
 def log_out() -> Request:

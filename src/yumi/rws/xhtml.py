@@ -28,7 +28,7 @@ _ARGUMENT = re.compile(r"arg\d+")
 
 def write_page(page: Page) -> str:
     """The page on one line after the XML declaration; clients match it line by line."""
-    states = "".join(map(_item, page.states))
+    states = "".join(map(write_item, page.states))
     content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
     return _document(page.title, page.base, content)
 
@@ -68,30 +68,32 @@ def read_status(body: bytes) -> Status:
 
 
 def _document(title: str, base: str, content: str) -> str:
-    head = f'<head><title>{_escaped(title)}</title><base href="{_escaped(base)}"/></head>'
+    head = f'<head><title>{escaped(title)}</title><base href="{escaped(base)}"/></head>'
     return f'{_XML}\n<html xmlns="{_XMLNS}">{head}<body>{content}</body></html>'
 
 
-def _item(state: State) -> str:
+def write_item(state: State) -> str:
+    """A state as an item of a list."""
     spans = "".join(_span(name, text) for name, text in state.fields.items())
     arguments = "".join(
-        f'<span class="arg{number}" type="{_escaped(argument.type)}">{_escaped(argument.value)}</span>'
+        f'<span class="arg{number}" type="{escaped(argument.type)}">{escaped(argument.value)}</span>'
         for number, argument in enumerate(state.arguments, start=1)
     )
-    children = f"<ul>{''.join(map(_item, state.children))}</ul>" if state.children else ""
-    head = f'<li class="{_escaped(state.type)}" title="{_escaped(state.title)}">'
+    children = f"<ul>{''.join(map(write_item, state.children))}</ul>" if state.children else ""
+    head = f'<li class="{escaped(state.type)}" title="{escaped(state.title)}">'
     return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
 
 
 def _anchors(links: tuple[Link, ...]) -> str:
-    return "".join(f'<a href="{_escaped(link.href)}" rel="{_escaped(link.rel)}"/>' for link in links)
+    return "".join(f'<a href="{escaped(link.href)}" rel="{escaped(link.rel)}"/>' for link in links)
 
 
 def _span(name: str, text: str) -> str:
-    return f'<span class="{_escaped(name)}">{_escaped(text)}</span>'
+    return f'<span class="{escaped(name)}">{escaped(text)}</span>'
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """``text`` as it may stand in a document."""
     return "".join(_ENTITIES.get(character, character) for character in _ILLEGAL.sub("\ufffd", text))
 
 

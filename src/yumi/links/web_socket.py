@@ -1,0 +1,140 @@
+"""The client's end of a WebSocket: a thread of its own hands over every text that comes."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import aiohttp
+
+from yumi.errors import ControllerRefused, NoConnection
+
+Headers = tuple[tuple[str, str], ...]
+
+HEARTBEAT = 10.0
+"""The peer is asked so often whether it lives; without an answer within half of it, it is lost [s]."""
+
+_CLOSE_TIMEOUT = 1.0
+_MAX_TEXT = 1024 * 1024
+
+
+_Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[Literal[True]]"
+
+
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """Who hears what comes on a WebSocket; called on the socket's thread.
+
+    Attributes:
+        protocol: the sub-protocol that is spoken.
+        on_text: told each message.
+        on_lost: told once why nothing more will come; never after ``close``.
+    """
+
+    protocol: str
+    on_text: Callable[[str], None]
+    on_lost: Callable[[str], None]
+
+
+class WebSocket:
+    """A WebSocket at ``address``; ``open`` it once, ``close`` it when done.
+
+    Args:
+        address: host and port.
+        target: path on it.
+        headers: what the request carries beside those of the protocol.
+        listener: who hears what comes.
+    """
+
+    def __init__(self, address: str, target: str, headers: Headers, listener: Listener) -> None:
+        self._address = address
+        self._target = target
+        self._headers = headers
+        self._listener = listener
+        self._is_closed = False
+        self._loop: Future[asyncio.AbstractEventLoop] = Future()
+        self._ending = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="web-socket", daemon=True)
+
+    def open(self, timeout: float) -> None:
+        """Connect, within ``timeout`` [s].
+
+        Raises:
+            NoConnection: nothing answers at the address in time.
+            ControllerRefused: what answers does not open a WebSocket.
+        """
+        self._timeout = timeout
+        self._thread.start()
+        self._loop.result()
+
+    def close(self) -> None:
+        """End the connection; the listener is told nothing more."""
+        self._is_closed = True
+        try:
+            self._loop.result().call_soon_threadsafe(self._ending.set)
+        except RuntimeError:
+            return  # its thread has ended already
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar()) as session:
+            try:
+                socket = await asyncio.wait_for(self._connect(session), self._timeout)
+            except Exception as error:  # whatever it is, somebody waits for it
+                self._loop.set_exception(self._why_not(error))
+                return
+            self._loop.set_result(asyncio.get_running_loop())
+            try:
+                await self._hear(socket)
+            finally:
+                if not self._is_closed:
+                    self._is_closed = True
+                    self._listener.on_lost(f"{self._address} has closed the WebSocket ({_reason(socket)}).")
+
+    async def _connect(self, session: aiohttp.ClientSession) -> _Socket:
+        return await session.ws_connect(
+            f"http://{self._address}{self._target}",
+            protocols=(self._listener.protocol,),
+            headers=list(self._headers),
+            timeout=aiohttp.ClientWSTimeout(ws_close=_CLOSE_TIMEOUT),
+            heartbeat=HEARTBEAT,
+            max_msg_size=_MAX_TEXT,
+        )
+
+    async def _hear(self, socket: _Socket) -> None:
+        closing = asyncio.create_task(self._close_on_request(socket))
+        try:
+            async for message in socket:
+                if message.type is aiohttp.WSMsgType.TEXT and not self._is_closed:
+                    self._listener.on_text(message.data)
+        finally:
+            closing.cancel()
+
+    async def _close_on_request(self, socket: _Socket) -> None:
+        await self._ending.wait()
+        await socket.close()
+
+    def _why_not(self, error: Exception) -> Exception:
+        if isinstance(error, aiohttp.WSServerHandshakeError):
+            return ControllerRefused(
+                f"{self._address} does not open a WebSocket at {self._target}: it answers HTTP {error.status}.",
+                status=error.status,
+            )
+        if isinstance(error, asyncio.TimeoutError):
+            return NoConnection(f"{self._address} did not open a WebSocket within {self._timeout:.1f} s.")
+        if isinstance(error, aiohttp.ClientError | OSError):
+            return NoConnection(f"The WebSocket of {self._address} cannot be reached ({error}).")
+        return error
+
+
+def _reason(socket: _Socket) -> str:
+    error = socket.exception()
+    return str(error) if error is not None else f"code {socket.close_code}"
