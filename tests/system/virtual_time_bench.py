@@ -19,12 +19,15 @@ from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
-from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.gripper import Gripper
+from yumi.hardware.gripper_routines import GripperRoutines
+from yumi.hardware.hand_io import HandIo
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
 from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.gripper import Workpiece
@@ -95,10 +98,11 @@ class System(ManualClock):
         is_powered: whether the controller runs; set it to False for a power cut.
     """
 
-    def __init__(self, *, object_width: float = 0.02) -> None:
+    def __init__(self, *, object_width: float = 0.02, modules: GripperModules = GripperModules.TWO_VACUUMS) -> None:
         super().__init__()
         self.is_powered = True
-        self.world = World(WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)}))
+        workpieces = {Side.LEFT: Workpiece(object_width)}
+        self.world = World(WorldSettings(workpieces=workpieces, gripper_modules=dict.fromkeys(Side, modules)))
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self.arms = {side: DriverArm(side, ends[side][0]) for side in Side}
@@ -107,7 +111,7 @@ class System(ManualClock):
         self.steps: list[str] = []
         self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)
         routines = GripperRoutines(self.client, self)
-        self.grippers = {side: Gripper(side, self.client, routines, self, 10.0) for side in Side}
+        self.grippers = {side: Gripper(HandIo(side, self.client, None, modules), routines, self, 10.0) for side in Side}
 
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""
