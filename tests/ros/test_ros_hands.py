@@ -58,7 +58,7 @@ class Robot(System):
 
     def reading(self, side: Side) -> HandReading:
         signals, suffix = self.world.controller.signals, side.name[0]
-        return read_hand(lambda name: signals.get(f"{name}_{suffix}").value, GripperModules.VACUUM)
+        return read_hand(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
 
 
 class Hand:

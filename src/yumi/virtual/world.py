@@ -19,6 +19,7 @@ from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
 from yumi.virtual.irc5 import Irc5
 from yumi.virtual.station import Station
+from yumi.virtual.vacuum_cup import CupObject
 
 _HOME = "HOME:/yumi/"
 
@@ -31,6 +32,7 @@ class WorldSettings:
         robot_name: name of controller and system.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
         gripper_modules: what each hand is made of; servo alone for an arm that is left out.
+        cup_objects: what lies under the cups of each hand's vacuum modules; an arm that is left out finds nothing.
         positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
         arm_model: dynamics of both arms.
         egm_host: address the arms send their datagrams to.
@@ -43,6 +45,7 @@ class WorldSettings:
     robot_name: str = "YuMi"
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
     gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
+    cup_objects: Mapping[Side, CupObject] = field(default_factory=dict)
     positions: Mapping[Side, Joints] = field(default_factory=dict)
     arm_model: ArmModel = field(default_factory=ArmModel)
     egm_host: str = "127.0.0.1"
@@ -108,6 +111,8 @@ def _station(side: Side, settings: WorldSettings) -> Station:
     arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
     modules = settings.gripper_modules.get(side, GripperModules.SERVO)
     gripper = VirtualGripper(settings.workpieces.get(side), modules, is_calibrated=settings.grippers_are_calibrated)
+    for cup in gripper.cups.values():
+        cup.under = settings.cup_objects.get(side)
     return Station(arm, EgmClient(arm, settings.egm), gripper)
 
 
