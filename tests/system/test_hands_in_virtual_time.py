@@ -209,9 +209,16 @@ def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: Grippe
         gripper.vacuum.switch(channel, is_on=True)
     for channel in {1, 2} - set(modules.vacuum_channels):
         with pytest.raises(
-            CommandRefused, match=rf"not vacuum {channel}: it is configured as {re.escape(modules.value)}\."
+            CommandRefused,
+            match=rf"it is configured as {re.escape(modules.value)}\. If it has vacuum {channel}, set gripper.left",
         ):
             gripper.vacuum.switch(channel, is_on=True)
+
+
+@pytest.mark.parametrize("channel", [0, 3])
+def test_vacuum_that_no_hand_has_is_refused(left: Gripper, channel: int) -> None:
+    with pytest.raises(CommandRefused, match=f"A gripper has vacuum 1 and 2 at most, not {channel}"):
+        left.vacuum.switch(channel, is_on=True)
 
 
 def guided_motion(commands: Callable[[System], None]) -> DriverArm:

@@ -54,14 +54,16 @@ class Vacuum:
         Raises:
             CommandRefused: the hand has no such module.
         """
+        if channel not in CHANNELS:
+            raise CommandRefused(f"A gripper has vacuum 1 and 2 at most, not {channel}.")
         channels = self._io.modules.vacuum_channels
         if channel in channels:
             return
         side = self._io.side.word
-        has = f"vacuum {' and '.join(map(str, channels))}" if channels else "no vacuum"
+        has = f"vacuum {channels[0]} only" if channels else "no vacuum"
         raise CommandRefused(
-            f"The {side} gripper has {has}, not vacuum {channel}: it is configured as {self._io.modules.value}. If it "
-            f"has one, set gripper.{side} in yumi.yaml."
+            f"The {side} gripper has {has}: it is configured as {self._io.modules.value}. If it has vacuum {channel}, "
+            f"set gripper.{side} in yumi.yaml."
         )
 
     def switch(self, channel: int, *, is_on: bool) -> None:
