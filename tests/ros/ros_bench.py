@@ -17,9 +17,7 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 
 from yumi.links.command import Command
-from yumi.links.http import HttpLink, HttpRequest
 from yumi.links.udp import free_port
-from yumi.rws.forms import CONTENT_TYPE
 
 TIMEOUT = 30.0
 
@@ -47,16 +45,6 @@ class Robot:
         assert self._command is not None
         self._command.kill()
         self._command = None
-
-    def happen(self, fault: str, side: str) -> None:
-        """Something happens to one arm, as ``yumi fault`` has it."""
-        link = HttpLink(f"127.0.0.1:{self.rws_port}")
-        headers = (("Content-Type", CONTENT_TYPE),)
-        reply = link.exchange(
-            HttpRequest("POST", f"/virtual/faults/{fault}", headers, f"side={side}".encode()), TIMEOUT
-        )
-        link.close()
-        assert reply.status == 204, reply.body
 
     def stop(self) -> None:
         if self._command is not None:

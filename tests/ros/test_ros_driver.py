@@ -9,10 +9,9 @@ from statistics import median
 from typing import Any
 
 import pytest
-from action_msgs.msg import GoalStatus
 from control_msgs.action import GripperCommand
 from control_msgs.msg import GripperCommand as CommandMessage
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client, Robot
@@ -183,28 +182,6 @@ def grip(client: Client, side: Side, position: float) -> Any:
     client.until(ended.done)
     action.destroy()
     return ended.result()
-
-
-def test_object_that_is_lost_is_told_at_once_and_the_hand_goes_on(guided: Client, robot: Robot) -> None:
-    states: list[Any] = []
-    guided.node.create_subscription(JointState, "l/gripper/joint_states", states.append, 100)
-    grip(guided, Side.LEFT, 0.025)
-    assert grip(guided, Side.LEFT, 0.0).result.effort == 10.0
-    guided.until(lambda: bool(states) and states[-1].effort[0] == 10.0)
-    robot.happen("object-lost", "left")
-    guided.until(lambda: states[-1].effort[0] == 0.0)
-    assert grip(guided, Side.LEFT, 0.0).result.reached_goal
-
-
-def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(guided: Client, robot: Robot) -> None:
-    states: list[Any] = []
-    guided.node.create_subscription(DiagnosticStatus, "r/gripper/state", states.append, 1)
-    robot.happen("gripper-not-calibrated", "right")
-    guided.until(lambda: any(state.message == "not calibrated; call calibrate" for state in states))
-    assert grip(guided, Side.RIGHT, 0.025).status == GoalStatus.STATUS_ABORTED
-    guided.until(guided.hears("The right gripper is not calibrated; calibrate it first"))
-    assert guided.call(Trigger, "r/gripper/calibrate").success
-    assert grip(guided, Side.RIGHT, 0.025).result.reached_goal
 
 
 def test_vacuum_that_the_hand_does_not_have_is_refused(client: Client) -> None:

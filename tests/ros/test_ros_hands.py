@@ -26,6 +26,7 @@ from yumi.robot.hand import HandReading, read_hand
 from yumi.robot.joints import Side, finger_names
 from yumi.ros.hands import HandParts, Hands
 from yumi.settings import GripperSettings
+from yumi.virtual.fault_names import Fault
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.vacuum_cup import CupObject
 
@@ -237,9 +238,31 @@ def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.robot.reading(Side.LEFT).position == 0.0
 
 
+def test_object_that_is_lost_is_told_and_the_hand_goes_on(hand: Hand) -> None:
+    states = hand.hear(JointState, "joint_states")
+    hand.virtual.workpiece = Workpiece(0.02)
+    assert hand.result(hand.command(0.0, 9.0)).result.effort == 9.0
+    hand.client.until(lambda: bool(states) and states[-1].effort[0] == 9.0)
+    hand.robot.faults.happen(Fault.OBJECT_LOST, Side.LEFT)
+    hand.robot.wait(1.0)
+    hand.client.until(lambda: (states[-1].effort[0], states[-1].position[0]) == (0.0, 0.0))
+    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+
+
+def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand: Hand) -> None:
+    states = hand.hear(DiagnosticStatus, "state", 1)
+    hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    hand.robot.wait(CYCLE)
+    hand.client.until(lambda: any(state.message == "not calibrated; call calibrate" for state in states))
+    assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
+    hand.client.until(hand.client.hears("The left gripper is not calibrated; calibrate it first"))
+    assert hand.trigger("calibrate").success
+    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+
+
 def test_error_is_cleared_by_its_service_and_shown_in_the_state(hand: Hand) -> None:
     states = hand.hear(DiagnosticStatus, "state", 1)
-    hand.virtual.fail(7)
+    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
     hand.client.until(lambda: any(state.message.startswith("error 7; look at the event log") for state in states))
     assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED

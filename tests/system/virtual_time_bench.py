@@ -30,6 +30,7 @@ from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
+from yumi.virtual.fault_desk import FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
@@ -95,6 +96,7 @@ class System(ManualClock):
     """World, wire and driver; the clock of everything.
 
     Attributes:
+        faults: what may happen to it.
         is_powered: whether the controller runs; set it to False for a power cut.
     """
 
@@ -107,6 +109,7 @@ class System(ManualClock):
         self._robot_ends = {side: ends[side][1] for side in Side}
         self.arms = {side: DriverArm(side, ends[side][0]) for side in Side}
         adapter = RwsAdapter(self.world.controller, user="Default User", password="robotics")
+        self.faults = FaultDesk(self.world, adapter)
         self.client = RwsClient(MemoryHttp(adapter, self), clock=self)
         self.steps: list[str] = []
         self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)

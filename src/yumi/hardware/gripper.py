@@ -66,7 +66,7 @@ class Gripper:
         self._timeout = timeout
         self._usual_speed = usual_speed
         self._speed: float | None = None  # as it was written last
-        self._stands_since = self._stood = 0.0  # the fingers, as far as they were looked at
+        self._looked_at = self._stands_since = self._stood = 0.0  # the fingers, as far as they were looked at
         self._is_stopped = False
 
     def reading(self) -> HandReading:
@@ -229,15 +229,23 @@ class Gripper:
 
     def _look_at_fingers(self) -> None:
         """See for how long they have been where they are."""
-        before, now = self.last_position, self._clock.now()
-        if self.position() != before:
+        before, now = self._looked_at, self._clock.now()
+        self._looked_at = self.position()
+        if self._looked_at != before:
             self._stands_since = now
         self._stood = now - self._stands_since
 
     def _is_stalled(self, order: HandOrder, state: HandState) -> bool:
         """A hand gives up by itself, too; an error of fingers that moved has another cause."""
         is_there = abs(self.last_position - order.position) <= ALLOWANCE
-        return self._stood >= STALL_TIME or (state is HandState.ERROR and self._stood >= _JAMMED and not is_there)
+        if state is HandState.ERROR:
+            return self._stood >= _JAMMED and not is_there
+        return self._stood >= STALL_TIME and self._do_fingers_stand()
+
+    def _do_fingers_stand(self) -> bool:
+        """What was told may have been held up on its way: ask."""
+        before, self.last_position = self.last_position, position_of(self._io.ask("hand_ActualPosition"))
+        return self.last_position == before and self._io.ask("hand_ActualSpeed") == 0
 
     def _let_go(self, state: HandState) -> None:
         """Stop pushing against what is in the way."""

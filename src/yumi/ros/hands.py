@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 
-from yumi.errors import YumiError
+from yumi.errors import NoConnection, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_signals import HandSignals
 from yumi.robot.hand import HandReading
@@ -139,6 +139,9 @@ class Hands:
                 self._parts.signals.keep_open()
                 self._asked.clear()
                 self._tell("")
+            except NoConnection as error:
+                self._asked.clear()
+                self._tell(f"Nothing is known of the grippers: {error}")
             except YumiError as error:
                 self._tell(f"The controller does not tell of the grippers by itself, they are asked: {error}")
                 self._ask(sides)

@@ -59,7 +59,8 @@ class Robot:
     def show(self, side: Side, state: float, position: float = 0.0) -> None:
         letter = side.name[0]
         self.signals |= {f"hand_SysState_{letter}": state, f"hand_ActualPosition_{letter}": round(position * 1e4)}
-        self.signals |= {f"hand_StatusCalibrated_{letter}": 1, f"hand_SysError_{letter}": 0}
+        self.signals |= {f"hand_{name}_{letter}": 0.0 for name in ("SysError", "ActualSpeed")}
+        self.signals[f"hand_StatusCalibrated_{letter}"] = 1
 
 
 class TellingClock(ManualClock):
@@ -100,6 +101,19 @@ class Told(HandSignals):
             (Side.LEFT, "hand_ActualPosition"): position * 1e4,
             (Side.LEFT, "hand_StatusCalibrated"): 1.0,
         }
+
+
+def test_fingers_that_are_told_of_late_are_not_stalled(robot: Robot) -> None:
+    def move_on() -> None:
+        robot.show(Side.LEFT, HandState.FREE_MOVE_TO_MAX_POS, min(TRAVEL, clock.now() * 0.01))
+        if clock.now() > 2.0:
+            robot.show(Side.LEFT, HandState.ACTION_COMPLETED, TRAVEL)
+            told.show(HandState.ACTION_COMPLETED, TRAVEL)
+
+    clock = TellingClock(move_on)
+    told = Told(HandState.FREE_MOVE_TO_MAX_POS, 0.005)
+    gripper = Gripper(HandIo(Side.LEFT, robot, told), GripperRoutines(robot, clock), clock, 10.0)
+    assert gripper.wait(go_to(TRAVEL)) is Outcome.OPEN
 
 
 def test_other_hand_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
