@@ -32,10 +32,9 @@ def system() -> System:
 
 
 @pytest.fixture
-def calibrated(system: System) -> System:
-    for gripper in system.grippers.values():
-        assert gripper.calibrate_if_needed()
-        assert not gripper.calibrate_if_needed()
+def calibrated() -> System:
+    system = System(are_calibrated=True)
+    system.bringup.make_ready()
     return system
 
 
@@ -54,6 +53,14 @@ def right(calibrated: System) -> Gripper:
 def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
     gripper.begin(order)
     return gripper.wait(order)
+
+
+def test_gripper_is_calibrated_only_where_it_is_needed(system: System) -> None:
+    gripper = system.grippers[Side.RIGHT]
+    assert gripper.calibrate_if_needed()
+    assert not gripper.calibrate_if_needed()
+    gripper.calibrate()
+    assert (gripper.is_calibrated(), gripper.position()) == (True, 0.0)
 
 
 def test_gripper_holds_an_object_and_knows_its_width(left: Gripper) -> None:
@@ -199,10 +206,9 @@ def test_vacuum_of_an_uncalibrated_hand_is_refused_and_stays_off(system: System)
 
 @pytest.mark.parametrize("modules", list(GripperModules))
 def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
-    system = System(modules=modules)
+    system = System(modules=modules, are_calibrated=True)
     system.bringup.make_ready()
     gripper = system.grippers[Side.LEFT]
-    gripper.calibrate()
     reading = gripper.reading()
     assert (reading.is_camera_linked, tuple(reading.cups)) == (modules.has_camera, modules.vacuum_channels)
     for channel in modules.vacuum_channels:

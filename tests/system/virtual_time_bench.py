@@ -100,11 +100,20 @@ class System(ManualClock):
         is_powered: whether the controller runs; set it to False for a power cut.
     """
 
-    def __init__(self, *, object_width: float = 0.02, modules: GripperModules = GripperModules.TWO_VACUUMS) -> None:
+    def __init__(
+        self,
+        *,
+        object_width: float = 0.02,
+        modules: GripperModules = GripperModules.TWO_VACUUMS,
+        are_calibrated: bool = False,
+    ) -> None:
         super().__init__()
         self.is_powered = True
         workpieces = {Side.LEFT: Workpiece(object_width)}
-        self.world = World(WorldSettings(workpieces=workpieces, gripper_modules=dict.fromkeys(Side, modules)))
+        both = dict.fromkeys(Side, modules)
+        self.world = World(
+            WorldSettings(workpieces=workpieces, gripper_modules=both, grippers_are_calibrated=are_calibrated)
+        )
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self.arms = {side: DriverArm(side, ends[side][0]) for side in Side}
