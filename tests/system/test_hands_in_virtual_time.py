@@ -16,6 +16,7 @@ from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, TRAVEL, Direction, Gripper
 from yumi.robot.hand import HandOrder, go_to, grip
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
+from yumi.virtual.fault_names import Fault
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.vacuum_cup import CupObject
 
@@ -33,8 +34,10 @@ def system() -> System:
 
 @pytest.fixture
 def calibrated() -> System:
+    """With hands that the controller tells of."""
     system = System(are_calibrated=True)
     system.bringup.make_ready()
+    system.signals.keep_open()
     return system
 
 
@@ -61,6 +64,37 @@ def test_gripper_is_calibrated_only_where_it_is_needed(system: System) -> None:
     assert not gripper.calibrate_if_needed()
     gripper.calibrate()
     assert (gripper.is_calibrated(), gripper.position()) == (True, 0.0)
+
+
+def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gripper) -> None:
+    calibrated.signals.close()
+    assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+    assert done(left, OPEN) is Outcome.OPEN
+    assert done(left, CLOSE) is Outcome.HOLDING
+    assert left.last_position == pytest.approx(0.010, abs=2e-4)
+
+
+def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs(
+    calibrated: System, right: Gripper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calibrated.start_egm()
+    right.begin(go_to(TRAVEL, speed=0.0125))
+    calibrated.wait(0.1)
+    monkeypatch.setattr(calibrated.http, "exchange", lambda *_: pytest.fail("something was asked"))
+    positions = set()
+    for _ in range(60):
+        calibrated.wait(6 * CYCLE)
+        positions.add(right.reading().position)
+    assert len(positions) >= 20 * 60 * 6 * CYCLE
+
+
+def test_hand_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
+    calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
+    calibrated.wait(0.1)
+    assert calibrated.signals.reading(Side.RIGHT) is None
+    assert done(right, OPEN) is Outcome.OPEN
+    calibrated.signals.keep_open()
+    assert calibrated.signals.reading(Side.RIGHT).position == TRAVEL
 
 
 def test_gripper_holds_an_object_and_knows_its_width(left: Gripper) -> None:
@@ -138,7 +172,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
 
 
 def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
-    calibrated.world.grippers[Side.RIGHT].fail(7)
+    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
     calibrated.wait(CYCLE)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
         right.begin(OPEN)
@@ -149,13 +183,13 @@ def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right
 def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gripper) -> None:
     right.begin(OPEN)
     calibrated.wait(0.3)
-    calibrated.world.grippers[Side.RIGHT].fail(7)
+    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7"):
         right.wait(OPEN)
 
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
-    calibrated.world.grippers[Side.RIGHT].cut_power()
+    calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
     calibrated.wait(CYCLE)
     with pytest.raises(RobotNotReady, match="The right gripper is not calibrated; calibrate it first"):
         right.begin(OPEN)
@@ -231,6 +265,7 @@ def guided_motion(commands: Callable[[System], None]) -> DriverArm:
     """The left arm on its way for six seconds, with ``commands`` beside it."""
     system = System()
     system.start_egm()
+    system.signals.keep_open()
     arm, begin = system.arms[Side.LEFT], system.now()
     arm.go((*home(Side.LEFT)[:6], home(Side.LEFT)[6] + radians(60.0)))
     commands(system)
