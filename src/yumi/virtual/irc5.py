@@ -280,7 +280,7 @@ class Irc5:
         for station in self._stations.values():
             station.forget_egm()
         self.signals.restore_defaults()
-        self._gripper_inputs.clear()
+        self._gripper_signals.clear()
         self.collision_state = CollisionState.INIT
 
     def _come_up(self) -> None:
