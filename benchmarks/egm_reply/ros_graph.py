@@ -23,6 +23,7 @@ from yumi.clock import SystemClock
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.driver import RosDriver, close_ros, open_ros
+from yumi.ros.hands import HandParts
 
 BURST = 0.010
 """How long the busy callback computes [s]."""
@@ -37,7 +38,13 @@ class AbsentRobot:
     def refuse(self) -> NoReturn:
         raise RobotNotReady("There is no controller in this benchmark; only EGM is spoken.")
 
-    make_ready = start_egm = stop_egm = check_ready = describe = state = calibrate_if_needed = refuse
+    make_ready = start_egm = stop_egm = check_ready = describe = state = calibrate_if_needed = keep_open = refuse
+
+    def reading(self, side: Side) -> None:
+        """Nothing is known of its hands."""
+
+    def close(self) -> None:
+        """Nothing to close."""
 
 
 class BusyCallback:
@@ -91,8 +98,9 @@ def main() -> None:
     line = GuidedLine(settings, plan, arguments.goal)
     open_ros()
     absent = AbsentRobot()
-    grippers = dict.fromkeys(Side, absent)
-    driver = RosDriver(line.lines, absent, grippers, settings.gripper.force, settings.ros.merged_rate, SystemClock())
+    hands = HandParts(dict.fromkeys(Side, absent), absent, settings.gripper)
+    rate = settings.ros.merged_rate
+    driver = RosDriver(line.lines, plan.controllers, absent, hands, rate, SystemClock(), plan.limits)
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None

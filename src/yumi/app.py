@@ -3,8 +3,8 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, streams, joint-states-r, joint-states-l, fingers,
-                                            robot-watch, watchdog,
+                                   threads: executor, streams, joint-states-r, joint-states-l, hands, web-socket,
+                                            robot-watch, robot-state, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
@@ -47,7 +47,10 @@ from yumi.hardware.connection import RobotConnection
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.fast_line import ArmBoxes, WiredArm
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.gripper import Gripper
+from yumi.hardware.gripper_routines import GripperRoutines
+from yumi.hardware.hand_io import HandIo
+from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import RobotManager
@@ -229,6 +232,7 @@ def run_driver(
         YumiError: the robot cannot be reached or used; nothing was started.
     """
     from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
+    from yumi.ros.hands import HandParts  # noqa: PLC0415
 
     clock = SystemClock()
     robot = settings.robot
@@ -250,14 +254,15 @@ def run_driver(
         connection = RobotConnection(client, partial(bringup.check_controller, plan.addresses), manager)
         if settings.ros.autostart:
             connection.check()
-        grippers = build_grippers(client, clock, settings)
+        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
+        hands = HandParts(build_grippers(client, clock, settings, signals), signals, settings.gripper)
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
         open_ros()
         stack.callback(close_ros)
-        force, rate = settings.gripper.force, settings.ros.merged_rate
-        ros = RosDriver(fast_lines, plan.controllers, manager, connection, grippers, force, rate, clock, plan.limits)
+        rate = settings.ros.merged_rate
+        ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
         stack.callback(ros.stop)
         records = Records(settings.recorder, fast_lines.recorders, ros.say)
         stack.callback(records.close)
@@ -290,10 +295,15 @@ def only_at_robot(settings: Settings) -> Only:
     return Only(f"yumi-drives-{address}", refusal)
 
 
-def build_grippers(client: RwsClient, clock: Clock, settings: Settings) -> dict[Side, Gripper]:
-    """Both hands of a connected robot."""
-    routines = GripperRoutines(client, clock)
-    return {side: Gripper(side, client, routines, clock, settings.gripper.timeout) for side in Side}
+def build_grippers(
+    client: RwsClient, clock: Clock, settings: Settings, signals: HandSignals | None = None
+) -> dict[Side, Gripper]:
+    """Both hands of a connected robot; without ``signals`` they ask for everything."""
+    routines, own = GripperRoutines(client, clock), settings.gripper
+    return {
+        side: Gripper(HandIo(side, client, signals, own.modules(side)), routines, clock, own.timeout, own.speed)
+        for side in Side
+    }
 
 
 def _end_motion(manager: RobotManager, connection: RobotConnection, say: Callable[[str], None]) -> None:

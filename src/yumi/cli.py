@@ -23,7 +23,7 @@ from yumi.cli_fault import fault
 from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
-from yumi.robot.gripper import TRAVEL
+from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
 from yumi.settings import MAX_PORT, Settings, override, read_controllers, read_settings
 
@@ -31,18 +31,24 @@ _INTERRUPTED = 130
 _UNTIL = click.option("--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process).")
 
 
-class _Width(click.FloatRange):
-    """What fits between the fingers [m]; "nan", which no range refuses, does not."""
+class _Measure(click.FloatRange):
+    """A number with a range; "nan", which no range refuses, is none."""
+
+    def __init__(self, noun: str, lowest: float, highest: float, *, is_open: bool) -> None:
+        super().__init__(lowest, highest, min_open=is_open)
+        self._noun = noun
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        width = super().convert(value, param, ctx)
-        if isnan(width):
-            self.fail(f"{value!r} is not a width.", param, ctx)
-        return width
+        number = super().convert(value, param, ctx)
+        if isnan(number):
+            self.fail(f"{value!r} is not a {self._noun}.", param, ctx)
+        return number
 
 
 _PORT = click.IntRange(1, MAX_PORT)
-_WIDTH = _Width(0.0, 2.0 * TRAVEL, min_open=True)
+_WIDTH = _Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
+_LEAK = _Measure("leak", 0.0, 1.0, is_open=False)
+_MODULES = click.Choice([modules.value for modules in GripperModules])
 
 
 class _Commands(click.Group):
@@ -94,6 +100,12 @@ def main() -> None:
 )
 @click.option("--left-object", type=_WIDTH, help="Width of an object between the left fingers [m].")
 @click.option("--right-object", type=_WIDTH, help="Width of an object between the right fingers [m].")
+@click.option(
+    "--left-gripper", type=_MODULES, default="servo", show_default=True, help="What the left hand is made of."
+)
+@click.option("--right-gripper", type=_MODULES, default="servo", show_default=True, help="And the right hand.")
+@click.option("--left-leak", type=_LEAK, help="An object lies under the left hand's cups; 0 is tight, 1 as if none.")
+@click.option("--right-leak", type=_LEAK, help="And under the right hand's.")
 @click.option("--user", default="Default User", show_default=True)
 @click.option("--password", default="robotics", show_default=True)
 @_UNTIL
@@ -106,6 +118,10 @@ def controller(
     right_egm_port: int,
     left_object: float | None,
     right_object: float | None,
+    left_gripper: str,
+    right_gripper: str,
+    left_leak: float | None,
+    right_leak: float | None,
     user: str,
     password: str,
     until_stdin_closes: bool,
@@ -124,6 +140,8 @@ def controller(
         egm_host=egm_host,
         egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
         objects={Side.LEFT: left_object, Side.RIGHT: right_object},
+        grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
+        leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
     )
     virtual = VirtualController(settings, rws_port=rws_port, user=user, password=password, host=listen)
     virtual.run(_end_flag(until_stdin_closes), lambda port: _say_ready(f"http://{listen}:{port}"))

@@ -20,6 +20,7 @@ from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
 from yumi.hardware.watchdog import WatchdogSettings
 from yumi.parameter_file import Entry, ParameterFile, read_parameter_file
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
 
 T = TypeVar("T")
@@ -78,12 +79,24 @@ class GripperSettings:
     """Both hands.
 
     Attributes:
+        right: what the right hand is made of.
+        left: what the left hand is made of.
         force: holding force where a goal names none [N].
+        speed: of each finger where a goal names none [m/s].
         timeout: a gripper that has not come to rest after this time has failed [s].
+        picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
     """
 
+    right: GripperModules = GripperModules.SERVO
+    left: GripperModules = GripperModules.SERVO
     force: float = bounded(10.0, 0.1, 20.0, "N")
+    speed: float = bounded(0.025, 0.003, 0.025, "m/s")
     timeout: float = bounded(10.0, 0.5, 60.0, "s")
+    picked_pressure: float = bounded(70_000.0, 5_000.0, 95_000.0, "Pa")
+
+    def modules(self, side: Side) -> GripperModules:
+        """What one hand is made of."""
+        return self.left if side is Side.LEFT else self.right
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,15 +14,23 @@ from yumi.links.http_server import HttpServer
 from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient
 from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
 from yumi.virtual.fault_desk import PATH, FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.vacuum_cup import CupObject
 from yumi.virtual.world import World, WorldSettings
 
 
 def world_settings(
-    *, robot_name: str, egm_host: str, egm_ports: Mapping[Side, int], objects: Mapping[Side, float | None]
+    *,
+    robot_name: str,
+    egm_host: str,
+    egm_ports: Mapping[Side, int],
+    objects: Mapping[Side, float | None],
+    grippers: Mapping[Side, GripperModules],
+    leaks: Mapping[Side, float | None],
 ) -> WorldSettings:
     """A virtual robot whose clock shows the time of day.
 
@@ -31,10 +39,18 @@ def world_settings(
         egm_host: where the arms send their datagrams.
         egm_ports: UDP port per arm.
         objects: width of what lies between each arm's fingers [m]; None for nothing.
+        grippers: what each hand is made of.
+        leaks: how little what lies under each hand's cups closes them, 0 to 1; None for nothing.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
-        robot_name=robot_name, egm_host=egm_host, egm_ports=egm_ports, workpieces=workpieces, start_time=time.time()
+        robot_name=robot_name,
+        egm_host=egm_host,
+        egm_ports=egm_ports,
+        workpieces=workpieces,
+        gripper_modules=grippers,
+        cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
+        start_time=time.time(),
     )
 
 

@@ -3,6 +3,7 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.world import WorldSettings
@@ -13,7 +14,13 @@ CALIBRATE, MOVE_TO, GRIP_IN, VACUUM_ON_1 = 2, 3, 4, 10
 @pytest.fixture
 def bench() -> Bench:
     """Calibrated grippers; something 20 mm wide between the left fingers."""
-    bench = Bench(WorldSettings(workpieces={Side.LEFT: Workpiece(0.020)}, grippers_are_calibrated=True))
+    bench = Bench(
+        WorldSettings(
+            workpieces={Side.LEFT: Workpiece(0.020)},
+            gripper_modules=dict.fromkeys(Side, GripperModules.TWO_VACUUMS),
+            grippers_are_calibrated=True,
+        )
+    )
     bench.bring_up()
     command(bench, MOVE_TO, position=25)
     bench.run(1.5)
@@ -111,3 +118,24 @@ def test_gripper_command_by_signal_reaches_the_gripper(bench: Bench) -> None:
     bench.controller.signals.set("hand_CmdVacuum2_R", 1)
     bench.run(0.1)
     assert bench.controller.signals.get("hand_StatusVacuum2_R").value == 1
+
+
+def test_what_rapid_asks_of_the_hand_shows_on_its_signals(bench: Bench) -> None:
+    bench.write(Side.LEFT, "TRobSG", "settings", "[25,12.5,25]")
+    command(bench, GRIP_IN)
+    bench.run(0.1)
+    signals = bench.controller.signals
+    assert (signals.get("hand_CmdGripper_L").value, signals.get("hand_HoldForce_L").value) == (15, 125)
+    assert bench.world.grippers[Side.LEFT].hold_force == 12.5
+
+
+def test_signals_of_a_client_jog_the_fingers_after_what_rapid_did(bench: Bench) -> None:
+    signals = bench.controller.signals
+    for value in (10, 2):
+        signals.set("hand_CmdGripper_R", value)
+        bench.run(0.05)
+    assert signals.get("hand_SysState_R").value == 12
+    bench.run(0.5)
+    signals.set("hand_CmdGripper_R", 10)
+    bench.run(0.01)
+    assert (signals.get("hand_SysState_R").value, 190 <= position(bench, Side.RIGHT) <= 200) == (0, True)

@@ -10,13 +10,14 @@ from typing import Any
 
 import pytest
 from control_msgs.action import GripperCommand
+from control_msgs.msg import GripperCommand as CommandMessage
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client, Robot
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from yumi.links.command import Command
 from yumi.robot.cycle import CYCLE
@@ -163,6 +164,37 @@ def test_gripper_refuses_what_it_cannot_do(client: Client, position: float, effo
     assert not sent.result().accepted
     client.until(client.hears("Gripper goal refused: "))
     action.destroy()
+
+
+def test_fingers_are_told_while_they_move_and_egm_runs(guided: Client) -> None:
+    """Twenty times a second; a slow machine may miss some of them."""
+    states: list[Any] = []
+    guided.node.create_subscription(JointState, "r/gripper/joint_states", states.append, 100)
+    for position in (0.0, 0.025):
+        assert grip(guided, Side.RIGHT, position).result.reached_goal
+    guided.until(lambda: bool(states) and states[-1].position[0] == 0.025)
+    assert len({state.position[0] for state in states}) >= 10
+
+
+def grip(client: Client, side: Side, position: float) -> Any:
+    """The answer of ``gripper_cmd``."""
+    action = ActionClient(client.node, GripperCommand, f"{side.value}/gripper/gripper_cmd")
+    client.until(action.server_is_ready)
+    sent = action.send_goal_async(GripperCommand.Goal(command=CommandMessage(position=position)))
+    client.until(sent.done)
+    ended = sent.result().get_result_async()
+    client.until(ended.done)
+    action.destroy()
+    return ended.result()
+
+
+def test_vacuum_that_the_hand_does_not_have_is_refused(client: Client) -> None:
+    answer = client.call(SetBool, "r/gripper/vacuum_1", SetBool.Request(data=True))
+    assert (answer.success, answer.message) == (
+        False,
+        "The right gripper has no vacuum: it is configured as servo. If it has vacuum 1, set gripper.right in "
+        "yumi.yaml.",
+    )
 
 
 def test_diagnostics_tell_the_state_of_both_arms(guided: Client) -> None:

@@ -1,8 +1,8 @@
-"""Motions and grips of the demonstration, from goal to virtual arm and back, in virtual time."""
+"""Motions of the demonstration, from goal to virtual arm and back, in virtual time."""
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import radians
 
 import pytest
 
@@ -10,10 +10,7 @@ from system.virtual_time_bench import DriverArm, System
 from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.requests import SessionLost
 from yumi.control.snapshot import Snapshot
-from yumi.errors import CommandRefused, RobotNotReady
-from yumi.hardware.gripper import Gripper
 from yumi.robot.cycle import CYCLE
-from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home
@@ -129,78 +126,3 @@ def test_power_cut_in_motion_is_told_within_100_ms_and_the_next_session_begins_w
     assert arm.snapshot.session == 2
     for admitted in arm.admitted:
         assert admitted == pytest.approx(arm.measured[0], abs=1e-9)
-
-
-def outcome(system: System, gripper: Gripper, position: float, force: float = 10.0) -> Outcome:
-    gripper.begin(position, force)
-    found: list[Outcome | None] = [None]
-
-    def has_ended() -> bool:
-        found[0] = gripper.outcome(position)
-        return found[0] is not None
-
-    system.until(has_ended, 5.0)
-    assert found[0] is not None
-    return found[0]
-
-
-@pytest.fixture
-def calibrated(guided: System) -> System:
-    for gripper in guided.grippers.values():
-        assert gripper.calibrate_if_needed()
-        assert not gripper.calibrate_if_needed()
-    return guided
-
-
-def test_gripper_holds_an_object_and_knows_its_width(calibrated: System) -> None:
-    gripper = calibrated.grippers[Side.LEFT]
-    assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
-    assert outcome(calibrated, gripper, 0.0) is Outcome.HOLDING
-    assert gripper.last_position == pytest.approx(0.010, abs=2e-4)
-
-
-def test_gripper_closes_on_nothing(calibrated: System) -> None:
-    gripper = calibrated.grippers[Side.RIGHT]
-    assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
-    assert outcome(calibrated, gripper, 0.0) is Outcome.CLOSED
-
-
-def test_gripper_goes_to_a_place_between(calibrated: System) -> None:
-    gripper = calibrated.grippers[Side.RIGHT]
-    assert outcome(calibrated, gripper, 0.012) is Outcome.IN_PLACE
-    assert gripper.last_position == pytest.approx(0.012, abs=5e-4)
-
-
-def test_gripper_can_be_used_again_and_again(calibrated: System) -> None:
-    gripper = calibrated.grippers[Side.LEFT]
-    for _ in range(3):
-        assert outcome(calibrated, gripper, TRAVEL) is Outcome.OPEN
-        assert outcome(calibrated, gripper, 0.0) is Outcome.HOLDING
-
-
-@pytest.mark.parametrize(
-    ("position", "force", "sentence"),
-    [
-        (TRAVEL + 0.001, 10.0, "is out of range; each finger travels 0 to 0.025 m"),
-        (float("nan"), 10.0, "is out of range; each finger travels 0 to 0.025 m"),
-        (0.0, MAX_FORCE + 1.0, "force 21.0 N is out of range; allowed is above 0 to 20 N"),
-    ],
-)
-def test_gripper_refuses_what_it_cannot_do(calibrated: System, position: float, force: float, sentence: str) -> None:
-    with pytest.raises(CommandRefused, match=sentence):
-        calibrated.grippers[Side.LEFT].begin(position, force)
-
-
-def test_gripper_that_is_not_calibrated_says_so(guided: System) -> None:
-    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
-        guided.grippers[Side.LEFT].begin(TRAVEL, 10.0)
-
-
-def test_gripper_commands_do_not_disturb_a_motion(calibrated: System) -> None:
-    arm, gripper = calibrated.arms[Side.LEFT], calibrated.grippers[Side.LEFT]
-    arm.go(GOALS[Side.LEFT])
-    calibrated.wait(0.2)
-    outcome(calibrated, gripper, TRAVEL)
-    calibrated.until(lambda: distance(arm, GOALS[Side.LEFT]) < radians(0.1), 5.0)
-    assert arm.snapshot.missed == 0
-    assert degrees(distance(arm, GOALS[Side.LEFT])) < 0.1

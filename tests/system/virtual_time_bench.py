@@ -22,7 +22,10 @@ from yumi.egm.session import SensorSession
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
-from yumi.hardware.gripper import Gripper, GripperRoutines
+from yumi.hardware.gripper import Gripper
+from yumi.hardware.gripper_routines import GripperRoutines
+from yumi.hardware.hand_io import HandIo
+from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
@@ -31,6 +34,7 @@ from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
 from yumi.links.web_socket import Listener
 from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.fault_desk import FaultDesk
@@ -172,16 +176,29 @@ class System(ManualClock):
     """World, wire and driver; the clock of everything.
 
     Attributes:
+        faults: what may happen to it.
+        signals: of both hands; the hands are asked until it is opened.
         is_powered: whether the controller runs; set it to False for a power cut.
         gives_signs: whether somebody gives the robot's watchdog its signs.
         faults: what may happen to the controller.
     """
 
-    def __init__(self, *, object_width: float = 0.02, motion: EgmMotionSettings | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        object_width: float = 0.02,
+        modules: GripperModules = GripperModules.TWO_VACUUMS,
+        are_calibrated: bool = False,
+        motion: EgmMotionSettings | None = None,
+    ) -> None:
         super().__init__()
         self.is_powered = True
         self.gives_signs = False
-        self.world = World(WorldSettings(workpieces={Side.LEFT: Workpiece(object_width)}))
+        workpieces = {Side.LEFT: Workpiece(object_width)}
+        both = dict.fromkeys(Side, modules)
+        self.world = World(
+            WorldSettings(workpieces=workpieces, gripper_modules=both, grippers_are_calibrated=are_calibrated)
+        )
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self._driver_ends = {side: ends[side][0] for side in Side}
@@ -193,7 +210,10 @@ class System(ManualClock):
         self._motion = motion or EgmMotionSettings()
         self.start_driver()
         routines = GripperRoutines(self.client, self)
-        self.grippers = {side: Gripper(side, self.client, routines, self, 10.0) for side in Side}
+        self.signals = HandSignals(self.client, both)
+        self.grippers = {
+            side: Gripper(HandIo(side, self.client, self.signals, modules), routines, self, 10.0) for side in Side
+        }
 
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""

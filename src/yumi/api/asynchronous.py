@@ -51,9 +51,37 @@ class AsyncGripper:
         """Close the fingers; done when they stand."""
         return await _in_thread(self._gripper.close)
 
-    async def grasp(self, force: float | None = None, width: float | None = None) -> Grip:
+    async def grasp(self, force: float | None = None, width: float | None = None, *, outwards: bool = False) -> Grip:
         """Close the fingers on an object ``width`` [m] wide and hold it with ``force`` [N]."""
-        return await _in_thread(partial(self._gripper.grasp, force, width))
+        return await _in_thread(partial(self._gripper.grasp, force, width, outwards=outwards))
+
+    async def release(self) -> Grip:
+        """Let go of what is held."""
+        return await _in_thread(self._gripper.release)
+
+    async def calibrate(self) -> None:
+        """Close the fingers and call that zero."""
+        await _in_thread(self._gripper.calibrate)
+
+    async def clear_error(self) -> None:
+        """Acknowledge the hand's error."""
+        await _in_thread(self._gripper.clear_error)
+
+    async def pressure(self, channel: int = 1) -> float:
+        """Absolute pressure in the cup of a vacuum module [Pa]."""
+        return await _in_thread(partial(self._gripper.pressure, channel))
+
+    async def has_picked(self, channel: int = 1) -> bool:
+        """Whether a vacuum module has picked something."""
+        return await _in_thread(partial(self._gripper.has_picked, channel))
+
+    async def pick(self, channel: int = 1, timeout: float = 1.0) -> None:
+        """Switch a vacuum module on and wait until it has picked something."""
+        await _in_thread(partial(self._gripper.pick, channel, timeout))
+
+    async def drop(self, channel: int = 1) -> None:
+        """Blow off what a vacuum module holds."""
+        await _in_thread(partial(self._gripper.drop, channel))
 
 
 class AsyncArm:

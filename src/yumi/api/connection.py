@@ -18,6 +18,7 @@ from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.robot.joints import Side
@@ -106,7 +107,13 @@ class Connection:
         fast_lines = FastLines(partial(build_arm, plan), self._book.tell, settings.egm.wake)
         fast_lines.start()
         stack.callback(fast_lines.stop)
-        self.grippers = build_grippers(client, clock, settings)
+        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
+        stack.callback(signals.close)
+        try:
+            signals.keep_open()
+        except YumiError as error:  # the hands are asked instead
+            log.info("The controller does not tell of the grippers by itself: %s", error)
+        self.grippers = build_grippers(client, clock, settings, signals)
         self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms, settings.watchdog)
         self.manager.watchdog.start()
         stack.callback(self.manager.watchdog.stop)

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.hardware.gripper import Gripper as Hand
-from yumi.robot.gripper import TRAVEL, Outcome
+from yumi.robot.gripper import TRAVEL, Direction, Outcome
+from yumi.robot.hand import HandOrder, go_to
+from yumi.robot.hand import grip as grip_order
 from yumi.robot.joints import Side
+
+PICKED_PRESSURE = 70_000.0
+"""The usual pressure below which a cup holds something [Pa]."""
 
 WIDTH_TOLERANCE = 0.003
 """By how much what is grasped may be wider or narrower than expected [m]."""
@@ -34,15 +39,20 @@ class Gripper:
         side: which arm carries it.
         hand: the robot's, while it is connected; raises when it is not.
         force: holding force where a call names none [N].
+        picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
 
     Attributes:
         side: which arm carries it.
     """
 
-    def __init__(self, side: Side, hand: Callable[[], Hand], force: float) -> None:
+    def __init__(
+        self, side: Side, hand: Callable[[], Hand], force: float, picked_pressure: float = PICKED_PRESSURE
+    ) -> None:
         self.side = side
         self._hand = hand
         self._force = force
+        self._picked_pressure = picked_pressure
+        self._direction = Direction.INWARDS  # of the last grip
 
     @property
     def position(self) -> float:
@@ -76,7 +86,7 @@ class Gripper:
         """
         if not 0.0 < width <= 2.0 * TRAVEL:  # NaN too
             raise CommandRefused(f"Gripper width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
-        grip = self._command(width / 2.0, self._force)
+        grip = self._command(go_to(width / 2.0))
         if grip.outcome is Outcome.STALLED:
             raise GoalNotReached(
                 f"The {self.side.word} gripper stopped at {_mm(grip.width)} instead of {_mm(width)}; look what is in "
@@ -90,14 +100,15 @@ class Gripper:
         Raises:
             RobotNotReady: as for :meth:`open`.
         """
-        return self._command(0.0, self._force)
+        return self._command(grip_order(Direction.INWARDS, self._force))
 
-    def grasp(self, force: float | None = None, width: float | None = None) -> Grip:
-        """Close the fingers on an object and hold it.
+    def grasp(self, force: float | None = None, width: float | None = None, *, outwards: bool = False) -> Grip:
+        """Close the fingers on an object and hold it, or open them inside a hollow one.
 
         Args:
             force: to hold it with, above 0 up to 20 [N]; None takes the usual one.
             width: of the object [m], above 0 up to 0.05; None takes any.
+            outwards: whether the object is held from inside.
 
         Raises:
             CommandRefused: the force or width is impossible; nothing was changed.
@@ -106,7 +117,8 @@ class Gripper:
         """
         if width is not None and not 0.0 < width <= 2.0 * TRAVEL:
             raise CommandRefused(f"Object width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
-        grip = self._command(0.0, self._force if force is None else force)
+        self._direction = Direction.OUTWARDS if outwards else Direction.INWARDS
+        grip = self._command(grip_order(self._direction, self._force if force is None else force))
         if grip.outcome is not Outcome.HOLDING:
             raise GoalNotReached(f"The {self.side.word} gripper holds nothing: it is {grip.outcome.value}.")
         if width is not None and abs(grip.width - width) > WIDTH_TOLERANCE:
@@ -115,10 +127,77 @@ class Gripper:
             )
         return grip
 
-    def _command(self, position: float, force: float) -> Grip:
+    def release(self) -> Grip:
+        """Let go of what is held: open the fingers, or close them after a grasp outwards.
+
+        Raises:
+            RobotNotReady: as for :meth:`open`.
+            GoalNotReached: something is in the way.
+        """
+        if self._direction is Direction.INWARDS:
+            return self.open()
+        grip = self._command(go_to(0.0))
+        if grip.outcome is Outcome.STALLED:
+            raise GoalNotReached(f"The {self.side.word} gripper stopped at {_mm(grip.width)}; look what is in the way.")
+        return grip
+
+    def calibrate(self) -> None:
+        """Close the fingers and call that zero; connecting does it where it is needed.
+
+        Raises:
+            RobotNotReady: the gripper did not become calibrated.
+        """
+        self._hand().calibrate()
+
+    def clear_error(self) -> None:
+        """Acknowledge the hand's error.
+
+        Raises:
+            RobotNotReady: it still reports one.
+        """
+        self._hand().clear_error()
+
+    def pressure(self, channel: int = 1) -> float:
+        """Absolute pressure in the cup of a vacuum module [Pa].
+
+        Raises:
+            CommandRefused: the hand has no such module.
+        """
+        return self._hand().vacuum.reading(channel).pressure
+
+    def has_picked(self, channel: int = 1) -> bool:
+        """Whether a vacuum module sucks and something closes its cup; raises as :meth:`pressure`."""
+        return self._hand().vacuum.reading(channel).has_picked(self._picked_pressure)
+
+    def pick(self, channel: int = 1, timeout: float = 1.0) -> None:
+        """Switch a vacuum module on and wait until it has picked something.
+
+        Args:
+            channel: 1 or 2.
+            timeout: longest wait for the pressure [s].
+
+        Raises:
+            CommandRefused: the hand has no such module.
+            RobotNotReady: the gripper is not calibrated, or did not switch.
+            GoalNotReached: nothing was picked; the vacuum stays on.
+        """
+        vacuum = self._hand().vacuum
+        vacuum.switch(channel, is_on=True)
+        if not vacuum.wait_until_picked(channel, self._picked_pressure, timeout):
+            raise GoalNotReached(
+                f"Vacuum {channel} of the {self.side.word} gripper has picked nothing: {self.pressure(channel):.0f} Pa "
+                f"after {timeout:g} s, {self._picked_pressure:.0f} Pa or less are needed."
+            )
+
+    def drop(self, channel: int = 1) -> None:
+        """Blow off what a vacuum module holds, and switch it off; raises as :meth:`pick`."""
+        self._hand().vacuum.drop(channel)
+
+    def _command(self, order: HandOrder) -> Grip:
         hand = self._hand()
-        hand.begin(position, force)
-        outcome = hand.wait(position, lambda now_at: None)
+        hand.begin(order)
+        outcome = hand.wait(order)
+        assert outcome is not None, "nobody cancels"
         return Grip(outcome, 2.0 * hand.last_position)
 
 

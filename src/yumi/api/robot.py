@@ -39,9 +39,9 @@ class Robot:
         self._connection = Connection(settings, controllers, arms)
         self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
         self._is_connected = False
-        force = settings.gripper.force
+        force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
-            Arm(side, lambda: self.guidance, Gripper(side, partial(self._hand, side), force))
+            Arm(side, lambda: self.guidance, Gripper(side, partial(self._hand, side), force, picked))
             for side in (Side.RIGHT, Side.LEFT)
         )
 

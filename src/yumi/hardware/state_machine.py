@@ -48,6 +48,14 @@ class SgCommand(IntEnum):
     MOVE_TO = 3
     GRIP_IN = 4
     GRIP_OUT = 5
+    BLOW_ON_1 = 6
+    BLOW_ON_2 = 7
+    BLOW_OFF_1 = 8
+    BLOW_OFF_2 = 9
+    VACUUM_ON_1 = 10
+    VACUUM_ON_2 = 11
+    VACUUM_OFF_1 = 12
+    VACUUM_OFF_2 = 13
 
 
 _UPRIGHT: RapidValue = (1.0, 0.0, 0.0, 0.0)

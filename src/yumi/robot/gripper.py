@@ -1,8 +1,14 @@
-"""The Smart Gripper: its ranges, what it says and hears by number, and how a command can end."""
+"""The Smart Gripper: its ranges and modules, what it says and hears by number, and how a command can end."""
 
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+
+TOP_SPEED = 0.025
+"""Highest speed of each finger [m/s] (reference/yumi.md §2.1)."""
+
+LOWEST_SPEED = 0.003
+"""Lowest speed the drive takes [m/s] (reference/statemachine.md §5.3)."""
 
 TRAVEL = 0.025
 """From closed to open, per finger [m] (reference/yumi.md §2.1)."""
@@ -15,6 +21,36 @@ ALLOWANCE = 0.001
 
 THINNEST = 0.0005
 """Nothing fits between fingers that are nearer than this to the middle [m]."""
+
+
+ATMOSPHERE = 100_000.0
+"""What the pressure sensor of a vacuum module shows at rest [Pa]."""
+
+
+class GripperModules(Enum):
+    """What a hand is made of: each has the servo with its fingers; the value is the word in the settings."""
+
+    SERVO = "servo"
+    VISION = "servo+vision"
+    VACUUM = "servo+vacuum"
+    VISION_VACUUM = "servo+vision+vacuum"
+    TWO_VACUUMS = "servo+vacuum+vacuum"
+
+    @property
+    def has_camera(self) -> bool:
+        return "vision" in self.value
+
+    @property
+    def vacuum_channels(self) -> tuple[int, ...]:
+        """The numbers of its vacuum modules: none, 1, or 1 and 2."""
+        return tuple(range(1, 1 + self.value.count("vacuum")))
+
+
+class Direction(Enum):
+    """Which way the fingers grip."""
+
+    INWARDS = "inwards"
+    OUTWARDS = "outwards"
 
 
 class HandCommand(IntEnum):
@@ -51,6 +87,22 @@ class HandState(IntEnum):
     CHIRALITY_CHANGING = 15
     AGILE_GRIP_INWARD = 16
     AGILE_GRIP_OUTWARD = 17
+
+
+_CLOSING = frozenset(
+    {
+        HandState.FREE_MOVE_TO_MIN_POS,
+        HandState.GRIP_OUTWARD_IN,
+        HandState.FORCING_OUTWARD_IN,
+        HandState.JOG_CLOSE,
+        HandState.AGILE_GRIP_INWARD,
+    }
+)
+
+
+def signed_speed(speed: float, state: HandState) -> float:
+    """Speed of each finger, positive when opening [m/s]; the hand itself tells only how fast."""
+    return -speed if state in _CLOSING else speed
 
 
 class Outcome(Enum):

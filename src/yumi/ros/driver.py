@@ -7,9 +7,11 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-r/yumi_topics                  the command topics of controllers, egm_state
+r/yumi_topics                  the command topics of controllers, egm_state, gripper/joint_states,
+                               gripper/state, gripper/vacuum_1/pressure and object_picked
 r/arm                          the life of an arm as a managed node
-r/gripper                      gripper_cmd, and its life (and all of these for l)
+r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog_open, jog_close, stop,
+                               clear_error, vacuum_1, blow_1 …, and its life (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
                                state, robot_description, /diagnostics
@@ -32,7 +34,6 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy._rclpy_pybind11 import InvalidHandle
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -42,7 +43,7 @@ from yumi.control.requests import Event
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.gripper import calibrate
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
@@ -57,7 +58,7 @@ from yumi.ros.command_topics import (
 from yumi.ros.controller_interfaces import CONTROLLER_INTERFACES
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
-from yumi.ros.gripper_action import GripperAction
+from yumi.ros.hands import HandParts, Hands
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.lives import Connection
 from yumi.ros.managed_node import demand
@@ -72,7 +73,6 @@ from yumi.settings import ControllerSettings
 _THREADS = 8  # more than there are slow services and actions
 _EGM_STATE_PERIOD = 0.1  # [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
-_FINGER_PERIOD = 0.5  # [s]; there are few requests a second for everybody (yumi.hardware.rws_pace)
 
 
 class RosDriver:
@@ -83,8 +83,7 @@ class RosDriver:
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         connection: the way to the controller.
-        grippers: both hands.
-        force: gripper force where a goal names none [N].
+        hands: both grippers, with their signals and settings.
         merged_rate: of the merged joint states [Hz].
         clock: the machine's clock.
         limits: what the joints may do on trajectories.
@@ -96,8 +95,7 @@ class RosDriver:
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         connection: Connection,
-        grippers: Mapping[Side, Gripper],
-        force: float,
+        hands: HandParts,
         merged_rate: float,
         clock: Clock,
         limits: JointLimits,
@@ -105,8 +103,7 @@ class RosDriver:
         self._boxes = fast_lines.boxes
         self._snapshot = fast_lines.snapshot
         self._manager = manager
-        self._grippers = grippers
-        self._fingers: dict[Side, float] = {}
+        self._grippers = hands.grippers
         self._is_over = Flag()
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
@@ -133,18 +130,20 @@ class RosDriver:
             )
             for side in Side
         }
-        self._managed = ManagedNodes(connection, manager, fast_lines, grippers, self._look)
+        self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
         self._stream_node = stream_node()
         self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._states = [
             JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
         ]
-        self._actions = [
-            GripperAction(
-                node, grippers[side], force, ReentrantCallbackGroup(), partial(self._managed.why_no_grip, side)
-            )
-            for side, node in self._managed.grippers.items()
-        ]
+        self._hands = Hands(
+            hands,
+            self._managed.grippers,
+            self._stream_nodes,
+            self.say,
+            self._managed.why_no_grip,
+            self._managed.may_ask_hand,
+        )
         self._commands = [
             topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
             for side, node in self._stream_nodes.items()
@@ -154,13 +153,12 @@ class RosDriver:
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
         self._state = RobotStateTopic(self._manager_node, manager.watch.state, clock)
-        self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
+        self._merged = MergedJointStates(self._stream_node, self._boxes, self._hands.fingers, merged_rate)
         self._descriptions = publish_descriptions(self._manager_node)
         self._publish_health()
         self._threads = [
             Thread(target=self._spin, args=(self._executor,), name="executor"),
             Thread(target=self._spin, args=(self._streams,), name="streams"),
-            Thread(target=self._watch_fingers, name="fingers"),
         ]
 
     def start(self) -> None:
@@ -172,6 +170,7 @@ class RosDriver:
         self._state.start()
         for publisher in self._states:
             publisher.start()
+        self._hands.start()
         for thread in self._threads:
             thread.start()
 
@@ -181,14 +180,14 @@ class RosDriver:
         self._state.stop()
         for publisher in self._states:
             publisher.stop()
+        self._hands.stop()
         self._executor.shutdown(timeout_sec=2.0)
         self._streams.shutdown(timeout_sec=2.0)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
         self._manager_actions.destroy()
-        for action in self._actions:
-            action.destroy()
+        self._hands.destroy()
         self._trajectories.destroy()
         for arm in self._arms.values():
             arm.destroy()
@@ -263,19 +262,9 @@ class RosDriver:
         array.status = [
             robot_status(self._manager.watch.state()),
             *(egm_status(side, self._snapshot(side)) for side in Side),
+            *self._hands.statuses(),
         ]
         self._diagnostics.publish(array)
-
-    def _watch_fingers(self) -> None:
-        """Keep the finger positions of ``joint_states`` fresh; a robot that does not answer leaves them as they are."""
-        while not self._is_over.wait(_FINGER_PERIOD):
-            for side, gripper in self._grippers.items():
-                if self._managed.grippers[side].why_not_configured():
-                    continue
-                try:
-                    self._fingers[side] = gripper.recent_position(_FINGER_PERIOD)
-                except YumiError:
-                    self._fingers.pop(side, None)
 
 
 def stream_node(namespace: str = "") -> Any:

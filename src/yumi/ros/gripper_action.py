@@ -1,29 +1,54 @@
-"""The action ``gripper_cmd`` of one hand: its result comes from what the gripper measures, never from elapsed time."""
+"""The actions of one hand: their results come from what the gripper measures, never from elapsed time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import isfinite
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from threading import Lock
 from typing import Any
 
-from control_msgs.action import GripperCommand
+from control_msgs.action import GripperCommand, ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from sensor_msgs.msg import JointState
 
-from yumi.errors import YumiError
+from yumi.errors import CommandRefused, YumiError
 from yumi.hardware.gripper import Gripper
-from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
+from yumi.robot.gripper import Outcome
+from yumi.robot.hand import HandOrder, order_of
+from yumi.robot.joints import finger_names
 
 
-class GripperAction:
-    """Serves ``~/gripper_cmd``; positions are those of one finger joint [m], 0 is closed, 0.025 open.
+class HandTurn:
+    """Whose turn a hand's fingers are: one goal or service at a time; safe from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._is_taken = False
+
+    def take(self) -> bool:
+        """Take it; False when somebody else has it."""
+        with self._lock:
+            was_taken, self._is_taken = self._is_taken, True
+        return not was_taken
+
+    def give_back(self) -> None:
+        self._is_taken = False
+
+
+class HandAction(ABC):
+    """Serves one action of a hand.
 
     Args:
         node: the gripper's node.
         gripper: the hand.
-        force: holding force where a goal names none (``max_effort`` 0) [N].
+        force: holding force where a goal names none [N].
         group: callback group that lets a goal run while others are refused.
         why_not: why no goal is taken now; None when they are.
+        turn: shared by all that moves the fingers.
     """
+
+    kind: Any
+    name: str
 
     def __init__(
         self,
@@ -32,72 +57,153 @@ class GripperAction:
         force: float,
         group: Any,
         why_not: Callable[[], str | None] = lambda: None,
+        turn: HandTurn | None = None,
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._force = force
         self._why_not_now = why_not
-        self._is_busy = False
+        self._turn = turn or HandTurn()
         self._server = ActionServer(
             node,
-            GripperCommand,
-            "~/gripper_cmd",
+            self.kind,
+            self.name,
             execute_callback=self._execute,
             goal_callback=self._consider,
-            cancel_callback=self._consider_cancel,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=group,
         )
 
     def destroy(self) -> None:
         self._server.destroy()
 
+    @abstractmethod
+    def order(self, goal: Any) -> HandOrder:
+        """What a goal asks for.
+
+        Raises:
+            CommandRefused: it asks for what the hand cannot do.
+        """
+
+    @abstractmethod
+    def feedback(self, position: float) -> Any:
+        """The feedback while the fingers are at ``position`` [m]."""
+
+    @abstractmethod
+    def result(self, position: float, effort: float, *, stalled: bool, reached_goal: bool) -> Any:
+        """The result when the fingers came to rest at ``position`` [m] and hold something with ``effort`` [N]."""
+
     def _consider(self, goal: Any) -> Any:
-        reason = self._why_not(goal.command.position, goal.command.max_effort)
+        reason = self._why_not(goal)
         if reason is None:
-            self._is_busy = True
             return GoalResponse.ACCEPT
         self._log.warning(f"Gripper goal refused: {reason}")
         return GoalResponse.REJECT
 
-    def _why_not(self, position: float, effort: float) -> str | None:
-        if not (isfinite(position) and 0.0 <= position <= TRAVEL):
-            return f"position {position} m; each finger travels 0 to {TRAVEL} m."
-        if not (isfinite(effort) and 0.0 <= effort <= MAX_FORCE):
-            return f"max_effort {effort} N; allowed is 0 (the configured force) to {MAX_FORCE:g} N."
-        if self._is_busy:
-            return "another goal is being carried out; wait for its result."
-        return self._why_not_now()
-
-    def _consider_cancel(self, _: Any) -> Any:
-        self._log.warning(
-            "Gripper goals cannot be cancelled: the hand ends a grip by itself; send another goal instead."
-        )
-        return CancelResponse.REJECT
+    def _why_not(self, goal: Any) -> str | None:
+        """Why a goal is refused, or None; it then has its turn."""
+        try:
+            self.order(goal)
+        except CommandRefused as error:
+            return str(error)
+        reason = self._why_not_now()
+        if reason is None and not self._turn.take():
+            return "another goal is being carried out; wait for its result, or cancel it."
+        return reason
 
     def _execute(self, handle: Any) -> Any:
-        command = handle.request.command
-        force = command.max_effort or self._force
+        order = self.order(handle.request)
         try:
-            outcome = self._carry_out(handle, command.position, force)
+            outcome = self._carry_out(handle, order)
         except YumiError as error:
             self._log.error(f"Gripper goal failed: {error}")
             handle.abort()
-            return self._result(None, force)
+            return self._result_of(order, None)
         finally:
-            self._is_busy = False
-        handle.succeed()
-        return self._result(outcome, force)
+            self._turn.give_back()
+        if outcome is None:
+            handle.canceled()
+        else:
+            handle.succeed()
+        return self._result_of(order, outcome)
 
-    def _carry_out(self, handle: Any, position: float, force: float) -> Outcome:
-        self._gripper.begin(position, force)
+    def _carry_out(self, handle: Any, order: HandOrder) -> Outcome | None:
+        self._gripper.begin(order)
         return self._gripper.wait(
-            position, lambda now_at: handle.publish_feedback(GripperCommand.Feedback(position=now_at))
+            order,
+            lambda position: handle.publish_feedback(self.feedback(position)),
+            lambda: bool(handle.is_cancel_requested),
         )
 
-    def _result(self, outcome: Outcome | None, force: float) -> Any:
-        return GripperCommand.Result(
-            position=self._gripper.last_position,
-            effort=force if outcome is Outcome.HOLDING else 0.0,
+    def _result_of(self, order: HandOrder, outcome: Outcome | None) -> Any:
+        return self.result(
+            self._gripper.last_position,
+            order.force if outcome is Outcome.HOLDING else 0.0,
             stalled=outcome in {Outcome.HOLDING, Outcome.STALLED},
             reached_goal=outcome in {Outcome.OPEN, Outcome.CLOSED, Outcome.IN_PLACE},
         )
+
+
+class GripperAction(HandAction):
+    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``order_of``."""
+
+    kind = GripperCommand
+    name = "~/gripper_cmd"
+
+    def order(self, goal: Any) -> HandOrder:
+        return order_of(goal.command.position, goal.command.max_effort, self._force)
+
+    def feedback(self, position: float) -> Any:
+        return GripperCommand.Feedback(position=position)
+
+    def result(self, position: float, effort: float, *, stalled: bool, reached_goal: bool) -> Any:
+        return GripperCommand.Result(position=position, effort=effort, stalled=stalled, reached_goal=reached_goal)
+
+
+class ParallelGripperAction(HandAction):
+    """``~/parallel_gripper_cmd``: position, and where wanted speed and effort, of one finger joint or both."""
+
+    kind = ParallelGripperCommand
+    name = "~/parallel_gripper_cmd"
+
+    def order(self, goal: Any) -> HandOrder:
+        command, names = goal.command, finger_names(self._gripper.side)
+        unknown = [name for name in command.name if name not in names]
+        if unknown:
+            raise CommandRefused(f"{unknown[0]!r} is no finger of this hand; name {' or '.join(names)}, or none.")
+        if not command.position:
+            raise CommandRefused("The goal has no position; give that of a finger [m].")
+        position, speed = _one("position", command.position), _one("velocity", command.velocity)
+        return order_of(position, _one("effort", command.effort), self._force, speed or None)
+
+    def feedback(self, position: float) -> Any:
+        return ParallelGripperCommand.Feedback(state=self._state(position, 0.0))
+
+    def result(self, position: float, effort: float, *, stalled: bool, reached_goal: bool) -> Any:
+        state = self._state(position, effort)
+        return ParallelGripperCommand.Result(state=state, stalled=stalled, reached_goal=reached_goal)
+
+    def _state(self, position: float, effort: float) -> Any:
+        names = list(finger_names(self._gripper.side))
+        return JointState(name=names, position=[position] * len(names), effort=[effort] * len(names))
+
+
+def _one(what: str, values: Sequence[float]) -> float:
+    """The value that the fingers share, since one motor moves them; 0 when there is none."""
+    if any(value != values[0] for value in values[1:]):
+        raise CommandRefused(f"The fingers cannot have different values of {what}: one motor moves both.")
+    return float(values[0]) if values else 0.0
+
+
+def hand_actions(
+    node: Any,
+    gripper: Gripper,
+    force: float,
+    group: Any,
+    why_not: Callable[[], str | None] = lambda: None,
+    turn: HandTurn | None = None,
+) -> tuple[HandAction, ...]:
+    """All actions of a hand; arguments as of :class:`HandAction`."""
+    shared = turn or HandTurn()
+    kinds: tuple[type[HandAction], ...] = (GripperAction, ParallelGripperAction)
+    return tuple(kind(node, gripper, force, group, why_not, shared) for kind in kinds)

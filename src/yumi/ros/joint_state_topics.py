@@ -97,7 +97,7 @@ class MergedJointStates:
     Args:
         node: any node without namespace.
         boxes: what the fast line shares, per arm.
-        fingers: finger positions [m] by side; empty until the grippers were read.
+        fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
         rate: [Hz].
     """
 
@@ -105,7 +105,7 @@ class MergedJointStates:
         self,
         node: Any,
         boxes: Mapping[Side, ArmBoxes],
-        fingers: Callable[[], Mapping[Side, float]],
+        fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
@@ -124,9 +124,9 @@ class MergedJointStates:
                 names += joint_names(side)
                 position += letter[1][1 : 1 + JOINT_COUNT]
                 velocity += letter[1][1 + JOINT_COUNT :]
-        for side, finger in self._fingers().items():
+        for side, (place, speed) in self._fingers().items():
             names += finger_names(side)
-            position += (finger, finger)
-            velocity += (0.0, 0.0)
+            position += (place, place)
+            velocity += (speed, speed)
         if names:
             self._publisher.publish(joint_state(names, position, velocity, self._ros_clock.now().nanoseconds))

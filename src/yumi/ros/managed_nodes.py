@@ -74,6 +74,10 @@ class ManagedNodes:
         """Lead an arm's node where its hardware component has been led by a controller manager's service."""
         self._arms[side].follow(lambda: self._hardware[side].state)
 
+    def may_ask_hand(self, side: Side) -> bool:
+        """Whether a hand may be asked."""
+        return self.is_connected and self.grippers[side].why_not_configured() is None
+
     def why_no_grip(self, side: Side) -> str | None:
         """Why a hand takes no goals; None when it does."""
         return self.permission.to_move() or self.grippers[side].why_not_active()

@@ -24,6 +24,7 @@ from yumi.virtual.world import World
 
 PATH = "/virtual/faults"
 _MAX_DURATION = 86_400.0
+_GRIPPER_ERROR = 7  # any; the hand's numbers are not published
 
 _OK, _NO_CONTENT, _FORBIDDEN, _NOT_FOUND, _CONFLICT = 200, 204, 403, 404, 409
 
@@ -59,11 +60,12 @@ class FaultDesk:
         }
         self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
             Fault.EGM_REPAIR: lambda side: world.lines[side].repair(),
-            Fault.COMM_TIMEOUT: self._deafen,
+            Fault.COMM_TIMEOUT: lambda side: self._egm(side).lose_sensor(),
             Fault.EGM_CONVERGENCE: lambda side: self._egm(side).converge(),
             Fault.DYNAMIC_LOAD: lambda side: self._egm(side).overload(),
             Fault.COLLISION: self._collide,
             Fault.GRIPPER_NOT_CALIBRATED: self._forget_calibration,
+            Fault.GRIPPER_ERROR: lambda side: world.grippers[side].fail(_GRIPPER_ERROR),
             Fault.OBJECT_LOST: self._lose_object,
         }
 
@@ -125,23 +127,21 @@ class FaultDesk:
             raise CommandRefused(f"EGM does not guide the {side.word} arm; start EGM first.")
         return egm
 
-    def _deafen(self, side: Side) -> None:
-        self._egm(side)
-        self._world.lines[side].is_deaf = True
-
     def _collide(self, side: Side) -> None:
         if self._world.controller.controller_state is not ControllerState.MOTORS_ON:
             raise CommandRefused("An arm whose motors are off does not collide; switch the motors on first.")
         self._world.controller.collide(side)
 
     def _forget_calibration(self, side: Side) -> None:
-        self._world.grippers[side].is_calibrated = False
+        self._world.grippers[side].cut_power()
 
     def _lose_object(self, side: Side) -> None:
         gripper = self._world.grippers[side]
-        if gripper.workpiece is None:
-            raise CommandRefused(f"Nothing lies between the fingers of the {side.word} arm.")
+        if gripper.workpiece is None and all(cup.under is None for cup in gripper.cups.values()):
+            raise CommandRefused(f"Nothing lies between the fingers or under the cups of the {side.word} arm.")
         gripper.workpiece = None
+        for cup in gripper.cups.values():
+            cup.under = None
 
 
 def _check_choice(fault: Fault, side: Side | None, duration: float | None) -> None:

@@ -33,7 +33,7 @@ class Fault(Enum):
     )
     EGM_REPAIR = FaultKind("egm-repair", "the EGM datagrams of an arm come through again", has_side=True)
     COMM_TIMEOUT = FaultKind(
-        "comm-timeout", "the robot hears no datagram until its CommTimeout has ended the EGM motion", has_side=True
+        "comm-timeout", "the robot gives up waiting for datagrams, as after its CommTimeout", has_side=True
     )
     EGM_CONVERGENCE = FaultKind("egm-convergence", "an EGM motion ends as if it had converged", has_side=True)
     DYNAMIC_LOAD = FaultKind("dynamic-load", "an EGM motion asks too much of a drive: motors off", has_side=True)
@@ -55,8 +55,11 @@ class Fault(Enum):
     )
     RWS_SESSIONS_EXPIRED = FaultKind("rws-sessions-expired", "all sessions and subscriptions are forgotten")
     WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
-    GRIPPER_NOT_CALIBRATED = FaultKind("gripper-not-calibrated", "a gripper forgets its calibration", has_side=True)
-    OBJECT_LOST = FaultKind("object-lost", "what lies between the fingers is gone", has_side=True)
+    GRIPPER_NOT_CALIBRATED = FaultKind(
+        "gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True
+    )
+    GRIPPER_ERROR = FaultKind("gripper-error", "a gripper finds something wrong with itself", has_side=True)
+    OBJECT_LOST = FaultKind("object-lost", "what a gripper's fingers or cups may hold is gone", has_side=True)
 
 
 def kind_of(name: str) -> Fault | None:

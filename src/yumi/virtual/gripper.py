@@ -9,19 +9,27 @@ from collections import deque
 from math import isfinite
 
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.gripper import MAX_FORCE, TRAVEL, HandCommand, HandState
+from yumi.robot.gripper import (
+    LOWEST_SPEED,
+    MAX_FORCE,
+    TOP_SPEED,
+    TRAVEL,
+    GripperModules,
+    HandCommand,
+    HandState,
+)
 from yumi.virtual.gripper_actions import Action, FreeMove, Grip, Jog, Pause
 from yumi.virtual.gripper_fingers import Fingers, Workpiece
+from yumi.virtual.vacuum_cup import VacuumCup
 
 __all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_SPEED", "VirtualGripper", "Workpiece"]
 
-TOP_SPEED = 0.025
-LOWEST_SPEED = 0.003
 SETTLING_TIME = 0.5
 CALIBRATION_TIME = 0.5
 CHANNELS = (1, 2)
 
-_ATMOSPHERE_KPA = 100
+STALL_ERROR = 1
+"""``hand_SysError`` when a free move meets an obstacle; the hand's own numbers are not published."""
 
 
 class VirtualGripper:
@@ -29,16 +37,27 @@ class VirtualGripper:
 
     Args:
         workpiece: what the fingers may hold; None is nothing.
+        modules: what the hand is made of.
         is_calibrated: whether it knows where its fingers are.
 
     Attributes:
+        modules: what the hand is made of.
+        cups: its vacuum modules by number.
         is_calibrated: ``hand_StatusCalibrated``.
         max_speed: speed of moves and grips [m/s].
         hold_force: force of grips [N].
         physical_limit: largest position that may be asked for [m].
     """
 
-    def __init__(self, workpiece: Workpiece | None = None, *, is_calibrated: bool = False) -> None:
+    def __init__(
+        self,
+        workpiece: Workpiece | None = None,
+        modules: GripperModules = GripperModules.SERVO,
+        *,
+        is_calibrated: bool = False,
+    ) -> None:
+        self.modules = modules
+        self.cups = {channel: VacuumCup() for channel in modules.vacuum_channels}
         self.is_calibrated = is_calibrated
         self.max_speed = TOP_SPEED
         self.hold_force = MAX_FORCE
@@ -47,9 +66,9 @@ class VirtualGripper:
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
         self._state = HandState.READY
+        self._command_shown = HandCommand.NONE
+        self._error = 0
         self._actions: deque[Action] = deque()
-        self._vacuum = dict.fromkeys(CHANNELS, False)
-        self._blow = dict.fromkeys(CHANNELS, False)
 
     @property
     def state(self) -> HandState:
@@ -92,6 +111,15 @@ class VirtualGripper:
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass."""
+        for cup in self.cups.values():
+            cup.advance(dt)
+        self._advance_fingers(dt)
+        if self._state is not HandState.ERROR:
+            self._error = 0
+        elif self._error == 0:
+            self._error = STALL_ERROR
+
+    def _advance_fingers(self, dt: float) -> None:
         while self._actions and dt > 0.0:
             action = self._actions[0]
             dt = action.advance(self._fingers, dt)
@@ -99,6 +127,22 @@ class VirtualGripper:
                 self._actions.popleft()
                 self._fingers.rest()
             self._state = self._actions[0].state if action.is_over and self._actions else action.state
+
+    # What happens to it
+
+    def fail(self, error: int) -> None:
+        """The hand finds something wrong with itself and shows ``error``, 1 to 255, until that is cleared."""
+        self._obey(HandCommand.GO_TO_ERROR)
+        self._error = error
+
+    def cut_power(self) -> None:
+        """24 V go and come back: what it held falls, it knows nothing of where its fingers are."""
+        self.stop()
+        self.is_calibrated = False
+        self._zero = 0.0
+        for cup in self.cups.values():
+            cup.suck(is_on=False)
+            cup.blow(is_on=False)
 
     # What RAPID's g_ instructions do
 
@@ -131,6 +175,7 @@ class VirtualGripper:
             Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
         )
         self._begin(*(closing if jog else ()), _Zeroing(self, HandState.READY))
+        self._command_shown = HandCommand.GO_TO_READY
 
     def move_to(self, position: float) -> None:
         """g_MoveTo: free move of each finger to ``position`` [m].
@@ -175,33 +220,46 @@ class VirtualGripper:
         """g_Stop: the motor lets go; the gripper is ready for the next command."""
         self._obey(HandCommand.GO_TO_READY)
 
+    def jog(self, *, opens: bool) -> None:
+        """g_JogOut, g_JogIn: open or close with little speed until told to stop, calibrated or not."""
+        self._obey(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+
     def set_vacuum(self, channel: int, *, is_on: bool) -> None:
-        """g_VacuumOn, g_VacuumOff of channel 1 or 2; a channel does not suck and blow at once."""
-        self._vacuum[channel] = is_on
-        self._blow[channel] = self._blow[channel] and not is_on
+        """g_VacuumOn, g_VacuumOff of channel 1 or 2; where there is no such module nothing happens."""
+        if channel in self.cups:
+            self.cups[channel].suck(is_on=is_on)
 
     def set_blow(self, channel: int, *, is_on: bool) -> None:
-        """g_BlowOn, g_BlowOff of channel 1 or 2; a channel does not suck and blow at once."""
-        self._blow[channel] = is_on
-        self._vacuum[channel] = self._vacuum[channel] and not is_on
+        """g_BlowOn, g_BlowOff of channel 1 or 2; where there is no such module nothing happens."""
+        if channel in self.cups:
+            self.cups[channel].blow(is_on=is_on)
 
     # What the fieldbus carries; positions in 0.1 mm, speeds in 0.1 mm/s, forces in 0.1 N
 
     def signals(self) -> dict[str, int]:
-        """Values of the gripper's inputs to the controller by name, without the suffix of the arm."""
+        """What it shows of itself by name, without the suffix of the arm.
+
+        Commands, speed and force are outputs of the controller: they follow what RAPID's instructions ask for, as with
+        the hand's own driver, which writes them.
+        """
         values = {
             "hand_SysState": int(self._state),
             "hand_StatusCalibrated": int(self.is_calibrated),
             "hand_ActualPosition": max(0, round(self.position * 1e4)),
             "hand_ActualSpeed": round(abs(self.speed) * 1e4),
-            "hand_SysError": int(self._state is HandState.ERROR),
-            "hand_StatusCamLinked": 0,
+            "hand_SysError": self._error,
+            "hand_StatusCamLinked": int(self.modules.has_camera),
             "hand_SoftwareVersion": 0,
+            "hand_CmdGripper": int(self._command_shown),
+            "hand_MaxSpeed": round(self.max_speed * 1e4),
+            "hand_HoldForce": round(self.hold_force * 10.0),
         }
-        for channel in CHANNELS:
-            values[f"hand_StatusVacuum{channel}"] = int(self._vacuum[channel])
-            values[f"hand_StatusBlowoff{channel}"] = int(self._blow[channel])
-            values[f"hand_ActualPressure{channel}"] = _ATMOSPHERE_KPA
+        for channel, cup in self.cups.items():
+            values[f"hand_StatusVacuum{channel}"] = int(cup.sucks)
+            values[f"hand_StatusBlowoff{channel}"] = int(cup.blows)
+            values[f"hand_CmdVacuum{channel}"] = int(cup.sucks)
+            values[f"hand_CmdBlowoff{channel}"] = int(cup.blows)
+            values[f"hand_ActualPressure{channel}"] = round(cup.pressure * 1e-3)
         return values
 
     def write(self, signal: str, value: int) -> None:
@@ -247,6 +305,7 @@ class VirtualGripper:
             self.set_hold_force(hold_force)
 
     def _obey(self, command: HandCommand) -> None:
+        self._command_shown = command
         action = self._action(command)
         if action is not None:
             self._begin(action)

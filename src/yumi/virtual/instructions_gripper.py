@@ -3,13 +3,14 @@ r"""The Smart Gripper's RAPID instructions of one arm, ``g_...`` (reference/stat
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.robot.gripper import MAX_FORCE, TRAVEL, HandState
+from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, HandState
 from yumi.virtual.events import EventLog, EventType
-from yumi.virtual.gripper import CHANNELS, TOP_SPEED, VirtualGripper
+from yumi.virtual.gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 
 DEADLINE = 5.0
 """How long an instruction waits for the fingers [s] (reference/statemachine.md §5.3)."""
@@ -25,6 +26,7 @@ _FAILED_MOVE = (112753, "ERR_HAND_FAILEDMOVEPOS")
 _FAILED_GRIP_IN = (112754, "ERR_HAND_FAILEDGRIPINWARD")
 _FAILED_GRIP_OUT = (112760, "ERR_HAND_FAILEDGRIPOUTWARD")
 _FAILED_GRIP_POSITION = (112759, "ERR_HAND_FAILEDGRIPPOS")
+_FAILED_VACUUM = (112756, "ERR_HAND_FAILEDVACUUM")
 _ERRORS = (
     _NOT_CALIBRATED,
     _OUT_OF_RANGE,
@@ -33,6 +35,7 @@ _ERRORS = (
     _FAILED_GRIP_IN,
     _FAILED_GRIP_OUT,
     _FAILED_GRIP_POSITION,
+    _FAILED_VACUUM,
 )
 _Failure = tuple[int, str]
 
@@ -80,6 +83,34 @@ class GripperInstructions:
         yield from self._readied(call)
         self._do(lambda: self._gripper.grip_out(call.get("holdForce")))
         yield from self._held(call, _FAILED_GRIP_OUT)
+
+    def jog(self, call: Call, *, opens: bool) -> Wait:
+        """g_JogIn, g_JogOut: done when the fingers stand; the motor then lets go."""
+        yield from self._readied(call)
+        self._gripper.jog(opens=opens)
+        begin = call.task.now
+        while call.task.now - begin < SETTLING_TIME or self._gripper.speed != 0.0:
+            if call.task.now - begin >= DEADLINE:
+                self._fail(_WRONG_STATE, f"The fingers have been moving for {DEADLINE:g} s.")
+            yield None
+        self._gripper.stop()
+
+    def vacuum_on(self, call: Call, channel: int) -> Wait:
+        """g_VacuumOn: done at once, or with a threshold [kPa] when the pressure is below it."""
+        self._gripper.set_vacuum(channel, is_on=True)
+        deadline = call.task.now + DEADLINE
+        while call.present("threshold") and self.pressure(call, channel) > call["threshold"]:
+            if call.task.now >= deadline:
+                self._fail(_FAILED_VACUUM, f"Vacuum {channel} does not get below {call['threshold']:g} kPa.")
+            yield None
+
+    def pressure(self, call: Call, channel: int) -> float:
+        """g_GetPressure [kPa]; 0 where there is no such module."""
+        return self._gripper.cups[channel].pressure * 1e-3 if channel in self._gripper.cups else 0.0
+
+    def speed(self, call: Call) -> float:
+        """g_GetSpd: of each finger [mm/s]."""
+        return abs(self._gripper.speed) * 1e3
 
     def stop(self, call: Call) -> None:
         """g_Stop."""
@@ -161,20 +192,24 @@ def add_gripper(library: Library, gripper: VirtualGripper, events: EventLog) -> 
     library.instruction("g_MoveTo", r"num TargetPos, \switch NoWait")(hand.move_to)
     library.instruction("g_GripIn", _GRIP)(hand.grip_in)
     library.instruction("g_GripOut", _GRIP)(hand.grip_out)
+    library.instruction("g_JogIn")(partial(hand.jog, opens=False))
+    library.instruction("g_JogOut")(partial(hand.jog, opens=True))
     library.instruction("g_Stop")(hand.stop)
     library.instruction("g_SetMaxSpd", "num maxSpd")(hand.set_max_speed)
     library.instruction("g_SetForce", "num holdForce")(hand.set_force)
     library.function("g_IsCalibrated", "", "bool")(hand.is_calibrated)
     library.function("g_GetPos", "", "num")(hand.position)
+    library.function("g_GetSpd", "", "num")(hand.speed)
     for channel in CHANNELS:
-        _add_channel(library, gripper, channel)
+        _add_channel(library, hand, gripper, channel)
 
 
-def _add_channel(library: Library, gripper: VirtualGripper, channel: int) -> None:
+def _add_channel(library: Library, hand: GripperInstructions, gripper: VirtualGripper, channel: int) -> None:
     def switch(set_channel: Callable[..., None], *, is_on: bool) -> Callable[[Call], None]:
         return lambda call: set_channel(channel, is_on=is_on)
 
-    library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(switch(gripper.set_vacuum, is_on=True))
+    library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(partial(hand.vacuum_on, channel=channel))
     library.instruction(f"g_VacuumOff{channel}")(switch(gripper.set_vacuum, is_on=False))
     library.instruction(f"g_BlowOn{channel}")(switch(gripper.set_blow, is_on=True))
     library.instruction(f"g_BlowOff{channel}")(switch(gripper.set_blow, is_on=False))
+    library.function(f"g_GetPressure{channel}", "", "num")(partial(hand.pressure, channel=channel))

@@ -95,7 +95,8 @@ class Irc5:
         self.signals = Signals.configured(configuration, self._signal_changed)
         self._configuration = configuration
         self._stations = {station.side: station for station in stations}
-        self._gripper_inputs: dict[Side, dict[str, int]] = {}
+        self._gripper_signals: dict[Side, dict[str, int]] = {}
+        self._is_copying = False
         self._sync_points = SyncPoints()
         self.execution = RapidExecution([self._loaded(station) for station in stations], self.events)
         self.execution.move_pp_to_main()
@@ -279,7 +280,7 @@ class Irc5:
         for station in self._stations.values():
             station.forget_egm()
         self.signals.restore_defaults()
-        self._gripper_inputs.clear()
+        self._gripper_signals.clear()
         self.collision_state = CollisionState.INIT
 
     def _come_up(self) -> None:
@@ -296,15 +297,17 @@ class Irc5:
             self._switch_motors_off(state, failure.sentence)
 
     def _copy_gripper(self, station: Station) -> None:
-        """The gripper's inputs; most cycles bring nothing new."""
+        """What the gripper shows; most cycles bring nothing new."""
         values = station.gripper.signals()
-        if values != self._gripper_inputs.get(station.side):
-            self._gripper_inputs[station.side] = values
+        if values != self._gripper_signals.get(station.side):
+            self._gripper_signals[station.side] = values
+            self._is_copying = True
             for name, value in values.items():
                 self.signals.drive(f"{name}_{station.side.name[0]}", float(value))
+            self._is_copying = False
 
     def _signal_changed(self, name: str, old: float, new: float) -> None:
-        if name.startswith("hand_") and self.signals.get(name).type.is_output:
+        if name.startswith("hand_") and self.signals.get(name).type.is_output and not self._is_copying:
             station = next(s for s in self._stations.values() if name.endswith(f"_{s.side.name[0]}"))
             station.gripper.write(name[:-2], int(new))
         self.execution.signal_changed(name, old, new)

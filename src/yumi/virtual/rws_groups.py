@@ -48,7 +48,9 @@ class Watch:
             return ()
         events = self.source.show(self.told, value)
         self.told = value
-        self.quiet_until = now + SPACING[self.resource.priority]
+        # What changes all the time keeps its pace: a look that comes late does not put off the next.
+        begin = self.quiet_until if now - self.quiet_until <= 2.0 * GLANCE else now
+        self.quiet_until = begin + SPACING[self.resource.priority]
         return events
 
 

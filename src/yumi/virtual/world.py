@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yumi.controller_files
 import yumi.virtual
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
@@ -19,6 +20,7 @@ from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
 from yumi.virtual.irc5 import Irc5
 from yumi.virtual.station import Station
+from yumi.virtual.vacuum_cup import CupObject
 
 _HOME = "HOME:/yumi/"
 
@@ -30,6 +32,8 @@ class WorldSettings:
     Attributes:
         robot_name: name of controller and system.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
+        gripper_modules: what each hand is made of; servo alone for an arm that is left out.
+        cup_objects: what lies under the cups of each hand's vacuum modules; an arm that is left out finds nothing.
         positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
         arm_model: dynamics of both arms.
         egm_host: address the arms send their datagrams to.
@@ -41,6 +45,8 @@ class WorldSettings:
 
     robot_name: str = "YuMi"
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
+    gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
+    cup_objects: Mapping[Side, CupObject] = field(default_factory=dict)
     positions: Mapping[Side, Joints] = field(default_factory=dict)
     arm_model: ArmModel = field(default_factory=ArmModel)
     egm_host: str = "127.0.0.1"
@@ -105,9 +111,7 @@ class World:
         line.advance(self.cycle_time)
         if self.controller.is_dark:
             return None
-        datagram = line.leaving(egm.cycle(line.arriving(inbox)))
-        line.is_deaf = line.is_deaf and egm.is_guiding
-        return datagram
+        return line.leaving(egm.cycle(line.arriving(inbox)))
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
@@ -118,7 +122,10 @@ class World:
 
 def _station(side: Side, settings: WorldSettings) -> Station:
     arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
-    gripper = VirtualGripper(settings.workpieces.get(side), is_calibrated=settings.grippers_are_calibrated)
+    modules = settings.gripper_modules.get(side, GripperModules.SERVO)
+    gripper = VirtualGripper(settings.workpieces.get(side), modules, is_calibrated=settings.grippers_are_calibrated)
+    for cup in gripper.cups.values():
+        cup.under = settings.cup_objects.get(side)
     return Station(arm, EgmClient(arm, settings.egm), gripper)
 
 

@@ -16,6 +16,7 @@ from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.hardware.gripper import Gripper as Hand
 from yumi.robot.gripper import Outcome
+from yumi.robot.hand import HandOrder
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
 
@@ -25,9 +26,9 @@ RIGHT = home(Side.RIGHT)
 class FakeHand:
     last_position = 0.01
 
-    def begin(self, position: float, force: float) -> None: ...
+    def begin(self, order: HandOrder) -> None: ...
 
-    def wait(self, position: float, on_feedback: object) -> Outcome:
+    def wait(self, order: HandOrder) -> Outcome:
         return Outcome.HOLDING
 
 

@@ -8,22 +8,50 @@ import pytest
 from yumi.api.gripper import Grip, Gripper
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.hardware.gripper import Gripper as Hand
-from yumi.robot.gripper import Outcome
+from yumi.robot.gripper import Direction, Outcome
+from yumi.robot.hand import CupReading, HandOrder, go_to, grip
 from yumi.robot.joints import Side
+
+
+class FakeVacuum:
+    """A cup with the pressure the test says."""
+
+    def __init__(self) -> None:
+        self.log: list[str] = []
+        self.cup = CupReading(sucks=True, blows=False, pressure=40e3)
+
+    def switch(self, channel: int, *, is_on: bool) -> None:
+        self.log.append(f"vacuum {channel} {is_on}")
+
+    def wait_until_picked(self, channel: int, threshold: float, timeout: float) -> bool:
+        return self.cup.has_picked(threshold)
+
+    def reading(self, channel: int) -> CupReading:
+        return self.cup
+
+    def drop(self, channel: int) -> None:
+        self.log.append(f"drop {channel}")
 
 
 class FakeHand:
     """Ends every command as the test says, with its fingers where the test says."""
 
     def __init__(self) -> None:
-        self.begun: list[tuple[float, float]] = []
+        self.begun: list[HandOrder] = []
         self.outcome = Outcome.HOLDING
         self.last_position = 0.01
+        self.vacuum = FakeVacuum()
 
-    def begin(self, position: float, force: float) -> None:
-        self.begun.append((position, force))
+    def calibrate(self) -> None:
+        self.vacuum.log.append("calibrate")
 
-    def wait(self, position: float, on_feedback: object) -> Outcome:
+    def clear_error(self) -> None:
+        self.vacuum.log.append("clear_error")
+
+    def begin(self, order: HandOrder) -> None:
+        self.begun.append(order)
+
+    def wait(self, order: HandOrder) -> Outcome:
         return self.outcome
 
     def position(self) -> float:
@@ -45,7 +73,7 @@ def gripper(hand: FakeHand) -> Gripper:
 
 def test_gripper_grasps_with_the_force_it_is_given_or_the_usual_one(gripper: Gripper, hand: FakeHand) -> None:
     assert gripper.grasp() == gripper.grasp(force=4.0) == Grip(Outcome.HOLDING, 0.02)
-    assert hand.begun == [(0.0, 10.0), (0.0, 4.0)]
+    assert hand.begun == [grip(Direction.INWARDS, 10.0), grip(Direction.INWARDS, 4.0)]
 
 
 def test_gripper_accepts_the_width_it_expects(gripper: Gripper) -> None:
@@ -69,7 +97,7 @@ def test_gripper_opens_to_a_width(gripper: Gripper, hand: FakeHand) -> None:
     hand.outcome = Outcome.IN_PLACE
     gripper.open(0.03)
     gripper.open()
-    assert hand.begun == [(0.015, 10.0), (0.025, 10.0)]
+    assert hand.begun == [go_to(0.015), go_to(0.025)]
 
 
 def test_gripper_that_cannot_open_says_so(gripper: Gripper, hand: FakeHand) -> None:
@@ -91,3 +119,43 @@ def test_gripper_refuses_an_impossible_width(gripper: Gripper, hand: FakeHand, w
     with pytest.raises(CommandRefused, match=r"Object width .* m is out of range; allowed is above 0 to 0\.05 m"):
         gripper.grasp(width=width)
     assert hand.begun == []
+
+
+def test_gripper_grasps_outwards_and_closes_to_let_go(gripper: Gripper, hand: FakeHand) -> None:
+    gripper.grasp(outwards=True)
+    hand.outcome = Outcome.CLOSED
+    gripper.release()
+    assert hand.begun == [grip(Direction.OUTWARDS, 10.0), go_to(0.0)]
+
+
+def test_gripper_opens_to_let_go(gripper: Gripper, hand: FakeHand) -> None:
+    gripper.grasp()
+    hand.outcome = Outcome.OPEN
+    assert gripper.release().outcome is Outcome.OPEN
+    assert hand.begun[-1] == go_to(0.025)
+
+
+def test_gripper_that_cannot_let_go_says_so(gripper: Gripper, hand: FakeHand) -> None:
+    gripper.grasp(outwards=True)
+    hand.outcome = Outcome.STALLED
+    with pytest.raises(GoalNotReached, match=r"The left gripper stopped at 20\.0 mm; look what is in the way"):
+        gripper.release()
+
+
+def test_vacuum_picks_and_drops(gripper: Gripper, hand: FakeHand) -> None:
+    gripper.pick(2)
+    assert (gripper.has_picked(2), gripper.pressure(2)) == (True, 40e3)
+    gripper.drop(2)
+    assert hand.vacuum.log == ["vacuum 2 True", "drop 2"]
+
+
+def test_vacuum_that_picks_nothing_says_so(gripper: Gripper, hand: FakeHand) -> None:
+    hand.vacuum.cup = CupReading(sucks=True, blows=False, pressure=90e3)
+    with pytest.raises(GoalNotReached, match="Vacuum 1 of the left gripper has picked nothing: 90000 Pa after 1 s, 70"):
+        gripper.pick()
+
+
+def test_gripper_is_calibrated_and_its_error_cleared_when_asked(gripper: Gripper, hand: FakeHand) -> None:
+    gripper.calibrate()
+    gripper.clear_error()
+    assert hand.vacuum.log == ["calibrate", "clear_error"]

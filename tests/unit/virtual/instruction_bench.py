@@ -8,6 +8,7 @@ import yumi.controller_files
 from yumi.rapid.host import Execution
 from yumi.rapid.task import Task
 from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
 from yumi.virtual.arm import VirtualArm
 from yumi.virtual.configuration import Configuration
@@ -51,7 +52,9 @@ class InstructionBench:
     ) -> None:
         arm = VirtualArm(side)
         arm.switch_motors_on()
-        self.station = Station(arm, EgmClient(arm), VirtualGripper(workpiece, is_calibrated=True))
+        self.station = Station(
+            arm, EgmClient(arm), VirtualGripper(workpiece, GripperModules.TWO_VACUUMS, is_calibrated=True)
+        )
         paths = [*sorted(STOCK.glob("*.cfg")), *sorted(FOLDER.glob("*.cfg"))]
         self.configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
         self.events = EventLog(lambda: 0.0)

@@ -7,7 +7,7 @@ from math import nan
 import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.gripper import HandCommand, HandState
+from yumi.robot.gripper import GripperModules, HandCommand, HandState
 from yumi.virtual.gripper import VirtualGripper
 from yumi.virtual.gripper_fingers import Workpiece
 
@@ -248,7 +248,8 @@ def test_calibration_by_command_ends_completed():
 
 
 @pytest.mark.parametrize("channel", [1, 2])
-def test_channel_does_not_suck_and_blow_at_once(gripper, channel):
+def test_channel_does_not_suck_and_blow_at_once(channel):
+    gripper = VirtualGripper(modules=GripperModules.TWO_VACUUMS)
     gripper.write(f"hand_CmdVacuum{channel}", 1)
     assert gripper.signals()[f"hand_StatusVacuum{channel}"] == 1
     gripper.write(f"hand_CmdBlowoff{channel}", 1)
@@ -271,3 +272,68 @@ def test_outcome_does_not_depend_on_how_time_is_divided(dt):
 def test_workpiece_that_does_not_fit_is_refused(width):
     with pytest.raises(ValueError, match=r"widths above 0 and up to 0.05 m are allowed"):
         Workpiece(width)
+
+
+def test_object_too_heavy_for_the_force_slips_out_and_the_fingers_close():
+    gripper = opened(Workpiece(0.020, mass=0.4))  # 0.4 kg and friction 0.5 need 3.9 N
+    gripper.grip_in(hold_force=3.0)
+    gripper.advance(0.65)
+    assert gripper.is_holding
+    for _ in range(200):
+        gripper.advance(0.004)
+    assert (gripper.position, gripper.state, gripper.workpiece) == (0.0, HandState.ACTION_COMPLETED, None)
+
+
+def test_same_object_is_held_with_enough_force():
+    gripper = opened(Workpiece(0.020, mass=0.4))
+    gripper.grip_in(hold_force=4.0)
+    gripper.advance(5.0)
+    assert gripper.is_holding
+
+
+@pytest.mark.parametrize(("mass", "friction"), [(-0.1, 0.5), (0.1, 0.0)])
+def test_workpiece_without_mass_or_friction_is_refused(mass, friction):
+    with pytest.raises(ValueError, match="both are positive"):
+        Workpiece(0.02, mass=mass, friction=friction)
+
+
+def test_error_of_the_hand_is_shown_until_it_is_cleared(gripper):
+    gripper.fail(7)
+    gripper.advance(0.1)
+    assert (gripper.signals()["hand_SysState"], gripper.signals()["hand_SysError"]) == (1, 7)
+    gripper.write("hand_CmdClearErr", 1)
+    gripper.advance(0.1)
+    assert (gripper.signals()["hand_SysState"], gripper.signals()["hand_SysError"]) == (0, 0)
+
+
+def test_power_cut_lets_go_and_forgets_where_the_fingers_are():
+    gripper = opened(CUBE)
+    gripper.grip_in()
+    finish(gripper)
+    gripper.cut_power()
+    assert (gripper.force, gripper.is_calibrated, gripper.signals()["hand_StatusCalibrated"]) == (0.0, False, 0)
+
+
+def test_jog_goes_on_until_it_is_told_to_stop():
+    gripper = VirtualGripper()
+    gripper.jog(opens=True)
+    gripper.advance(1.0)
+    assert (gripper.state, gripper.speed) == (HandState.JOG_OPEN, 0.010)
+    gripper.stop()
+    assert (gripper.state, gripper.speed) == (HandState.READY, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("modules", "camera", "channels"),
+    [
+        (GripperModules.SERVO, 0, 0),
+        (GripperModules.VISION, 1, 0),
+        (GripperModules.VACUUM, 0, 1),
+        (GripperModules.VISION_VACUUM, 1, 1),
+        (GripperModules.TWO_VACUUMS, 0, 2),
+    ],
+)
+def test_hand_shows_the_modules_it_has(modules, camera, channels):
+    signals = VirtualGripper(modules=modules).signals()
+    assert signals["hand_StatusCamLinked"] == camera
+    assert sum(name.startswith("hand_ActualPressure") for name in signals) == channels

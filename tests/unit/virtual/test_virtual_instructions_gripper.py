@@ -3,7 +3,9 @@
 import pytest
 from instruction_bench import InstructionBench
 
+from yumi.robot.gripper import HandState
 from yumi.virtual.gripper import Workpiece
+from yumi.virtual.vacuum_cup import CupObject
 
 
 @pytest.fixture
@@ -88,3 +90,26 @@ def test_vacuum_and_blow_exclude_each_other(bench: InstructionBench, channel: in
     bench.run(f"g_VacuumOn{channel}; g_BlowOn{channel};")
     signals = bench.station.gripper.signals()
     assert (signals[f"hand_StatusVacuum{channel}"], signals[f"hand_StatusBlowoff{channel}"]) == (0, 1)
+
+
+def test_jog_waits_until_the_fingers_stand_and_lets_go(bench: InstructionBench) -> None:
+    assert bench.run("g_JogOut; number:=g_GetPos();") == pytest.approx(2.5, abs=0.1)
+    assert float(bench.read("number")) == pytest.approx(25.0)
+    assert bench.station.gripper.state is HandState.READY
+
+
+def test_vacuum_with_a_threshold_waits_for_the_pressure(bench: InstructionBench) -> None:
+    bench.station.gripper.cups[1].under = CupObject()
+    assert 0.1 < bench.run("g_VacuumOn1\\threshold:=40; number:=g_GetPressure1();") < 0.5
+    assert float(bench.read("number")) <= 40.0
+
+
+def test_vacuum_that_is_never_reached_raises(bench: InstructionBench) -> None:
+    bench.run("g_VacuumOn2\\threshold:=40;")
+    assert "ERR_HAND_FAILEDVACUUM" in bench.failure
+    assert bench.events.entries()[0].code == 112756
+
+
+def test_speed_is_told_while_the_fingers_move(bench: InstructionBench) -> None:
+    bench.run("g_MoveTo 20\\NoWait; WaitTime 0.2; number:=g_GetSpd();")
+    assert float(bench.read("number")) == pytest.approx(25.0)

@@ -1,0 +1,302 @@
+"""One hand as an rclpy program sees it: actions, services and topics, on a virtual robot in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan
+from threading import Barrier, Event
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from control_msgs.action import GripperCommand, ParallelGripperCommand
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import ActionClient
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_bench import Client, rclpy
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+
+from system.virtual_time_bench import System
+from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import TRAVEL, GripperModules
+from yumi.robot.hand import HandReading, read_hand
+from yumi.robot.joints import Side, finger_names
+from yumi.ros.hands import HandParts, Hands
+from yumi.settings import GripperSettings
+from yumi.virtual.fault_names import Fault
+from yumi.virtual.gripper import Workpiece
+from yumi.virtual.vacuum_cup import CupObject
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+
+THREADS = 3  # a goal that goes on, one that is refused, and a timer
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SETTINGS = GripperSettings(left=GripperModules.VACUUM)
+
+
+class Robot(System):
+    """The virtual robot, which goes on only while the gate is open; tells what its hands show."""
+
+    def __init__(self) -> None:
+        super().__init__(modules=GripperModules.VACUUM, are_calibrated=True)
+        self.gate = Event()
+        self.gate.set()
+        self.bringup.make_ready()
+
+    def wait(self, seconds: float) -> None:
+        assert self.gate.wait(10.0)
+        super().wait(seconds)
+
+    def keep_open(self) -> None:
+        """It always tells."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def reading(self, side: Side) -> HandReading:
+        signals, suffix = self.world.controller.signals, side.name[0]
+        return read_hand(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
+
+
+class Hand:
+    """The left hand's clients."""
+
+    def __init__(self, client: Client, robot: Robot, refusals: list[str]) -> None:
+        self.client = client
+        self.robot = robot
+        self.refusals = refusals  # why nothing may move, when there is something in it
+        self._actions: list[Any] = []
+
+    @property
+    def virtual(self) -> Any:
+        return self.robot.world.grippers[Side.LEFT]
+
+    def send(self, kind: Any, goal: Any) -> Any:
+        name = "gripper_cmd" if kind is GripperCommand else "parallel_gripper_cmd"
+        action = ActionClient(self.client.node, kind, f"l/gripper/{name}")
+        self._actions.append(action)
+        self.client.until(action.server_is_ready)
+        return self._wait(action.send_goal_async(goal))
+
+    def command(self, position: float, effort: float = 0.0) -> Any:
+        goal = GripperCommand.Goal()
+        goal.command.position, goal.command.max_effort = position, effort
+        return self.send(GripperCommand, goal)
+
+    def result(self, handle: Any) -> Any:
+        assert handle.accepted
+        return self._wait(handle.get_result_async())
+
+    def cancel(self, handle: Any) -> None:
+        self._wait(handle.cancel_goal_async())
+
+    def trigger(self, name: str) -> Any:
+        return self.client.call(Trigger, f"l/gripper/{name}")
+
+    def switch(self, name: str, *, is_on: bool) -> Any:
+        return self.client.call(SetBool, f"l/gripper/{name}", SetBool.Request(data=is_on))
+
+    def hear(self, kind: Any, topic: str, qos: Any = 10) -> list[Any]:
+        heard: list[Any] = []
+        self.client.node.create_subscription(kind, f"l/gripper/{topic}", heard.append, qos)
+        return heard
+
+    def close(self) -> None:
+        for action in self._actions:
+            action.destroy()
+        self._actions.clear()
+
+    def _wait(self, future: Any) -> Any:
+        self.client.until(future.done)
+        return future.result()
+
+
+def start_threads(executor: MultiThreadedExecutor) -> None:
+    """All at once: a test counts the threads that are new at its end."""
+    meeting = Barrier(THREADS + 1)
+    for _ in range(THREADS):
+        executor.create_task(meeting.wait, 10.0)
+    for _ in range(THREADS):
+        executor.spin_once(timeout_sec=1.0)
+    meeting.wait(10.0)
+
+
+@pytest.fixture(scope="module")
+def hands(ros: None) -> Iterator[Hand]:
+    robot, refusals = Robot(), []
+    executor = MultiThreadedExecutor(THREADS)
+    start_threads(executor)
+    nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
+    streams = {side: rclpy.create_node("yumi_topics", namespace=side.value) for side in Side}
+    parts = HandParts(robot.grippers, robot, SETTINGS)
+    hands = Hands(parts, nodes, streams, lambda _: None, lambda side: refusals[0] if refusals else None)
+    client = Client(executor)
+    for node in (*nodes.values(), *streams.values()):
+        executor.add_node(node)
+    yield Hand(client, robot, refusals)
+    client.close()
+    hands.destroy()
+    for node in (*nodes.values(), *streams.values()):
+        node.destroy_node()
+
+
+@pytest.fixture
+def hand(hands: Hand) -> Iterator[Hand]:
+    """Open, with nothing between its fingers."""
+    hands.virtual.workpiece, hands.virtual.cups[1].under = None, None
+    hands.robot.gate.set()
+    assert hands.result(hands.command(TRAVEL)).result.reached_goal
+    yield hands
+    hands.close()
+    hands.refusals.clear()
+
+
+def test_gripper_command_holds_what_it_finds(hand: Hand) -> None:
+    hand.virtual.workpiece = Workpiece(0.02)
+    result = hand.result(hand.command(0.0, 12.0)).result
+    assert (result.stalled, result.reached_goal, result.effort) == (True, False, 12.0)
+    assert result.position == pytest.approx(0.010)
+    assert hand.robot.reading(Side.LEFT).is_holding
+
+
+def test_gripper_command_grips_outwards_when_it_is_open_with_an_effort(hand: Hand) -> None:
+    hand.result(hand.command(0.0))
+    hand.virtual.workpiece = Workpiece(0.030, is_hollow=True)
+    result = hand.result(hand.command(TRAVEL, 8.0)).result
+    assert (result.stalled, result.effort, result.position) == (True, 8.0, pytest.approx(0.015))
+
+
+def test_gripper_command_that_meets_an_obstacle_is_stalled_without_effort(hand: Hand) -> None:
+    hand.virtual.workpiece = Workpiece(0.02)
+    answer = hand.result(hand.command(0.005))
+    assert (answer.status, answer.result.stalled, answer.result.effort) == (GoalStatus.STATUS_SUCCEEDED, True, 0.0)
+
+
+def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Hand) -> None:
+    names = list(finger_names(Side.LEFT))
+    command = JointState(name=names, position=[0.010] * 2, velocity=[0.01] * 2)
+    begin = hand.robot.now()
+    result = hand.result(hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command))).result
+    assert (result.stalled, result.reached_goal, list(result.state.name)) == (False, True, names)
+    assert list(result.state.position) == pytest.approx([0.010] * 2, abs=2e-4)
+    assert hand.robot.now() - begin > 1.4
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        (JointState(name=["elbow"], position=[0.0]), "'elbow' is no finger of this hand; name gripper_l_joint or"),
+        (JointState(), "The goal has no position; give that of a finger"),
+        (JointState(position=[0.01, 0.02]), "cannot have different values of position: one motor moves both"),
+        (JointState(position=[0.01], velocity=[0.5]), "speed 0.5 m/s is out of range"),
+        (JointState(position=[0.01], effort=[nan]), "effort nan N is out of range"),
+        (JointState(position=[nan]), "position nan m is out of range"),
+    ],
+)
+def test_goal_that_no_hand_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
+    assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
+    hand.client.until(hand.client.hears(sentence))
+    assert hand.robot.reading(Side.LEFT).position == TRAVEL
+
+
+def test_goal_is_refused_while_nothing_may_move(hand: Hand) -> None:
+    hand.refusals.append("the left gripper is inactive; activate it first.")
+    assert not hand.command(0.0).accepted
+    for answer in (hand.trigger("calibrate"), hand.trigger("jog_open"), hand.switch("vacuum_1", is_on=True)):
+        assert (answer.success, answer.message) == (False, "the left gripper is inactive; activate it first.")
+
+
+def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> None:
+    hand.robot.gate.clear()
+    first = hand.command(0.0)
+    assert first.accepted
+    assert not hand.command(TRAVEL).accepted
+    refused = hand.trigger("calibrate")
+    assert refused.message == "A goal is being carried out; wait for its result, or cancel it."
+    hand.cancel(first)
+    hand.robot.gate.set()
+    answer = hand.result(first)
+    assert (answer.status, answer.result.stalled, answer.result.reached_goal) == (
+        GoalStatus.STATUS_CANCELED,
+        False,
+        False,
+    )
+    assert hand.robot.reading(Side.LEFT).position > 0.02
+
+
+def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
+    assert hand.trigger("jog_close").message == "The fingers close until stop is called."
+    hand.robot.wait(1.0)
+    assert hand.trigger("stop").success
+    assert 0.012 < hand.robot.reading(Side.LEFT).position < 0.018
+    assert hand.trigger("calibrate").message == "The gripper is calibrated: closed is 0."
+    assert hand.robot.reading(Side.LEFT).position == 0.0
+
+
+def test_object_that_is_lost_is_told_and_the_hand_goes_on(hand: Hand) -> None:
+    states = hand.hear(JointState, "joint_states")
+    hand.virtual.workpiece = Workpiece(0.02)
+    assert hand.result(hand.command(0.0, 9.0)).result.effort == 9.0
+    hand.client.until(lambda: bool(states) and states[-1].effort[0] == 9.0)
+    hand.robot.faults.happen(Fault.OBJECT_LOST, Side.LEFT)
+    hand.robot.wait(1.0)
+    hand.client.until(lambda: (states[-1].effort[0], states[-1].position[0]) == (0.0, 0.0))
+    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+
+
+def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand: Hand) -> None:
+    states = hand.hear(DiagnosticStatus, "state", 1)
+    hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    hand.robot.wait(CYCLE)
+    hand.client.until(lambda: any(state.message == "not calibrated; call calibrate" for state in states))
+    assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
+    hand.client.until(hand.client.hears("The left gripper is not calibrated; calibrate it first"))
+    assert hand.trigger("calibrate").success
+    assert hand.result(hand.command(TRAVEL)).result.reached_goal
+
+
+def test_error_is_cleared_by_its_service_and_shown_in_the_state(hand: Hand) -> None:
+    states = hand.hear(DiagnosticStatus, "state", 1)
+    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.robot.wait(CYCLE)
+    hand.client.until(lambda: any(state.message.startswith("error 7; look at the event log") for state in states))
+    assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
+    assert hand.trigger("clear_error").success
+    hand.client.until(lambda: states[-1].message == "ready")
+
+
+def test_vacuum_picks_an_object_and_loses_it(hand: Hand) -> None:
+    pressures = hand.hear(FluidPressure, "vacuum_1/pressure")
+    picked = hand.hear(Bool, "vacuum_1/object_picked", LATCHED)
+    hand.client.until(lambda: [each.data for each in picked] == [False])
+    hand.virtual.cups[1].under = CupObject()
+    assert hand.switch("vacuum_1", is_on=True).message == "Vacuum 1 is on."
+    hand.robot.wait(1.0)
+    hand.client.until(lambda: [each.data for each in picked] == [False, True])
+    hand.client.until(lambda: pressures[-1].fluid_pressure < 30e3)
+    hand.virtual.cups[1].under = None
+    hand.robot.wait(1.0)
+    hand.client.until(lambda: [each.data for each in picked] == [False, True, False])
+    assert hand.switch("blow_1", is_on=True).success
+    assert hand.switch("blow_1", is_on=False).success
+
+
+def test_vacuum_that_the_hand_does_not_have_is_refused(hand: Hand) -> None:
+    answer = hand.switch("vacuum_2", is_on=True)
+    assert not answer.success
+    assert answer.message == (
+        "The left gripper has vacuum 1 only: it is configured as servo+vacuum. If it has vacuum 2, set gripper.left in "
+        "yumi.yaml."
+    )
+
+
+def test_finger_joints_come_with_force_and_speed(hand: Hand) -> None:
+    states = hand.hear(JointState, "joint_states")
+    hand.virtual.workpiece = Workpiece(0.02)
+    hand.result(hand.command(0.0, 12.0))
+    hand.client.until(lambda: bool(states) and list(states[-1].effort) == [12.0, 12.0])
+    assert list(states[-1].position) == pytest.approx([0.010, 0.010])
+    assert list(states[-1].name) == list(finger_names(Side.LEFT))

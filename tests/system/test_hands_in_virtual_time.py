@@ -1,0 +1,294 @@
+"""Both hands through the state machine on the virtual robot: outcomes, vacuum, refusals, and EGM beside them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from math import nan, radians
+
+import pytest
+
+from system.virtual_time_bench import DriverArm, System
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.hardware.gripper import Gripper
+from yumi.robot.cycle import CYCLE
+from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, TRAVEL, Direction, GripperModules, HandState, Outcome
+from yumi.robot.hand import HandOrder, go_to, grip
+from yumi.robot.joints import Side
+from yumi.robot.poses import home
+from yumi.virtual.fault_names import Fault
+from yumi.virtual.gripper import Workpiece
+from yumi.virtual.vacuum_cup import CupObject
+
+CLOSE = grip(Direction.INWARDS, 10.0)
+SPREAD = grip(Direction.OUTWARDS, 8.0)
+OPEN = go_to(TRAVEL)
+
+
+@pytest.fixture
+def system() -> System:
+    system = System()
+    system.bringup.make_ready()
+    return system
+
+
+@pytest.fixture
+def calibrated() -> System:
+    """With hands that the controller tells of."""
+    system = System(are_calibrated=True)
+    system.bringup.make_ready()
+    system.signals.keep_open()
+    return system
+
+
+@pytest.fixture
+def left(calibrated: System) -> Gripper:
+    """Something 20 mm wide lies between its fingers."""
+    return calibrated.grippers[Side.LEFT]
+
+
+@pytest.fixture
+def right(calibrated: System) -> Gripper:
+    """Nothing lies between its fingers."""
+    return calibrated.grippers[Side.RIGHT]
+
+
+def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
+    gripper.begin(order)
+    return gripper.wait(order)
+
+
+def test_gripper_is_calibrated_only_where_it_is_needed(system: System) -> None:
+    gripper = system.grippers[Side.RIGHT]
+    assert gripper.calibrate_if_needed()
+    assert not gripper.calibrate_if_needed()
+    gripper.calibrate()
+    assert (gripper.is_calibrated(), gripper.position()) == (True, 0.0)
+
+
+def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gripper) -> None:
+    calibrated.signals.close()
+    assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+    assert done(left, OPEN) is Outcome.OPEN
+    assert done(left, CLOSE) is Outcome.HOLDING
+    assert left.last_position == pytest.approx(0.010, abs=2e-4)
+
+
+def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs(
+    calibrated: System, right: Gripper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calibrated.start_egm()
+    right.begin(go_to(TRAVEL, speed=0.0125))
+    calibrated.wait(0.1)
+    monkeypatch.setattr(calibrated.http, "exchange", lambda *_: pytest.fail("something was asked"))
+    positions = set()
+    for _ in range(60):
+        calibrated.wait(6 * CYCLE)
+        positions.add(right.reading().position)
+    assert len(positions) >= int(20 * 60 * 6 * CYCLE)
+
+
+def test_hand_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
+    calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
+    calibrated.wait(0.1)
+    assert calibrated.signals.reading(Side.RIGHT) is None
+    assert done(right, OPEN) is Outcome.OPEN
+    calibrated.signals.keep_open()
+    assert calibrated.signals.reading(Side.RIGHT).position == TRAVEL
+
+
+def test_gripper_holds_an_object_and_knows_its_width(left: Gripper) -> None:
+    assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+    assert left.last_position == pytest.approx(0.010, abs=2e-4)
+    assert left.reading().force == 10.0
+
+
+def test_gripper_closes_on_nothing(right: Gripper) -> None:
+    assert (done(right, OPEN), done(right, CLOSE)) == (Outcome.OPEN, Outcome.CLOSED)
+
+
+def test_gripper_holds_a_hollow_object_from_inside(calibrated: System, right: Gripper) -> None:
+    calibrated.world.grippers[Side.RIGHT].workpiece = Workpiece(0.030, is_hollow=True)
+    assert done(right, SPREAD) is Outcome.HOLDING
+    assert (right.last_position, right.reading().force) == (pytest.approx(0.015), 8.0)
+
+
+def test_grip_outwards_on_nothing_ends_open(right: Gripper) -> None:
+    assert done(right, SPREAD) is Outcome.OPEN
+    assert not right.is_holding()
+
+
+def test_gripper_goes_to_a_place_between_with_the_speed_it_is_told(calibrated: System, right: Gripper) -> None:
+    begin = calibrated.now()
+    assert done(right, go_to(0.012, speed=0.005)) is Outcome.IN_PLACE
+    assert right.last_position == pytest.approx(0.012, abs=5e-4)
+    assert calibrated.now() - begin == pytest.approx(2.6, abs=0.4)
+
+
+def test_gripper_can_be_used_again_and_again(left: Gripper) -> None:
+    for _ in range(3):
+        assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
+
+
+def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated: System, left: Gripper) -> None:
+    calibrated.world.grippers[Side.LEFT].workpiece = Workpiece(0.02, mass=0.4)
+    done(left, OPEN)
+    assert done(left, grip(Direction.INWARDS, 2.0)) in {Outcome.HOLDING, Outcome.CLOSED}
+    calibrated.wait(1.0)
+    assert (left.is_holding(), left.position()) == (False, 0.0)
+
+
+def test_something_in_the_way_of_a_move_is_told_as_stalled_and_the_next_order_works(left: Gripper) -> None:
+    done(left, OPEN)
+    assert done(left, go_to(0.005)) is Outcome.STALLED
+    assert left.last_position == pytest.approx(0.010)
+    assert done(left, OPEN) is Outcome.OPEN
+
+
+def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gripper) -> None:
+    right.begin(OPEN)
+    begin = calibrated.now()
+    assert right.wait(OPEN, is_cancelled=lambda: calibrated.now() - begin > 0.5) is None
+    assert 0.008 < right.position() < 0.022
+    assert right.reading().state is HandState.READY
+
+
+def test_move_that_is_stopped_by_somebody_says_so(right: Gripper) -> None:
+    right.begin(OPEN)
+    right.stop()
+    with pytest.raises(GoalNotReached, match="The right gripper was stopped on its way"):
+        right.wait(OPEN)
+
+
+def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None:
+    gripper = system.grippers[Side.RIGHT]
+    gripper.jog(opens=True)
+    system.wait(1.0)
+    assert gripper.reading().state is HandState.JOG_OPEN
+    gripper.stop()
+    position = gripper.position()
+    system.wait(0.5)
+    assert gripper.position() == position > 0.008
+
+
+def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
+    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
+    calibrated.wait(CYCLE)
+    with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
+        right.begin(OPEN)
+    right.clear_error()
+    assert done(right, OPEN) is Outcome.OPEN
+
+
+def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gripper) -> None:
+    right.begin(OPEN)
+    calibrated.wait(0.3)
+    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
+    with pytest.raises(RobotNotReady, match="The right gripper reports error 7"):
+        right.wait(OPEN)
+
+
+def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
+    calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
+    calibrated.wait(CYCLE)
+    with pytest.raises(RobotNotReady, match="The right gripper is not calibrated; calibrate it first"):
+        right.begin(OPEN)
+    assert right.calibrate_if_needed()
+    assert done(right, OPEN) is Outcome.OPEN
+
+
+@pytest.mark.parametrize(
+    ("order", "sentence"),
+    [
+        (lambda: go_to(TRAVEL + 0.001), "is out of range; each finger travels 0 to 0.025 m"),
+        (lambda: go_to(nan), "position nan m is out of range"),
+        (lambda: go_to(0.01, speed=0.03), "speed 0.03 m/s is out of range; each finger moves with 0.003 to 0.025 m/s"),
+        (lambda: go_to(0.01, speed=nan), "speed nan m/s is out of range"),
+        (lambda: grip(Direction.INWARDS, MAX_FORCE + 1.0), "force 21.0 N is out of range; allowed is above 0 to 20 N"),
+        (lambda: grip(Direction.OUTWARDS, 0.0), "force 0.0 N is out of range"),
+    ],
+)
+def test_order_that_no_hand_can_carry_out_is_refused(order: Callable[[], HandOrder], sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        order()
+
+
+@pytest.mark.parametrize("channel", [1, 2])
+def test_vacuum_picks_what_lies_under_the_cup_and_blows_it_off(calibrated: System, channel: int) -> None:
+    gripper, cup = calibrated.grippers[Side.LEFT], calibrated.world.grippers[Side.LEFT].cups[channel]
+    cup.under = CupObject()
+    gripper.vacuum.switch(channel, is_on=True)
+    assert gripper.vacuum.wait_until_picked(channel, 70_000.0, 1.0)
+    gripper.vacuum.drop(channel)
+    reading = gripper.vacuum.reading(channel)
+    assert (reading.sucks, reading.blows) == (False, False)
+    assert reading.pressure == pytest.approx(ATMOSPHERE, rel=0.05)
+
+
+def test_object_that_leaks_is_not_picked(calibrated: System, left: Gripper) -> None:
+    calibrated.world.grippers[Side.LEFT].cups[1].under = CupObject(leak=0.9)
+    left.vacuum.switch(1, is_on=True)
+    assert not left.vacuum.wait_until_picked(1, 70_000.0, 1.0)
+
+
+def test_vacuum_of_an_uncalibrated_hand_is_refused_and_stays_off(system: System) -> None:
+    gripper = system.grippers[Side.LEFT]
+    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
+        gripper.vacuum.switch(1, is_on=True)
+    assert not gripper.vacuum.reading(1).sucks
+
+
+@pytest.mark.parametrize("modules", list(GripperModules))
+def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
+    system = System(modules=modules, are_calibrated=True)
+    system.bringup.make_ready()
+    gripper = system.grippers[Side.LEFT]
+    reading = gripper.reading()
+    assert (reading.is_camera_linked, tuple(reading.cups)) == (modules.has_camera, modules.vacuum_channels)
+    for channel in modules.vacuum_channels:
+        gripper.vacuum.switch(channel, is_on=True)
+    for channel in {1, 2} - set(modules.vacuum_channels):
+        with pytest.raises(
+            CommandRefused,
+            match=rf"it is configured as {re.escape(modules.value)}\. If it has vacuum {channel}, set gripper.left",
+        ):
+            gripper.vacuum.switch(channel, is_on=True)
+
+
+@pytest.mark.parametrize("channel", [0, 3])
+def test_vacuum_that_no_hand_has_is_refused(left: Gripper, channel: int) -> None:
+    with pytest.raises(CommandRefused, match=f"A gripper has vacuum 1 and 2 at most, not {channel}"):
+        left.vacuum.switch(channel, is_on=True)
+
+
+def guided_motion(commands: Callable[[System], None]) -> DriverArm:
+    """The left arm on its way for six seconds, with ``commands`` beside it."""
+    system = System()
+    system.start_egm()
+    system.signals.keep_open()
+    arm, begin = system.arms[Side.LEFT], system.now()
+    arm.go((*home(Side.LEFT)[:6], home(Side.LEFT)[6] + radians(60.0)))
+    commands(system)
+    left_over = 6.0 - (system.now() - begin)
+    assert left_over > 0.0
+    system.wait(left_over)
+    return arm
+
+
+def use_both_hands(system: System) -> None:
+    for gripper in system.grippers.values():
+        gripper.calibrate()
+        done(gripper, grip(Direction.OUTWARDS, 5.0))
+    left = system.grippers[Side.LEFT]
+    left.begin(CLOSE)
+    left.vacuum.switch(1, is_on=True)
+
+
+def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
+    alone = guided_motion(lambda system: None)
+    beside = guided_motion(use_both_hands)
+    assert (beside.snapshot.missed, beside.snapshot.late, beside.snapshot.lost) == (0, 0, 0)
+    count = min(len(alone.measured), len(beside.measured))
+    assert count > 1400
+    assert beside.admitted[:count] == alone.admitted[:count]
+    assert beside.measured[:count] == alone.measured[:count]
