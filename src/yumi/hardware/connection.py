@@ -31,12 +31,20 @@ class RobotConnection:
         client: its session.
         check_controller: sees that the controller can be used; raises RobotNotReady.
         watching: kept up while it is open.
+        let_go: called before it ends, for what else hangs on it.
     """
 
-    def __init__(self, client: RwsClient, check_controller: Callable[[], None], watching: Watching) -> None:
+    def __init__(
+        self,
+        client: RwsClient,
+        check_controller: Callable[[], None],
+        watching: Watching,
+        let_go: Callable[[], None] = lambda: None,
+    ) -> None:
         self._client = client
         self._check_controller = check_controller
         self._watching = watching
+        self._let_go = let_go
         self._lock = Lock()
         self._system: SystemInfo | None = None
         self.is_open = False
@@ -72,6 +80,7 @@ class RobotConnection:
         with self._lock:
             if self.is_open:
                 self._watching.stop()
+                self._let_go()
                 self._client.close()
             self._system, self.is_open = None, False
         return f"Disconnected from {self._client.address}."

@@ -100,8 +100,8 @@ class ManagedNode(LifecycleNodeMixin, Node):  # type: ignore[misc]  # rclpy has 
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, _: Any) -> Any:
+        self.state = State.UNCONFIGURED  # from now on nobody asks
         self._step(self._life.cleanup, State.UNCONFIGURED)
-        self.state = State.UNCONFIGURED
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: Any) -> Any:
