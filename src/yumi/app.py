@@ -251,10 +251,11 @@ def run_driver(
 
         fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
         manager = RobotManager(bringup, fast_lines, clock, watchdog=settings.watchdog)
-        connection = RobotConnection(client, partial(bringup.check_controller, plan.addresses), manager)
+        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
+        check = partial(bringup.check_controller, plan.addresses)
+        connection = RobotConnection(client, check, manager, signals.close)
         if settings.ros.autostart:
             connection.check()
-        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
         hands = HandParts(build_grippers(client, clock, settings, signals), signals, settings.gripper)
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
