@@ -75,6 +75,22 @@ def goal_near(position: Joints, change: float) -> Joints:
     return joints([*position[:6], position[6] + change])
 
 
+def begin_to_move(manager: RobotManagerClient, arm: ArmClient, spinner: Spinner) -> Joints:
+    """Where an arm was that moves 40° away; a machine that stands still meanwhile ends EGM, which then begins again."""
+    start: list[Joints] = []
+
+    def is_moving() -> bool:
+        if not start or not arm.is_commanded:
+            manager.start_egm()
+            arm.wait_for_status(5.0)
+            start[:] = [arm.wait_for_state(5.0)]
+            arm.move(goal_near(start[0], radians(40.0)))
+        return arm.error(start[0]) > radians(2.0)
+
+    spinner.until(is_moving, 30.0, "Motion")
+    return start[0]
+
+
 def test_driver_leads_its_managed_nodes_to_active(client: Client) -> None:
     states = {node: client.call(GetState, f"{node}/get_state").current_state.label for node in MANAGED}
     assert states == dict.fromkeys(MANAGED, "active")
@@ -131,11 +147,7 @@ def test_deactivated_robot_comes_to_rest_and_goes_on_when_it_is_activated(
     manager: RobotManagerClient, spinner: Spinner, client: Client
 ) -> None:
     arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
-    manager.start_egm()
-    start = arm.wait_for_state(5.0)
-    arm.wait_for_command(5.0)
-    arm.move(goal_near(start, radians(40.0)))
-    spinner.until(lambda: arm.error(start) > radians(2.0), 10.0, "Motion")
+    start = begin_to_move(manager, arm, spinner)
     assert lead(client, "/yumi_robot", Transition.TRANSITION_DEACTIVATE)
     manager.wait_for_state(lambda state: state.right_egm == "off", 5.0, "The end of EGM")
     with pytest.raises(RobotNotReady, match="The robot is inactive; activate it first"):
