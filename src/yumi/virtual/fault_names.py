@@ -55,7 +55,9 @@ class Fault(Enum):
     )
     RWS_SESSIONS_EXPIRED = FaultKind("rws-sessions-expired", "all sessions and subscriptions are forgotten")
     WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
-    GRIPPER_NOT_CALIBRATED = FaultKind("gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True)
+    GRIPPER_NOT_CALIBRATED = FaultKind(
+        "gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True
+    )
     GRIPPER_ERROR = FaultKind("gripper-error", "a gripper finds something wrong with itself", has_side=True)
     OBJECT_LOST = FaultKind("object-lost", "what a gripper's fingers or cups may hold is gone", has_side=True)
 
