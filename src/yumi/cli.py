@@ -1,4 +1,4 @@
-"""The command line: ``yumi demo | up | controller``; every refusal is one sentence and an exit code."""
+"""The command line: ``yumi demo | up | controller | fault``; every refusal is one sentence and an exit code."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ import click
 
 from yumi import __version__
 from yumi.cli_bench import bench
+from yumi.cli_fault import fault
 from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.links.command import READY
@@ -106,7 +107,7 @@ def controller(
     password: str,
     until_stdin_closes: bool,
 ) -> None:
-    """Run a virtual IRC5 with a YuMi: true wire, true RAPID.
+    """Run a virtual IRC5 with a YuMi: true wire, true RAPID; `yumi fault` lets things happen to it.
 
     \b
     Example:
@@ -220,6 +221,7 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
 
 
 main.add_command(bench)
+main.add_command(fault)
 main.add_command(record_commands)
 
 

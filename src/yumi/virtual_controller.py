@@ -8,12 +8,14 @@ from threading import Event as Flag
 from threading import Lock
 
 from yumi.clock import SystemClock
+from yumi.links.channel import Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
 from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
+from yumi.virtual.fault_desk import PATH, FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
@@ -51,7 +53,8 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self._adapter = RwsAdapter(self.world.controller, user=user, password=password)
+        self._adapter = RwsAdapter(self.world.controller, user=user, password=password, hang_up=self._hang_up)
+        self._faults = FaultDesk(self.world, self._adapter)
         self._server = HttpServer(self._handle, host=host, port=rws_port)
         self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
 
@@ -75,6 +78,7 @@ class VirtualController:
         inboxes = {side: link.receive() for side, link in self._links.items()}
         with self._lock:
             datagrams = self.world.cycle(inboxes)
+            self._adapter.advance(self._clock.now())
         for side, datagram in datagrams.items():
             self._links[side].send(datagram)
 
@@ -86,6 +90,11 @@ class VirtualController:
             return due
         return due if now - due < 5 * CYCLE else now
 
-    def _handle(self, request: HttpRequest) -> HttpReply:
+    def _hang_up(self) -> None:
+        self._server.hang_up()
+
+    def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:
+            if request.target.startswith(PATH):
+                return self._faults.answer(request)
             return self._adapter.handle(request, self._clock.now())

@@ -8,14 +8,16 @@ from pathlib import Path
 
 import yumi.virtual
 from yumi.clock import ManualClock
+from yumi.links.channel import Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.host import Execution
 from yumi.rapid.task import ModuleInfo
-from yumi.rws.states import ControllerState, OperatingMode
+from yumi.rws.states import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.configuration import Configuration, Instance
 from yumi.virtual.events import EventLog
+from yumi.virtual.files import FileStore
 from yumi.virtual.identity import Identity
 from yumi.virtual.mechanical_units import YUMI_UNITS
 from yumi.virtual.refusal import Refusal, Refused
@@ -87,6 +89,11 @@ class PlainController:
         self.pp_at_main = 0
         self.requests: list[HttpRequest] = []
         self.settled = 0
+        self.collision_state = CollisionState.INIT
+        self.files = FileStore({"HOME:/user.sys": "MODULE user(SYSMODULE)\nENDMODULE\n"}, self.clock.now)
+        self.is_dark = False
+        self.restarts = 0
+        self.loaded: list[tuple[str, str, bool]] = []
 
     def set_motors(self, on: bool) -> None:
         if self.mode is not OperatingMode.AUTO:
@@ -113,6 +120,19 @@ class PlainController:
             raise Refused(Refusal.OUT_OF_RANGE, f"the speed ratio is 0 to 100, not {percent}.")
         self.speed_ratio = percent
 
+    def load_module(self, task: str, path: str, *, replace: bool) -> None:
+        self.files.get_file(path)
+        self.loaded.append((task, path, replace))
+
+    def unload_module(self, task: str, name: str) -> None:
+        raise Refused(Refusal.NO_MODULE, f"The task {task} has no module '{name}'.")
+
+    def acknowledge_collision(self) -> None:
+        self.collision_state = CollisionState.INIT
+
+    def restart(self) -> None:
+        self.restarts += 1
+
     def joint_target(self, unit: str) -> tuple[Sequence[float], Sequence[float]]:
         return (0.0, -130.0, 30.0, 0.0, 40.0, 0.123456), (-135.0, 9e9, 9e9, 9e9, 9e9, 9e9)
 
@@ -137,7 +157,7 @@ def serving(controller: PlainController, port: int = 0) -> Iterator[str]:
     """The controller on loopback; its address. Time stands where the controller's clock stands."""
     adapter = RwsAdapter(controller, user=USER, password=PASSWORD)
 
-    def handle(request: HttpRequest) -> HttpReply:
+    def handle(request: HttpRequest) -> HttpReply | Upgrade | None:
         controller.requests.append(request)
         return adapter.handle(request, controller.clock.now())
 

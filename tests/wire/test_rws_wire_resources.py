@@ -102,7 +102,12 @@ def test_every_mechanical_unit_has_all_static_and_dynamic_fields(client: httpx.C
 
 
 def test_services_are_found_from_the_root(client: httpx.Client) -> None:
-    assert [state["_title"] for state in states(client.get("/?json=1"))] == ["ctrl", "rw"]
+    assert [state["_title"] for state in states(client.get("/?json=1"))] == [
+        "ctrl",
+        "rw",
+        "fileservice",
+        "subscription",
+    ]
     services = [state["_title"] for state in states(client.get("/rw?json=1"))]
     assert all(client.get(f"/rw/{service}").status_code == 200 for service in services)
 

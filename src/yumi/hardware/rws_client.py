@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import TypeVar
+from weakref import WeakSet
 
 from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
@@ -63,6 +64,7 @@ class RwsClient:
         link = HttpLink(address, time) if isinstance(address, str) else address
         self.address = link.address
         self._session = RwsSession(link, user=user, password=password, timeout=timeout, clock=time)
+        self._subscriptions: WeakSet[Subscription] = WeakSet()
 
     def __enter__(self) -> RwsClient:
         self.connect()
@@ -85,7 +87,9 @@ class RwsClient:
             raise
 
     def close(self) -> None:
-        """Log out, if there is a session, and close the connection."""
+        """Log out, if there is a session, and close the connections, those of subscriptions, too."""
+        for subscription in tuple(self._subscriptions):
+            subscription.hang_up()
         try:
             self.log_out()
         except (NoConnection, LoginRefused, ProtocolError) as error:
@@ -264,6 +268,7 @@ class RwsClient:
         self._accepted(reply, "subscribing")
         subscription = Subscription(self._session, resources, on_change, on_lost)
         subscription.open(reply)
+        self._subscriptions.add(subscription)
         return subscription
 
     def joint_target(self, unit: str) -> Joints:

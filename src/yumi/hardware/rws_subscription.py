@@ -53,10 +53,15 @@ class Subscription:
 
     def close(self) -> None:
         """End the subscription; nothing more is told. A controller that is gone is no reason to complain."""
+        if self.hang_up():
+            self._end()
+
+    def hang_up(self) -> bool:
+        """Leave the WebSocket, without a word to the controller; whether there was one."""
         socket, self._socket = self._socket, None
         if socket is not None:
             socket.close()
-            self._end()
+        return socket is not None
 
     def _end(self) -> None:
         try:

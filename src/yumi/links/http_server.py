@@ -1,8 +1,10 @@
-"""An HTTP/1.1 server in a thread of its own; it owns the port and asks a function for every answer."""
+"""An HTTP/1.1 server with WebSockets in a thread of its own; it owns the port and asks a function for every answer."""
 
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -11,12 +13,18 @@ from types import TracebackType
 from aiohttp import web
 
 from yumi.errors import SettingsError
+from yumi.links.channel import SocketChannel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 
-Handler = Callable[[HttpRequest], HttpReply]
+Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
+"""Answers with a reply, with a WebSocket, or with None: the connection is cut off without an answer."""
+
+PING = 30.0
+"""A WebSocket's client is asked so often whether it lives (reference/rws.md §14.2) [s]."""
 
 _MAX_BODY = 64 * 1024 * 1024
 _KEEP_ALIVE = 300.0  # [s]
+_LAST_WORDS = 0.02  # [s]
 _GRACE = 0.2  # [s] an answer under way may take when the server stops
 
 
@@ -61,6 +69,14 @@ class HttpServer:
         loop.call_soon_threadsafe(ending.set)
         self._thread.join()
 
+    def hang_up(self) -> None:
+        """Cut all connections off, as a machine does that goes down; the port stays open.
+
+        An answer that is under way gets out.
+        """
+        loop, _ = self._listening.result()
+        loop.call_soon_threadsafe(loop.call_later, _LAST_WORDS, self._abort_all)
+
     def __enter__(self) -> HttpServer:
         self.start()
         return self
@@ -75,7 +91,7 @@ class HttpServer:
 
     async def _serve(self) -> None:
         ending = asyncio.Event()
-        runner = await self._runner()
+        self._running = runner = await self._runner()
         try:
             await web.TCPSite(runner, self._host, self.port, reuse_address=True).start()
             self.port = runner.addresses[0][1]
@@ -95,15 +111,45 @@ class HttpServer:
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         body = await request.read()
-        reply = self._handler(_incoming(request, body))
-        response = web.Response(status=reply.status, body=reply.body or None)
-        for name, value in reply.headers:
+        answer = self._handler(_incoming(request, body))
+        if isinstance(answer, Upgrade):
+            return await _upgraded(request, answer)
+        if answer is None:
+            _abort(request.transport)
+            return web.Response()
+        response = web.Response(status=answer.status, body=answer.body or None)
+        for name, value in answer.headers:
             response.headers.add(name, value)
         return response
+
+    def _abort_all(self) -> None:
+        server = self._running.server
+        for connection in server.connections if server is not None else ():
+            _abort(connection.transport)
+
+
+async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamResponse:
+    response = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
+    for name, value in upgrade.headers:
+        response.headers.add(name, value)
+    await response.prepare(request)
+    channel = SocketChannel(response, request.transport)
+    upgrade.attach(channel)
+    await channel.serve()
+    return response
+
+
+def _abort(transport: asyncio.BaseTransport | None) -> None:
+    """Cut a connection off with a reset; what is under way on it is lost."""
+    if isinstance(transport, asyncio.Transport):
+        end = transport.get_extra_info("socket")
+        if end is not None:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        transport.abort()
 
 
 def _incoming(request: web.Request, body: bytes) -> HttpRequest:
     headers = tuple((name, value) for name, value in request.headers.items())
     transport = request.transport
-    peer = transport.get_extra_info("peername") if transport is not None else None
-    return HttpRequest(request.method, request.raw_path, headers, body, str(peer))
+    host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
+    return HttpRequest(request.method, request.raw_path, headers, body, f"{host}:{port}")

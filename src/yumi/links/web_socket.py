@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import aiohttp
 
@@ -22,7 +22,7 @@ _CLOSE_TIMEOUT = 1.0
 _MAX_TEXT = 1024 * 1024
 
 
-_Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[Literal[True]]"
+_Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[bool]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ class WebSocket:
             finally:
                 if not self._is_closed:
                     self._is_closed = True
-                    self._listener.on_lost(f"{self._address} has closed the WebSocket ({_reason(socket)}).")
+                    self._listener.on_lost(_why_lost(self._address, socket))
 
     async def _connect(self, session: aiohttp.ClientSession) -> _Socket:
         return await session.ws_connect(
@@ -135,6 +135,7 @@ class WebSocket:
         return error
 
 
-def _reason(socket: _Socket) -> str:
-    error = socket.exception()
-    return str(error) if error is not None else f"code {socket.close_code}"
+def _why_lost(address: str, socket: _Socket) -> str:
+    if socket.exception() is None and socket.close_code not in (None, aiohttp.WSCloseCode.ABNORMAL_CLOSURE):
+        return f"{address} has closed the WebSocket (code {socket.close_code})."
+    return f"The WebSocket of {address} broke."

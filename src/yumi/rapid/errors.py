@@ -5,6 +5,7 @@
     RapidError
     ├── RapidSyntaxError     the text is not RAPID: mend the module
     ├── RapidReferenceError  a name, type or argument does not fit: mend the module, or load what it refers to
+    │   └── ModuleNameTaken      there is a module of that name: unload it first, or replace it
     ├── RapidRuntimeError    an execution error with an error number, which an ERROR handler may catch
     ├── UnknownSymbol        no such module or symbol
     └── RapidValueError      a literal does not fit the symbol it was written to
@@ -27,6 +28,10 @@ class RapidSyntaxError(RapidError):
 
 class RapidReferenceError(RapidError):
     """A name is unknown or used as what it is not; the sentence begins with module and line."""
+
+
+class ModuleNameTaken(RapidReferenceError):
+    """The task has a module of that name already."""
 
 
 class UnknownSymbol(RapidError):

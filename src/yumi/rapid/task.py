@@ -13,6 +13,7 @@ from yumi.rapid.calls import Places
 from yumi.rapid.data import UNSET, Place, Variable
 from yumi.rapid.error_numbers import FIRST_BOOKED_NUMBER
 from yumi.rapid.errors import (
+    ModuleNameTaken,
     RapidReferenceError,
     RapidRuntimeError,
     RapidSyntaxError,
@@ -94,21 +95,38 @@ class Task:
     def modules(self) -> tuple[ModuleInfo, ...]:
         return tuple(ModuleInfo(m.name, m.syntax.is_system, m.syntax.filename) for m in self.program.modules.values())
 
-    def load(self, text: str, filename: str) -> str:
-        """Load a module; returns its name.
+    def load(self, text: str, filename: str, *, replace: bool = False) -> str:
+        """Load a module, in the place of one of the same name if it may; returns its name.
 
         Raises:
             RapidSyntaxError: the text is not RAPID.
-            RapidReferenceError: a name is declared twice, or the module's name is taken.
+            RapidReferenceError: a name is declared twice, or what is declared does not fit.
+            ModuleNameTaken: there is a module of the name already.
+            RobotNotReady: the module it would replace is executing.
         """
         module = parse_module(text, filename)
-        if module.name.lower() in self.program.modules:
-            raise RapidReferenceError(f"{filename}: the task {self.name} already has a module '{module.name}'.")
-        self.program.modules[module.name.lower()] = loaded(module)
-        self._forget_code()
-        if self._machine.frames:
-            self._linker.link_data()
+        new, old = loaded(module), self.program.modules.get(module.name.lower())
+        if old is not None and not replace:
+            raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
+        if old is not None:
+            self.unload(module.name)
+        self._take_in(new, old)
         return module.name
+
+    def _take_in(self, new: LoadedModule, old: LoadedModule | None) -> None:
+        """Make a module part of the program; one that does not fit leaves it as it was."""
+        key = new.name.lower()
+        self.program.modules[key] = new
+        self._forget_code()
+        try:
+            if self._machine.frames:
+                self._linker.link_data()
+        except RapidReferenceError:
+            del self.program.modules[key]
+            if old is not None:
+                self.program.modules[key] = old
+            self._forget_code()
+            raise
 
     def unload(self, module: str) -> None:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
@@ -143,6 +161,13 @@ class Task:
         self._linker.initialise_variables()
         self._machine.enter(main, (), None)
         self._execution = Execution.READY
+
+    def lose_pp(self) -> None:
+        """Take the program pointer away, as a change of the program under way does."""
+        self.stop()
+        self._machine.abandon()
+        self._machine.interrupts.clear()
+        self._execution = Execution.UNINITIALIZED
 
     def _main(self) -> UserRoutine:
         main = self.program.find("main", None)

@@ -26,6 +26,7 @@ class Code(IntEnum):
     MASTER_REJECT = -1073445859
     SYSFAIL_REJECT = -1073445851
     NO_SUCH_SYMBOL = -1073442816
+    MODULE_NAME_TAKEN = -1073442813
     MODULE_WRITE_PROTECTED = -1073442810
     EXEC_STATE = -1073442809
     TASK_STATE = -1073442808
@@ -60,7 +61,11 @@ _SENTENCES = {
     Code.EXEC_STATE: "the state of the RAPID execution forbids it; starting needs motors on, a program "
     "pointer and stopped tasks, moving the program pointer needs stopped tasks",
     Code.TASK_STATE: "the state of the RAPID task forbids it; check that its program loads without errors",
-    Code.SYNTAX: "the value is not a RAPID value of the symbol's type",
+    Code.SYNTAX: "the value is not a RAPID value of the symbol's type, or the module is not RAPID",
+    Code.MODULE_NAME_TAKEN: "the task has a module of that name; unload it first, or replace it",
+    Code.FILE_NOT_FOUND: "the controller has no such file; upload it first",
+    Code.MAX_LIMIT_REACHED: "the controller grants no more of these; end one first",
+    Code.SYMBOL_NOT_PERSISTENT: "the variable is not persistent; only PERS can be subscribed",
     Code.SEMANTIC: "the value does not fit the symbol's type",
     Code.NO_PP: "no task has a program pointer; move it to main first",
     Code.CFG_TYPE_INVALID: "the configuration has no such type",

@@ -56,6 +56,20 @@ class SessionTable:
         number = request_cookies.get(cookies.CONNECTION)
         return next((each for each in self._sessions.values() if number in each.connections.values()), None)
 
+    def alive(self, now: float) -> tuple[str, ...]:
+        """The ids of the sessions that live."""
+        self._forget_idle(now)
+        return tuple(self._sessions)
+
+    def keep_alive(self, id: str, now: float) -> None:
+        """Note that a session is in use without a request."""
+        if id in self._sessions:
+            self._sessions[id].last_used = now
+
+    def clear(self) -> None:
+        """End all sessions."""
+        self._sessions.clear()
+
     def open(self, now: float) -> Session:
         """A new session.
 

@@ -29,6 +29,15 @@ class ControllerState(Enum):
     SYSTEM_FAILURE = "sysfail"
 
 
+class CollisionState(Enum):
+    """What the collision detection has to say, ``/rw/panel/coldetstate``."""
+
+    INIT = "INIT"
+    TRIGGERED = "TRIGGERED"
+    CONFIRMED = "CONFIRMED"
+    TRIGGERED_ACKNOWLEDGED = "TRIGGERED_ACK"
+
+
 class ExecutionState(Enum):
     """Whether RAPID runs, ``/rw/rapid/execution``."""
 

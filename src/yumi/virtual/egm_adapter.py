@@ -179,6 +179,28 @@ class EgmClient:
         self.stream_stop()
         self.state = EgmState.DISCONNECTED
 
+    def power_down(self) -> None:
+        """The controller restarts: the session ends without a word, the identity is gone."""
+        self.abort()
+        self._session = None
+        self.state = EgmState.DISCONNECTED
+
+    def converge(self) -> None:
+        """End the run as if the convergence criteria were met; nothing happens when EGM does not guide."""
+        if self._guided() is not None:
+            self._finish(EgmOutcome.CONVERGED, self._run.stop_mode, self._run.ramp_out_time)
+
+    def overload(self) -> None:
+        """End the run as if the reference asked too much of a drive; nothing happens when EGM does not guide."""
+        if self._guided() is not None:
+            name = joint_names(self._arm.side)[1]
+            self._shut_down(EgmOutcome.OVERLOADED, f"The EGM reference needs more than the drive of {name} gives.")
+
+    @property
+    def is_guiding(self) -> bool:
+        """Whether EGM guides the arm."""
+        return self._guided() is not None
+
     @property
     def resumes(self) -> bool:
         """Whether the run is going on, or will when the program that was interrupted does."""

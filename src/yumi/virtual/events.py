@@ -32,6 +32,7 @@ class Event:
         domain: the log it is in; domain 0 shows all.
         title: one line.
         description: what happened and what to do, in sentences.
+        arguments: what of it differs from event to event.
     """
 
     number: int
@@ -41,6 +42,7 @@ class Event:
     domain: int
     title: str
     description: str
+    arguments: tuple[str, ...] = ()
 
 
 class EventLog:
@@ -58,11 +60,12 @@ class EventLog:
         description: str = "",
         type: EventType = EventType.INFORMATION,
         domain: int | None = None,
+        arguments: tuple[str, ...] = (),
     ) -> Event:
         """Log an event; its domain is the ten-thousands of its code unless another one is given."""
         self._last_number += 1
         place = code // 10000 if domain is None else domain
-        event = Event(self._last_number, code, self._now(), type, place, title, description)
+        event = Event(self._last_number, code, self._now(), type, place, title, description, arguments)
         self._logs[ALL_DOMAINS].appendleft(event)
         if place != ALL_DOMAINS:
             self._logs.setdefault(place, deque(maxlen=_DOMAIN_CAPACITY)).appendleft(event)

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from yumi.egm.messages import RapidState
-from yumi.rapid.errors import RapidReferenceError
+from yumi.errors import RapidError, RobotNotReady
+from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, UnknownSymbol
 from yumi.rapid.host import EventKind, Execution, TaskEvent
 from yumi.rapid.task import Task
 from yumi.virtual.events import EventLog, EventType
@@ -81,6 +82,50 @@ class RapidExecution:
                 task.move_pp_to_main()
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
+
+    def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
+        """Load a module into ``task``.
+
+        Raises:
+            Refused: NOT_STOPPED, NAME_TAKEN or BAD_PROGRAM; the program is as it was.
+        """
+        self._check_stopped("modules are loaded")
+        try:
+            self.tasks[task].load(text, path, replace=replace)
+        except ModuleNameTaken as error:
+            raise Refused(Refusal.NAME_TAKEN, str(error)) from error
+        except RobotNotReady as error:
+            raise Refused(Refusal.NOT_STOPPED, str(error)) from error
+        except RapidError as error:
+            raise Refused(Refusal.BAD_PROGRAM, str(error)) from error
+
+    def replace_program(self, texts: Mapping[str, str]) -> None:
+        """Load other modules, by their paths, in the place of all; the program pointers go to their main."""
+        for task in self.tasks.values():
+            task.lose_pp()
+            for module in task.modules:
+                task.unload(module.name)
+            for path, text in texts.items():
+                task.load(text, path)
+        self.move_pp_to_main()
+
+    def unload_module(self, task: str, name: str) -> None:
+        """Remove a module from ``task``.
+
+        Raises:
+            Refused: NOT_STOPPED or NO_MODULE.
+        """
+        self._check_stopped("modules are unloaded")
+        try:
+            self.tasks[task].unload(name)
+        except UnknownSymbol as error:
+            raise Refused(Refusal.NO_MODULE, str(error)) from error
+        except RobotNotReady as error:
+            raise Refused(Refusal.NOT_STOPPED, str(error)) from error
+
+    def _check_stopped(self, what: str) -> None:
+        if self.is_running:
+            raise Refused(Refusal.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
 
     def advance(self, dt: float) -> None:
         """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""

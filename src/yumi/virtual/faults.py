@@ -35,3 +35,26 @@ class Faults:
     def select_manual_mode(self) -> None:
         """Someone turns the key to manual reduced speed."""
         self._controller.select_mode(OperatingMode.MANUAL_REDUCED)
+
+    def select_automatic_mode(self) -> None:
+        """Someone turns the key back and confirms it."""
+        self._controller.select_mode(OperatingMode.AUTO)
+
+    def load_wrong_program(self) -> None:
+        """Someone loads a program of their own into both tasks and puts the program pointers on its main."""
+        self._controller.replace_program({_WRONG_FILE: _WRONG_PROGRAM})
+
+    def load_right_program(self) -> None:
+        """The program of the configuration is in both tasks again, the program pointers on its main."""
+        self._controller.replace_program({})
+
+
+_WRONG_FILE = "HOME:/Pick.mod"
+_WRONG_PROGRAM = """MODULE Pick
+    PROC main()
+        WHILE TRUE DO
+            WaitTime 1;
+        ENDWHILE
+    ENDPROC
+ENDMODULE
+"""

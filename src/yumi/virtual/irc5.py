@@ -6,16 +6,18 @@ from collections.abc import Mapping, Sequence
 
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
-from yumi.rws.states import ControllerState, OperatingMode
+from yumi.rws.states import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.configuration import Configuration, Instance
 from yumi.virtual.egm_adapter import EgmFailure, EgmOutcome
 from yumi.virtual.events import EventLog, EventType
 from yumi.virtual.execution import RapidExecution
+from yumi.virtual.files import FileStore
 from yumi.virtual.identity import Identity
 from yumi.virtual.instructions import robot_library
 from yumi.virtual.mechanical_units import YUMI_UNITS, MechanicalUnit
 from yumi.virtual.rapid_values import JointTarget, jointtarget
 from yumi.virtual.refusal import Refusal, Refused
+from yumi.virtual.restart import DARKNESS, Restart, Turn
 from yumi.virtual.signals import Signals
 from yumi.virtual.station import Station
 from yumi.virtual.sync_points import SyncPoints
@@ -64,6 +66,7 @@ class Irc5:
         speed_ratio: speed override of RAPID motions, 0 to 100 [%].
         time: the controller's clock [s].
         files: the file store.
+        collision_state: what the collision detection has to say.
         units: the mechanical units.
         events: the event log.
         signals: the I/O system.
@@ -84,7 +87,9 @@ class Irc5:
         self.cycle = "forever"
         self.speed_ratio = 100
         self.time = start_time
-        self.files = dict(files)
+        self.files = FileStore(files, lambda: self.time)
+        self.collision_state = CollisionState.INIT
+        self._restart = Restart()
         self.units: tuple[MechanicalUnit, ...] = YUMI_UNITS
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
@@ -148,6 +153,7 @@ class Irc5:
             Refused: WRONG_MODE, MOTORS_OFF, ALREADY_RUNNING or NO_PROGRAM_POINTER.
         """
         self._check_auto("starting RAPID needs the start button")
+        self.acknowledge_collision()
         if self.controller_state is not ControllerState.MOTORS_ON:
             raise Refused(Refusal.MOTORS_OFF, "RAPID starts with motors on only: switch them on first.")
         self.execution.start()
@@ -177,6 +183,46 @@ class Irc5:
         self.speed_ratio = percent
         self.events.append(10140, "Speed adjusted", f"The speed override is {percent} %.")
 
+    def load_module(self, task: str, path: str, *, replace: bool) -> None:
+        """Load a file of the file store as a module of ``task``.
+
+        Raises:
+            Refused: NOT_STOPPED, NO_FILE, BAD_PROGRAM when it is not RAPID or does not fit, NAME_TAKEN.
+        """
+        self.files.get_file(path)
+        self.execution.load_module(task, self.files[path], path, replace=replace)
+
+    def unload_module(self, task: str, name: str) -> None:
+        """Remove a module from ``task``.
+
+        Raises:
+            Refused: NOT_STOPPED or NO_MODULE.
+        """
+        self.execution.unload_module(task, name)
+
+    def replace_program(self, files: Mapping[str, str]) -> None:
+        """Somebody loads another program into both tasks, or that of the configuration when ``files`` is empty."""
+        self.execution.stop("Another program is loaded.")
+        self.files.update(files)
+        paths = list(files) or [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        self.execution.replace_program({path: self.files[path] for path in paths})
+
+    def acknowledge_collision(self) -> None:
+        """Somebody has taken note of the latest collision."""
+        self.collision_state = CollisionState.INIT
+
+    def restart(self, darkness: float = DARKNESS) -> None:
+        """Warm restart: in a moment nothing answers for ``darkness`` [s]; then motors are off, RAPID is stopped.
+
+        Programs, program pointers, variables and files stay; EGM's identities and virtual signals do not.
+        """
+        self._restart.order(darkness)
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether it is restarting."""
+        return self._restart.is_dark
+
     def settle(self) -> None:
         """Run the interrupts that are due, so that the effects of a write can be read at once."""
         self.execution.advance(0.0)
@@ -200,9 +246,21 @@ class Irc5:
             self.mode = mode
             self.events.append(*_MODE_EVENTS[mode])
 
+    def collide(self, side: Side) -> None:
+        """An arm meets something: motion supervision stops RAPID and both arms; the motors stay on."""
+        self.collision_state = CollisionState.TRIGGERED
+        sentence = f"Motion supervision triggered for {side.unit}: the {side.word} arm has met something."
+        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(side.unit,))
+        self.execution.stop(sentence)
+
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
         self.time += dt
+        turn = self._restart.advance(dt)
+        if turn is Turn.DOWN:
+            self._go_down()
+        elif turn is Turn.UP:
+            self._come_up()
         self.execution.advance(dt)
 
     def supervise(self) -> None:
@@ -213,6 +271,19 @@ class Irc5:
             failure = station.egm.take_failure()
             if failure is not None:
                 self._stop_for(failure)
+
+    def _go_down(self) -> None:
+        """Everything that is not stored is lost."""
+        if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
+            self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
+        for station in self._stations.values():
+            station.forget_egm()
+        self.signals.restore_defaults()
+        self._gripper_inputs.clear()
+        self.collision_state = CollisionState.INIT
+
+    def _come_up(self) -> None:
+        self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
 
     def _stop_for(self, failure: EgmFailure) -> None:
         """Log what EGM ended with, and stop what has to stop."""

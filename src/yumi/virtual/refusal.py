@@ -20,6 +20,10 @@ class Refusal(Enum):
     OUT_OF_RANGE = auto()
     EMERGENCY_STOP = auto()
     BAD_VALUE = auto()
+    NO_FILE = auto()
+    NO_MODULE = auto()
+    NAME_TAKEN = auto()
+    BAD_PROGRAM = auto()
 
 
 class Refused(YumiError):

@@ -6,12 +6,15 @@ behaviour to the controller.
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf
 from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError
+from yumi.links.channel import Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.rws import cookies, digest, forms
 from yumi.rws.codes import Code
@@ -20,6 +23,7 @@ from yumi.rws.sessions import Session, SessionTable, TooManySessions
 from yumi.virtual import (
     rws_cfg,
     rws_elog,
+    rws_files,
     rws_io,
     rws_motion,
     rws_panel,
@@ -28,8 +32,10 @@ from yumi.virtual import (
     rws_system,
 )
 from yumi.virtual.refusal import Refused
+from yumi.virtual.rws_mastership import Mastership
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Failure, answer
+from yumi.virtual.rws_subscriptions import Subscriptions
 
 ROUTES = (
     *rws_system.ROUTES,
@@ -39,10 +45,12 @@ ROUTES = (
     *rws_motion.ROUTES,
     *rws_cfg.ROUTES,
     *rws_elog.ROUTES,
+    *rws_files.ROUTES,
 )
 
 _OK = 200
 _NO_CONTENT = 204
+_BUSY = "The controller is busy."
 
 
 class RwsAdapter:
@@ -53,6 +61,7 @@ class RwsAdapter:
         user: the one user.
         password: of the user.
         make_secret: gives 64 hexadecimal digits nobody can guess.
+        hang_up: cuts off every connection to the server.
     """
 
     def __init__(
@@ -62,6 +71,7 @@ class RwsAdapter:
         user: str,
         password: str,
         make_secret: Callable[[], str] = secrets.token_hex,
+        hang_up: Callable[[], None] = lambda: None,
     ) -> None:
         self._controller = controller
         self._user = user
@@ -69,17 +79,67 @@ class RwsAdapter:
         self._sessions = SessionTable(make_secret)
         self._nonce_secret = make_secret()[:16]
         self._nonces = 0
+        self._mastership = Mastership()
+        self._subscriptions = Subscriptions()
+        self._routes = (*ROUTES, *self._mastership.routes(), *self._subscriptions.routes())
+        self._hang_up = hang_up
+        self._was_dark = False
+        self._now = -inf
+        self._busy_until = -inf
 
-    def handle(self, request: HttpRequest, now: float) -> HttpReply:
-        """The answer to ``request``, which arrived at ``now`` [s]."""
-        reply = self._authorized(request, now)
+    def handle(self, request: HttpRequest, now: float) -> HttpReply | Upgrade | None:
+        """The answer to ``request``, which arrived at ``now`` [s]; None when nobody is there to answer."""
+        self._now = now
+        if self._controller.is_dark:
+            return None
+        reply = _plain(503, _BUSY) if now < self._busy_until else self._authorized(request, now)
+        if isinstance(reply, Upgrade):
+            return reply
         return replace(reply, headers=(*reply.headers, _connection(request)))
 
-    def _authorized(self, request: HttpRequest, now: float) -> HttpReply:
+    def advance(self, now: float) -> None:
+        """Tell subscribers what has changed, and forget what belongs to sessions that have ended."""
+        self._now = now
+        if self._controller.is_dark and not self._was_dark:
+            self.drop_web_sockets()
+            self.expire_sessions()
+            self._hang_up()
+        self._was_dark = self._controller.is_dark
+        groups = self._subscriptions.groups
+        for session in groups.listening():
+            self._sessions.keep_alive(session, now)
+        sessions = self._sessions.alive(now)
+        groups.keep(sessions)
+        self._mastership.keep(sessions)
+        groups.advance(now)
+
+    # What can happen to it
+
+    def reset_connections(self) -> None:
+        """Every TCP connection breaks; sessions stay."""
+        self._hang_up()
+
+    def be_busy(self, duration: float) -> None:
+        """Answer everything with status 503 for ``duration`` [s]."""
+        self._busy_until = self._now + duration
+
+    def expire_sessions(self) -> None:
+        """All sessions end, and with them subscriptions and masterships."""
+        self._sessions.clear()
+        self._subscriptions.groups.keep(())
+        self._mastership.keep(())
+
+    def drop_web_sockets(self) -> None:
+        """Every WebSocket breaks; the subscriptions stay."""
+        self._subscriptions.groups.drop_channels()
+
+    # Logging in and answering
+
+    def _authorized(self, request: HttpRequest, now: float) -> HttpReply | Upgrade:
         session = self._sessions.find(cookies.read_cookies(request.header_values("Cookie")), now)
         found = self._log_in(request, now) if session is None else session
         if isinstance(found, HttpReply):
-            return found
+            return replace(found, status=403) if _is_upgrade(request) else found
         set_cookies = self._sessions.touch(found, request.peer, now)
         reply = self._answer(request, found)
         headers = tuple(("Set-Cookie", line) for line in set_cookies)
@@ -118,13 +178,15 @@ class RwsAdapter:
         reply = _plain(401, "Access denied: log in with user and password.")
         return replace(reply, headers=(header, *reply.headers))
 
-    def _answer(self, request: HttpRequest, session: Session) -> HttpReply:
+    def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
         path, _, query = request.target.partition("?")
-        call = Call(request.method, _segments(path), forms.decode(query))
+        call = Call(request.method, _segments(path), forms.decode(query), session=session.id, host=_host(request))
         form = Form.JSON if call.option("json") == "1" else Form.XHTML
         root = f"http://{request.header('Host') or ''}"
         try:
-            return self._done(replace(call, form=_form(request)), session, form, root)
+            if call.path[:1] == ("poll",) and _is_upgrade(request):
+                return self._subscriptions.upgrade(call, request.header("Sec-WebSocket-Protocol") or "")
+            return self._done(_with_body(call, request), session, form, root)
         except Refused as refused:
             return _failed(rws_refusals.failure(refused), call, form, root)
         except RapidError as error:
@@ -136,9 +198,12 @@ class RwsAdapter:
         if call.path == ("logout",):
             self._sessions.close(session)
             return HttpReply(_NO_CONTENT)
-        page = answer(ROUTES, self._controller, call)
+        self._mastership.check(call)
+        page = answer(self._routes, self._controller, call)
         if page is None:
             return HttpReply(_NO_CONTENT)
+        if isinstance(page, HttpReply):
+            return page
         body = write_page(replace(page, base=root + page.base), form)
         return HttpReply(_OK, (("Content-Type", form.value),), body)
 
@@ -146,6 +211,22 @@ class RwsAdapter:
 def _segments(path: str) -> tuple[str, ...]:
     """The parts of a path; a sub-property behind ``;`` shows in the page of its resource anyway."""
     return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
+
+
+def _host(request: HttpRequest) -> str:
+    """Host and port as the client calls them; the port is told even where it goes without saying."""
+    host = request.header("Host") or ""
+    return host if re.search(r":\d+$", host) else f"{host}:80"
+
+
+def _is_upgrade(request: HttpRequest) -> bool:
+    return (request.header("Upgrade") or "").lower() == "websocket"
+
+
+def _with_body(call: Call, request: HttpRequest) -> Call:
+    """The call with its form, or with the file it carries."""
+    is_file = call.method == "PUT" and call.path[:1] == ("fileservice",)
+    return replace(call, content=request.body, form=() if is_file else _form(request))
 
 
 def _form(request: HttpRequest) -> forms.Pairs:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 
 from yumi.rws.codes import Code
-from yumi.rws.pages import Link, Page, State
+from yumi.rws.pages import Argument, Link, Page, State
 from yumi.virtual.events import Event
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Failure, Route, resource
@@ -86,13 +86,14 @@ def _message(type: str, domain: int, event: Event, call: Call) -> State:
         "code": str(event.code),
         "src-name": "MC0",
         "tstamp": _time(event.time),
-        "argc": "0",
+        "argc": str(len(event.arguments)),
     }
     if call.option("lang") is not None:
         texts = {"title": event.title, "desc": event.description}
         fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
     title = f"/rw/elog/{domain}/{event.number}"
-    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),))
+    arguments = tuple(Argument("string", text) for text in event.arguments)
+    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
 
 
 def _time(seconds: float) -> str:

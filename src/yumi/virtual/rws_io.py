@@ -9,7 +9,7 @@ from yumi.rws.codes import Code
 from yumi.rws.pages import Link, Page, State
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Failure, Route, entry, invalid, resource
-from yumi.virtual.signals import Signal
+from yumi.virtual.signals import Signal, path_of, printed
 
 _BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
@@ -33,7 +33,7 @@ def _signals(controller: Controller, call: Call) -> Page:
 
 def _signal(controller: Controller, call: Call) -> Page:
     signal = controller.signals.get(_name(call))
-    text = _number(signal.value)
+    text = printed(signal.value)
     fields = {
         **_fields(signal),
         "unitnm": signal.device,
@@ -46,7 +46,7 @@ def _signal(controller: Controller, call: Call) -> Page:
         "quality": "1",
     }
     links = (Link("device", f"devices/{signal.device}"),) if signal.device else ()
-    return resource("io", _BASE, f"signals/{_path(signal)}", State("ios-signal", _path(signal), fields, links))
+    return resource("io", _BASE, f"signals/{path_of(signal)}", State("ios-signal", path_of(signal), fields, links))
 
 
 def _set_signal(controller: Controller, call: Call) -> None:
@@ -87,7 +87,7 @@ def _name(call: Call) -> str:
 
 
 def _entry(signal: Signal) -> State:
-    path = _path(signal)
+    path = path_of(signal)
     return State("ios-signal-li", path, _fields(signal), (Link("self", f"signals/{path}"),))
 
 
@@ -96,17 +96,9 @@ def _fields(signal: Signal) -> dict[str, str]:
         "name": signal.name,
         "type": signal.type.value,
         "category": signal.category,
-        "lvalue": _number(signal.value),
+        "lvalue": printed(signal.value),
         "lstate": "not simulated",
     }
-
-
-def _path(signal: Signal) -> str:
-    return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
-
-
-def _number(value: float) -> str:
-    return str(int(value)) if value == int(value) else repr(value)
 
 
 ROUTES = (

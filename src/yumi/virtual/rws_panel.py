@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from math import isfinite
 
+from yumi.rws.codes import Code
 from yumi.rws.pages import Page, State
 from yumi.virtual.rws_port import Controller
-from yumi.virtual.rws_routes import Call, Route, entry, invalid, resource
+from yumi.virtual.rws_routes import Call, Failure, Route, entry, invalid, resource
 
 _BASE = "/rw/panel/"
+_RESTARTS = ("restart", "istart", "pstart", "bstart")
 _MOTORS = {"motoron": True, "motoroff": False}
 
 
 def _panel(controller: Controller, call: Call) -> Page:
-    kinds = ("ctrlstate", "opmode", "speedratio")
+    kinds = ("ctrlstate", "opmode", "speedratio", "coldetstate")
     return resource("panel", "/rw/", "panel", *(entry(f"pnl-{kind}-li", kind, f"panel/{kind}") for kind in kinds))
 
 
@@ -51,8 +53,33 @@ def _set_speed_ratio(controller: Controller, call: Call) -> None:
     controller.set_speed_ratio(int(percent))
 
 
+def _collision_state(controller: Controller, call: Call) -> Page:
+    """The trailing blank is ABB's."""
+    state = State("pnl-coldetstate", "collisiondetectstate", {"coldetstate ": controller.collision_state.value})
+    return resource("panel", _BASE, "coldetstate", state)
+
+
+def _acknowledge(controller: Controller, call: Call) -> None:
+    what = call.required("opmode")
+    if what != "coldet":
+        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
+    controller.acknowledge_collision()
+
+
+def _restart(controller: Controller, call: Call) -> None:
+    mode = call.required("restart-mode")
+    if mode not in _RESTARTS:
+        raise invalid(f"restart-mode is {' or '.join(_RESTARTS)}, not {mode!r}")
+    if mode != "restart":
+        raise Failure(400, Code.NOTIMPL, f"the virtual controller cannot {mode}; it knows restart")
+    controller.restart()
+
+
 ROUTES = (
     Route("GET", "/rw/panel", _panel),
+    Route("POST", "/rw/panel", _restart, "restart"),
+    Route("POST", "/rw/panel/opmode", _acknowledge, "acknowledge"),
+    Route("GET", "/rw/panel/coldetstate", _collision_state),
     Route("GET", "/rw/panel/ctrlstate", _controller_state),
     Route("POST", "/rw/panel/ctrlstate", _set_controller_state, "setctrlstate"),
     Route("GET", "/rw/panel/opmode", _operating_mode),

@@ -7,9 +7,10 @@ from typing import Protocol
 
 from yumi.rapid.host import Execution
 from yumi.rapid.task import ModuleInfo
-from yumi.rws.states import ControllerState, OperatingMode
+from yumi.rws.states import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.configuration import Instance
 from yumi.virtual.events import EventLog
+from yumi.virtual.files import FileStore
 from yumi.virtual.identity import Identity
 from yumi.virtual.mechanical_units import MechanicalUnit
 from yumi.virtual.signals import Signals
@@ -56,6 +57,13 @@ class Controller(Protocol):
     def controller_state(self) -> ControllerState: ...
 
     @property
+    def collision_state(self) -> CollisionState: ...
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether it is restarting: nothing answers."""
+
+    @property
     def is_running(self) -> bool:
         """Whether RAPID runs."""
 
@@ -76,6 +84,9 @@ class Controller(Protocol):
     def events(self) -> EventLog: ...
 
     @property
+    def files(self) -> FileStore: ...
+
+    @property
     def units(self) -> Sequence[MechanicalUnit]: ...
 
     def set_motors(self, on: bool) -> None: ...
@@ -85,6 +96,16 @@ class Controller(Protocol):
     def stop_rapid(self) -> None: ...
 
     def move_pp_to_main(self) -> None: ...
+
+    def load_module(self, task: str, path: str, *, replace: bool) -> None:
+        """Load a file of the file store as a module of a task."""
+
+    def unload_module(self, task: str, name: str) -> None: ...
+
+    def acknowledge_collision(self) -> None: ...
+
+    def restart(self) -> None:
+        """Warm restart, soon."""
 
     def set_speed_ratio(self, percent: int) -> None: ...
 

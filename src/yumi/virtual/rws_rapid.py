@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
+from yumi.rws import forms
 from yumi.rws.codes import Code
 from yumi.rws.pages import Link, Page, State
 from yumi.virtual.rws_port import Controller, RapidTask
@@ -87,6 +88,18 @@ def _task_fields(task: RapidTask) -> dict[str, str]:
         "active": "On",
         "motiontask": "TRUE",
     }
+
+
+def _load_module(controller: Controller, call: Call) -> None:
+    wish = forms.first(call.form, "replace") or "false"
+    if wish not in ("true", "false"):
+        raise invalid(f"replace is true or false, not {wish!r}")
+    task = _find_task(controller, call.names["task"])
+    controller.load_module(task.name, call.required("modulepath"), replace=wish == "true")
+
+
+def _unload_module(controller: Controller, call: Call) -> None:
+    controller.unload_module(_find_task(controller, call.names["task"]).name, call.required("module"))
 
 
 def _modules(controller: Controller, call: Call) -> Page:
@@ -180,6 +193,8 @@ ROUTES = (
     Route("POST", _EXECUTION, _reset_pp, "resetpp"),
     Route("GET", "/rw/rapid/tasks", _tasks),
     Route("GET", "/rw/rapid/tasks/{task}", _task),
+    Route("POST", "/rw/rapid/tasks/{task}", _load_module, "loadmod"),
+    Route("POST", "/rw/rapid/tasks/{task}", _unload_module, "unloadmod"),
     Route("GET", "/rw/rapid/modules", _modules),
     Route("GET", _SYMBOL, _symbol),
     Route("POST", _SYMBOL, _set_symbol, "set"),

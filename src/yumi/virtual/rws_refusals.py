@@ -20,6 +20,10 @@ _ANSWERS: Mapping[Refusal, tuple[int, Code]] = {
     Refusal.OUT_OF_RANGE: (400, Code.INVALIDARG),
     Refusal.EMERGENCY_STOP: (403, Code.INVALID_STATE),
     Refusal.BAD_VALUE: (400, Code.INVALIDARG),
+    Refusal.NO_FILE: (400, Code.FILE_NOT_FOUND),
+    Refusal.NO_MODULE: (400, Code.NO_SUCH_SYMBOL),
+    Refusal.NAME_TAKEN: (400, Code.MODULE_NAME_TAKEN),
+    Refusal.BAD_PROGRAM: (400, Code.SYNTAX),
 }
 
 

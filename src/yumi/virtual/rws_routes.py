@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from yumi.errors import YumiError
+from yumi.links.http import HttpReply
 from yumi.rws import forms
 from yumi.rws.codes import Code
 from yumi.rws.forms import Pairs
@@ -40,6 +41,9 @@ class Call:
         query: parameters in the URL.
         form: parameters in the body.
         names: what the placeholders of the route's path stand for.
+        content: the body as it came.
+        session: whose request it is.
+        host: host and port as the client calls them.
     """
 
     method: str
@@ -47,6 +51,9 @@ class Call:
     query: Pairs = ()
     form: Pairs = ()
     names: Mapping[str, str] = field(default_factory=dict)
+    content: bytes = b""
+    session: str = ""
+    host: str = ""
 
     def option(self, name: str) -> str | None:
         """A parameter in the URL, or None."""
@@ -77,8 +84,11 @@ class Call:
         return int(text)
 
 
-Handler = Callable[[Controller, Call], Page | None]
-"""Answers with a page, or with None for "done, nothing to show"."""
+Answer = Page | HttpReply | None
+"""A page, a reply that is none, or None for "done, nothing to show"."""
+
+Handler = Callable[[Controller, Call], Answer]
+"""Answers a call."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +101,7 @@ class Route:
     action: str | None = None
 
 
-def answer(routes: Sequence[Route], controller: Controller, call: Call) -> Page | None:
+def answer(routes: Sequence[Route], controller: Controller, call: Call) -> Answer:
     """What the first route that fits answers.
 
     Raises:

@@ -6,8 +6,8 @@ from yumi.rws.pages import Link, Page, State
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Route, entry, resource
 
-_ROOT = ("ctrl", "rw")
-_SERVICES = ("cfg", "elog", "iosystem", "motionsystem", "panel", "rapid", "system")
+_ROOT = ("ctrl", "rw", "fileservice", "subscription")
+_SERVICES = ("cfg", "elog", "iosystem", "mastership", "motionsystem", "panel", "rapid", "system")
 
 
 def _root(controller: Controller, call: Call) -> Page:

@@ -61,6 +61,7 @@ class Signals:
     def __init__(self, signals: Iterable[Signal], on_change: OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
+        self._defaults = {signal.name: signal.value for signal in self._signals.values()}
 
     @classmethod
     def configured(cls, configuration: Configuration, on_change: OnChange) -> Signals:
@@ -111,6 +112,22 @@ class Signals:
         if value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
+
+    def restore_defaults(self) -> None:
+        """Give the signals that are on no device the value they start with."""
+        for name, value in self._defaults.items():
+            if not self.get(name).device:
+                self.drive(name, value)
+
+
+def path_of(signal: Signal) -> str:
+    """Network, device and name, as far as it has them."""
+    return "/".join(part for part in (signal.network, signal.device, signal.name) if part)
+
+
+def printed(value: float) -> str:
+    """A value as the controller prints it: whole numbers without decimals."""
+    return str(int(value)) if value == int(value) else repr(value)
 
 
 def _signal(instance: Instance, networks: dict[str, str]) -> Signal:

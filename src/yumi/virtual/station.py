@@ -37,6 +37,12 @@ class Station:
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.side.unit
 
+    def forget_egm(self) -> None:
+        """The controller restarts: whatever EGM had is gone."""
+        self.egm.power_down()
+        self.egm_identities.clear()
+        self.has_moved = False
+
     @property
     def side(self) -> Side:
         return self.arm.side

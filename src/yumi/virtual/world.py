@@ -13,6 +13,7 @@ from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.configuration import Configuration
 from yumi.virtual.egm_adapter import EgmClient
+from yumi.virtual.egm_line import EgmLine
 from yumi.virtual.egm_options import EgmOptions
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
@@ -56,6 +57,8 @@ class World:
         controller: the IRC5.
         arms: the arms by side.
         grippers: the grippers by side.
+        egm: the EGM clients by side.
+        lines: what carries the datagrams, by side.
         cycle_time: how long a cycle is [s].
     """
 
@@ -66,6 +69,8 @@ class World:
         self._stations = {side: _station(side, settings) for side in Side}
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._stations.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._stations.items()}
+        self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._stations.items()}
+        self.lines: Mapping[Side, EgmLine] = {side: EgmLine() for side in Side}
         self.controller = Irc5(
             tuple(self._stations.values()),
             self._configuration,
@@ -86,13 +91,23 @@ class World:
         self.controller.advance(self.cycle_time)
         datagrams = {}
         for side, station in self._stations.items():
-            datagram = station.egm.cycle(inboxes.get(side, ()))
+            datagram = self._exchange(side, inboxes.get(side, ()))
             if datagram is not None:
                 datagrams[side] = datagram
             station.gripper.advance(self.cycle_time)
             station.arm.advance(self.cycle_time)
         self.controller.supervise()
         return datagrams
+
+    def _exchange(self, side: Side, inbox: Sequence[bytes]) -> bytes | None:
+        """What an arm has to send, as far as it gets out; a controller that restarts neither hears nor sends."""
+        line, egm = self.lines[side], self.egm[side]
+        line.advance(self.cycle_time)
+        if self.controller.is_dark:
+            return None
+        datagram = line.leaving(egm.cycle(line.arriving(inbox)))
+        line.is_deaf = line.is_deaf and egm.is_guiding
+        return datagram
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""

@@ -1,0 +1,90 @@
+"""The server's end of a WebSocket, for whoever has something to say on it, from any thread."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from aiohttp import WSCloseCode, web
+
+
+class Channel(Protocol):
+    """Carries texts to one client."""
+
+    @property
+    def is_open(self) -> bool: ...
+
+    @property
+    def has_left(self) -> bool:
+        """Whether the client has ended the connection in order."""
+
+    def send(self, text: str) -> None:
+        """Send a message; it is lost when the channel is closed."""
+
+    def close(self) -> None:
+        """End the connection in order."""
+
+    def abort(self) -> None:
+        """Cut the connection off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upgrade:
+    """The answer to a request that opens a WebSocket.
+
+    Attributes:
+        protocol: the sub-protocol that is spoken.
+        attach: gets the channel as soon as it is open, on the server's thread.
+        headers: names and values beside those of the protocol.
+    """
+
+    protocol: str
+    attach: Callable[[Channel], None]
+    headers: tuple[tuple[str, str], ...] = ()
+
+
+class SocketChannel:
+    """A WebSocket of a running server."""
+
+    def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._socket = socket
+        self._transport = transport
+        self._outbox: asyncio.Queue[str | None] = asyncio.Queue()
+        self.is_open = True
+        self.has_left = False
+
+    def send(self, text: str) -> None:
+        self._on_loop(self._outbox.put_nowait, text)
+
+    def close(self) -> None:
+        self._on_loop(self._outbox.put_nowait, None)
+
+    def abort(self) -> None:
+        if self._transport is not None:
+            self._on_loop(self._transport.abort)
+
+    async def serve(self) -> None:
+        """Send what there is to send until the connection ends; what the client says means nothing."""
+        sending = asyncio.create_task(self._send_all())
+        try:
+            async for _ in self._socket:
+                continue
+        finally:
+            self.is_open = False
+            self.has_left = self._socket.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
+            sending.cancel()
+
+    async def _send_all(self) -> None:
+        while (text := await self._outbox.get()) is not None:
+            try:
+                await self._socket.send_str(text)
+            except ConnectionError:
+                return  # the client has gone, which the receiving side notices, too
+        await self._socket.close()
+
+    def _on_loop(self, call: Callable[..., None], *arguments: str | None) -> None:
+        if self.is_open:
+            self._loop.call_soon_threadsafe(call, *arguments)

@@ -1,0 +1,196 @@
+"""Where a running virtual controller is given faults: ``/virtual/faults``, which no ABB controller has.
+
+``GET /virtual/faults`` lists them, ``POST /virtual/faults/<name>`` lets one happen; ``side`` and ``duration`` stand in
+the form. Only programs of the same machine are served, without a login.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from ipaddress import ip_address
+from math import inf, isfinite
+
+from yumi.errors import CommandRefused, YumiError
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.robot.joints import Side
+from yumi.rws import forms
+from yumi.rws.states import ControllerState
+from yumi.virtual.egm_adapter import EgmClient
+from yumi.virtual.fault_names import Fault, kind_of
+from yumi.virtual.faults import Faults
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.world import World
+
+PATH = "/virtual/faults"
+_MAX_DURATION = 86_400.0
+
+_OK, _NO_CONTENT, _FORBIDDEN, _NOT_FOUND, _CONFLICT = 200, 204, 403, 404, 409
+
+
+class FaultDesk:
+    """Lets faults happen to a world and its web services.
+
+    Args:
+        world: the virtual robot.
+        adapter: its Robot Web Services.
+    """
+
+    def __init__(self, world: World, adapter: RwsAdapter) -> None:
+        self._world = world
+        self._adapter = adapter
+        hands = Faults(world.controller)
+        self._plain: Mapping[Fault, Callable[[], None]] = {
+            Fault.MOTORS_OFF: hands.switch_motors_off,
+            Fault.EMERGENCY_STOP: hands.press_emergency_stop,
+            Fault.EMERGENCY_STOP_RESET: hands.release_emergency_stop,
+            Fault.MANUAL_MODE: hands.select_manual_mode,
+            Fault.AUTO_MODE: hands.select_automatic_mode,
+            Fault.PROGRAM_STOP: hands.stop_program,
+            Fault.WRONG_PROGRAM: hands.load_wrong_program,
+            Fault.RIGHT_PROGRAM: hands.load_right_program,
+            Fault.RWS_RESET: adapter.reset_connections,
+            Fault.RWS_SESSIONS_EXPIRED: adapter.expire_sessions,
+            Fault.WEB_SOCKET_DROP: adapter.drop_web_sockets,
+        }
+        self._lasting: Mapping[Fault, Callable[[float], None]] = {
+            Fault.WARM_RESTART: world.controller.restart,
+            Fault.RWS_BUSY: adapter.be_busy,
+        }
+        self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
+            Fault.EGM_REPAIR: lambda side: world.lines[side].repair(),
+            Fault.COMM_TIMEOUT: self._deafen,
+            Fault.EGM_CONVERGENCE: lambda side: self._egm(side).converge(),
+            Fault.DYNAMIC_LOAD: lambda side: self._egm(side).overload(),
+            Fault.COLLISION: self._collide,
+            Fault.GRIPPER_NOT_CALIBRATED: self._forget_calibration,
+            Fault.OBJECT_LOST: self._lose_object,
+        }
+
+    def happen(self, fault: Fault, side: Side | None = None, duration: float | None = None) -> None:
+        """Let a fault happen.
+
+        Args:
+            fault: which.
+            side: to which arm; None for both.
+            duration: how long it lasts [s]; None for its own time.
+
+        Raises:
+            CommandRefused: side or duration mean nothing for it, or the robot is in no state for it.
+        """
+        _check_choice(fault, side, duration)
+        sides = tuple(Side) if side is None else (side,)
+        length = fault.value.default_duration if duration is None else duration
+        if fault in self._plain:
+            self._plain[fault]()
+        elif fault in self._lasting:
+            self._lasting[fault](inf if length is None else length)
+        elif fault is Fault.EGM_SILENCE:
+            for each in sides:
+                self._world.lines[each].cut(inf if length is None else length)
+        else:
+            self._happen_to(fault, sides, is_chosen=side is not None)
+
+    def answer(self, request: HttpRequest) -> HttpReply:
+        """The answer to a request below :data:`PATH`."""
+        if not _is_local(request.peer):
+            return _sentence(_FORBIDDEN, "Faults are taken from programs on this machine only.")
+        name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
+        if not name:
+            return HttpReply(_OK, (("Content-Type", "application/json"),), json.dumps(_list()).encode())
+        fault = kind_of(name)
+        if fault is None or request.method != "POST":
+            known = ", ".join(each.value.name for each in Fault)
+            return _sentence(_NOT_FOUND, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
+        try:
+            self.happen(fault, *_choice(forms.decode(request.body.decode("utf-8", "replace"))))
+        except YumiError as error:
+            return _sentence(_CONFLICT, str(error))
+        return HttpReply(_NO_CONTENT)
+
+    def _happen_to(self, fault: Fault, sides: Sequence[Side], *, is_chosen: bool) -> None:
+        """Let a fault happen to the arms it can happen to, at least one."""
+        refused: list[CommandRefused] = []
+        for side in sides:
+            try:
+                self._of_arm[fault](side)
+            except CommandRefused as error:
+                refused.append(error)
+        if refused and (is_chosen or len(refused) == len(sides)):
+            raise refused[0]
+
+    def _egm(self, side: Side) -> EgmClient:
+        egm = self._world.egm[side]
+        if not egm.is_guiding:
+            raise CommandRefused(f"EGM does not guide the {side.word} arm; start EGM first.")
+        return egm
+
+    def _deafen(self, side: Side) -> None:
+        self._egm(side)
+        self._world.lines[side].is_deaf = True
+
+    def _collide(self, side: Side) -> None:
+        if self._world.controller.controller_state is not ControllerState.MOTORS_ON:
+            raise CommandRefused("An arm whose motors are off does not collide; switch the motors on first.")
+        self._world.controller.collide(side)
+
+    def _forget_calibration(self, side: Side) -> None:
+        self._world.grippers[side].is_calibrated = False
+
+    def _lose_object(self, side: Side) -> None:
+        gripper = self._world.grippers[side]
+        if gripper.workpiece is None:
+            raise CommandRefused(f"Nothing lies between the fingers of the {side.word} arm.")
+        gripper.workpiece = None
+
+
+def _check_choice(fault: Fault, side: Side | None, duration: float | None) -> None:
+    kind = fault.value
+    if side is not None and not kind.has_side:
+        raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
+    if duration is not None and not kind.has_duration:
+        raise CommandRefused(f"{kind.name} has no duration; leave it out.")
+    if duration is not None and not 0.0 < duration <= _MAX_DURATION:
+        raise CommandRefused(f"A duration is above 0 and at most {_MAX_DURATION:.0f} s, not {duration:g} s.")
+
+
+def _choice(form: forms.Pairs) -> tuple[Side | None, float | None]:
+    side, duration = forms.first(form, "side"), forms.first(form, "duration")
+    sides = {each.word: each for each in Side}
+    if side is not None and side not in sides:
+        raise CommandRefused(f"A side is left or right, not {side!r}.")
+    return None if side is None else sides[side], None if duration is None else _seconds(duration)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = inf
+    if not isfinite(seconds):
+        raise CommandRefused(f"A duration is a number of seconds, not {text!r}.")
+    return seconds
+
+
+def _list() -> list[dict[str, object]]:
+    return [
+        {
+            "name": fault.value.name,
+            "meaning": fault.value.meaning,
+            "has_side": fault.value.has_side,
+            "has_duration": fault.value.has_duration,
+            "default_duration_s": fault.value.default_duration,
+        }
+        for fault in Fault
+    ]
+
+
+def _is_local(peer: str) -> bool:
+    try:
+        return ip_address(peer.rpartition(":")[0]).is_loopback
+    except ValueError:
+        return False
+
+
+def _sentence(status: int, sentence: str) -> HttpReply:
+    return HttpReply(status, (("Content-Type", "text/plain; charset=utf-8"),), sentence.encode())
