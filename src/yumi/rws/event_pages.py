@@ -6,7 +6,8 @@ Clients cut them with regular expressions and receive into buffers of 1024 bytes
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from yumi.rws.pages import Page, State
 from yumi.rws.representations import read_page
@@ -28,17 +29,16 @@ def write_group(root: str, group: int, events: Sequence[Sequence[State]]) -> byt
     return _document(root, links, (state for event in events for state in event))
 
 
-def write_events(root: str, group: int, events: Iterable[Sequence[State]]) -> Iterator[str]:
-    """Messages that tell of ``events``, as many in each as a client's buffer holds; an event is never torn apart."""
+def write_event(root: str, group: int, event: Sequence[State]) -> str:
+    """The message that tells of one event; common clients look for one only in each.
+
+    What is too long for their buffers is told without its value, which a client can read where the link leads.
+    """
     link = f'<a href="subscription/{group}" rel="group"></a>'
-    waiting: list[State] = []
-    for event in events:
-        if waiting and len(_document(root, link, (*waiting, *event))) > MAX_EVENT:
-            yield _document(root, link, waiting).decode("ascii")
-            waiting = []
-        waiting += event
-    if waiting:
-        yield _document(root, link, waiting).decode("ascii")
+    text = _document(root, link, event)
+    if len(text) > MAX_EVENT:
+        text = _document(root, link, [replace(event[0], fields={})])
+    return text.decode("ascii")
 
 
 def read_event(text: str) -> Page:

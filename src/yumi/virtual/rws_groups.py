@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from yumi.links.channel import Channel
-from yumi.rws.event_pages import write_events
+from yumi.rws.event_pages import write_event
 from yumi.rws.subscriptions import Priority, Resource
 from yumi.virtual.rws_sources import Event, Source
 
@@ -76,9 +76,9 @@ class Group:
         if self.channel is None or not self.channel.is_open or now < self._looked_at + GLANCE:
             return
         self._looked_at = now
-        events = [event for watch in self.watches.values() for event in watch.news(now)]
-        for text in write_events(self.root, self.number, events):
-            self.channel.send(text)
+        for watch in self.watches.values():
+            for event in watch.news(now):
+                self.channel.send(write_event(self.root, self.number, event))
 
     def end(self, *, in_order: bool) -> None:
         """Part from the client."""

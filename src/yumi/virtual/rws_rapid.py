@@ -90,6 +90,12 @@ def _task_fields(task: RapidTask) -> dict[str, str]:
     }
 
 
+def _activate(controller: Controller, call: Call) -> None:
+    """Both tasks are selected on the task panel at all times."""
+    if "task" in call.names:
+        _find_task(controller, call.names["task"])
+
+
 def _load_module(controller: Controller, call: Call) -> None:
     wish = forms.first(call.form, "replace") or "false"
     if wish not in ("true", "false"):
@@ -193,6 +199,8 @@ ROUTES = (
     Route("POST", _EXECUTION, _reset_pp, "resetpp"),
     Route("GET", "/rw/rapid/tasks", _tasks),
     Route("GET", "/rw/rapid/tasks/{task}", _task),
+    Route("POST", "/rw/rapid/tasks", _activate, "activate"),
+    Route("POST", "/rw/rapid/tasks/{task}", _activate, "activate"),
     Route("POST", "/rw/rapid/tasks/{task}", _load_module, "loadmod"),
     Route("POST", "/rw/rapid/tasks/{task}", _unload_module, "unloadmod"),
     Route("GET", "/rw/rapid/modules", _modules),
