@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
@@ -22,32 +23,14 @@ from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper, GripperRoutines
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.gripper import Workpiece
-from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
-
-
-class MemoryHttp:
-    """Carries requests straight to the virtual controller."""
-
-    address = "memory"
-
-    def __init__(self, adapter: RwsAdapter, clock: ManualClock) -> None:
-        self._adapter = adapter
-        self._clock = clock
-
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        return self._adapter.handle(request, self._clock.now())
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 class DriverArm:
@@ -102,8 +85,8 @@ class System(ManualClock):
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self.arms = {side: DriverArm(side, ends[side][0]) for side in Side}
-        adapter = RwsAdapter(self.world.controller, user="Default User", password="robotics")
-        self.client = RwsClient(MemoryHttp(adapter, self), clock=self)
+        self.http = MemoryHttp(self.world.controller, self)
+        self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self.bringup = Bringup(self.client, EgmMotionSettings(), self, self.steps.append)
         routines = GripperRoutines(self.client, self)
@@ -135,5 +118,6 @@ class System(ManualClock):
             datagrams = self.world.cycle({side: end.receive() for side, end in self._robot_ends.items()})
             for side, datagram in datagrams.items():
                 self._robot_ends[side].send(datagram)
+            self.http.advance()
         for arm in self.arms.values():
             arm.advance(self.now())

@@ -85,7 +85,9 @@ class WebSocket:
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
-        async with aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar()) as session:
+        trace = aiohttp.TraceConfig()
+        trace.on_request_end.append(self._keep_response)
+        async with aiohttp.ClientSession(cookie_jar=aiohttp.DummyCookieJar(), trace_configs=[trace]) as session:
             try:
                 socket = await asyncio.wait_for(self._connect(session), self._timeout)
             except Exception as error:  # whatever it is, somebody waits for it
@@ -95,9 +97,16 @@ class WebSocket:
             try:
                 await self._hear(socket)
             finally:
+                self._response.close()
                 if not self._is_closed:
                     self._is_closed = True
                     self._listener.on_lost(_why_lost(self._address, socket))
+
+    async def _keep_response(
+        self, session: aiohttp.ClientSession, context: object, end: aiohttp.TraceRequestEndParams
+    ) -> None:
+        """Keep what holds the connection: aiohttp leaves it open when the peer breaks off."""
+        self._response = end.response
 
     async def _connect(self, session: aiohttp.ClientSession) -> _Socket:
         return await session.ws_connect(

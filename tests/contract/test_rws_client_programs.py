@@ -1,0 +1,170 @@
+"""The client brings files and modules to the whole virtual controller, where they run; and restarts it."""
+
+from __future__ import annotations
+
+import pytest
+
+from memory_http import MemoryHttp
+from yumi.clock import ManualClock
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection
+from yumi.hardware.rws_client import RwsClient
+from yumi.robot.cycle import CYCLE
+from yumi.rws import requests
+from yumi.rws.replies import FileInfo
+from yumi.rws.states import ControllerState, ExecutionState
+from yumi.virtual.restart import DARKNESS
+from yumi.virtual.world import World
+
+GREETER = """MODULE Greeter
+    PERS num greetings:=0;
+    PROC greet1()
+        greetings:=greetings+1;
+    ENDPROC
+ENDMODULE
+"""
+LEFT = "T_ROB_L"
+PATH = "HOME:/greeter.mod"
+
+
+class Plant(ManualClock):
+    """The virtual controller and a client; waiting lets both go on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.world = World()
+        self.http = MemoryHttp(self.world.controller, self)
+        self.client = RwsClient(self.http, clock=self)
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(max(1, round(seconds / CYCLE))):
+            self.advance(CYCLE)
+            self.world.cycle({})
+            self.http.advance()
+
+    def start(self) -> None:
+        self.client.set_motors(True)
+        self.client.move_pp_to_main()
+        self.client.start_rapid()
+        self.wait(0.1)
+
+
+@pytest.fixture
+def plant() -> Plant:
+    return Plant()
+
+
+@pytest.fixture
+def client(plant: Plant) -> RwsClient:
+    return plant.client
+
+
+def test_file_is_written_read_listed_and_removed(client: RwsClient) -> None:
+    client.upload(PATH, GREETER)
+    assert client.download(PATH) == GREETER
+    assert FileInfo("greeter.mod", len(GREETER)) in client.files("HOME:")
+    assert FileInfo("yumi", None) in client.files("HOME:")
+    client.delete_file(PATH)
+    with pytest.raises(ControllerRefused, match=r"reading HOME:/greeter.mod was refused"):
+        client.download(PATH)
+
+
+def test_file_that_rapid_could_not_hold_is_refused(client: RwsClient) -> None:
+    with pytest.raises(CommandRefused) as refused:
+        client.upload(PATH, "! 五")
+    assert str(refused.value) == "RAPID files hold Latin-1 only; HOME:/greeter.mod cannot have '五' in it."
+
+
+def test_loaded_module_runs(plant: Plant, client: RwsClient) -> None:
+    client.upload(PATH, GREETER)
+    client.load_module(LEFT, PATH)
+    plant.start()
+    client.set_symbol(LEFT, "TRobRAPID", "callbyvar_name_input", '"greet"')
+    client.set_symbol(LEFT, "TRobRAPID", "callbyvar_num_input", "1")
+    client.set_symbol(LEFT, "TRobRAPID", "routine_name_input", '"runCallByVar"')
+    client.pulse_signal("RUN_RAPID_ROUTINE")
+    plant.wait(0.2)
+    assert client.symbol(LEFT, "Greeter", "greetings") == "1"
+
+
+def test_module_is_replaced_and_unloaded(client: RwsClient) -> None:
+    client.upload(PATH, GREETER)
+    client.load_module(LEFT, PATH)
+    client.upload(PATH, GREETER.replace(":=0", ":=7"))
+    client.load_module(LEFT, PATH)
+    assert client.symbol(LEFT, "Greeter", "greetings") == "7"
+    client.unload_module(LEFT, "Greeter")
+    assert "Greeter" not in [module.name for module in client.modules(LEFT)]
+
+
+@pytest.mark.parametrize(
+    ("text", "replace", "sentence"),
+    [
+        (None, True, "the controller has no such file; upload it first"),
+        ("hello", True, "or the module is not RAPID"),
+        (GREETER.replace(":=0", ":=nothing"), True, "or the module is not RAPID"),
+        (GREETER, False, "the task has a module of that name; unload it first, or replace it"),
+    ],
+)
+def test_module_that_cannot_be_loaded_changes_nothing(
+    client: RwsClient, text: str | None, replace: bool, sentence: str
+) -> None:
+    client.upload("HOME:/first.mod", GREETER)
+    client.load_module(LEFT, "HOME:/first.mod")
+    if text is not None:
+        client.upload(PATH, text)
+    before = client.modules(LEFT)
+    with pytest.raises(ControllerRefused, match=sentence):
+        client.load_module(LEFT, PATH, replace=replace)
+    assert client.modules(LEFT) == before
+    assert client.symbol(LEFT, "Greeter", "greetings") == "0"
+
+
+def test_modules_stay_while_rapid_runs(plant: Plant, client: RwsClient) -> None:
+    client.upload(PATH, GREETER)
+    plant.start()
+    for call in (lambda: client.load_module(LEFT, PATH), lambda: client.unload_module(LEFT, "TRobSG")):
+        with pytest.raises(ControllerRefused, match="the state of the RAPID execution forbids it"):
+            call()
+
+
+def test_unknown_module_is_not_unloaded(client: RwsClient) -> None:
+    with pytest.raises(ControllerRefused, match="unloading Nobody from T_ROB_L was refused: no such RAPID symbol"):
+        client.unload_module(LEFT, "Nobody")
+
+
+def test_mastership_is_given_back_after_a_refusal(plant: Plant, client: RwsClient) -> None:
+    with pytest.raises(ControllerRefused):
+        client.load_module(LEFT, PATH)
+    other = RwsClient(plant.http, clock=plant)
+    other.upload(PATH, GREETER)
+    other.load_module(LEFT, PATH)
+
+
+def test_restart_leaves_motors_off_and_rapid_stopped_with_its_program(plant: Plant, client: RwsClient) -> None:
+    plant.start()
+    client.set_signal("EGM_STOP", 1)
+    client.restart()
+    assert client.execution() is ExecutionState.RUNNING
+    plant.wait(1.0)
+    with pytest.raises(NoConnection):
+        client.execution()
+    plant.wait(DARKNESS)
+    assert (client.controller_state(), client.execution()) == (ControllerState.MOTORS_OFF, ExecutionState.STOPPED)
+    assert (client.signal("EGM_STOP").value, client.events(count=1)[0].code) == (0, 10045)
+    plant.start()
+    assert client.symbol(LEFT, "TRobMain", "current_state") == "0"
+
+
+def test_message_of_the_event_log_has_its_arguments(plant: Plant, client: RwsClient) -> None:
+    plant.world.controller.events.append(50204, "Motion supervision", arguments=("ROB_L", "5"))
+    assert client.events(count=1)[0].arguments == ("ROB_L", "5")
+
+
+def test_events_are_cleared(plant: Plant, client: RwsClient) -> None:
+    plant.start()
+    client.clear_events()
+    assert client.events() == ()
+
+
+def test_file_is_written_again_when_the_connection_breaks() -> None:
+    assert requests.put_file(PATH, b"").is_repeatable

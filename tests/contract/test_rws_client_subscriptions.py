@@ -1,0 +1,245 @@
+"""The client is told of changes: by the whole virtual controller, in virtual time, and once over a true WebSocket."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from contract.rws_bench import PlainController
+from memory_http import MemoryHttp
+from yumi.clock import ManualClock
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection
+from yumi.hardware.rws_client import RwsClient
+from yumi.links.channel import Upgrade
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+from yumi.rws import subscriptions as rws
+from yumi.rws.states import OperatingMode
+from yumi.rws.subscriptions import Change, Priority, Resource
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.rws_groups import GLANCE
+
+SIGNAL = rws.signal_state("EGM_START_JOINT")
+PERSISTENT = rws.variable_value("T_ROB_R", "TRobSystem", "routine_name_input")
+
+
+class Told:
+    """A client in virtual time, and what it has been told."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.controller = PlainController()
+        self.http = MemoryHttp(self.controller, self.clock)
+        self.client = RwsClient(self.http, clock=self.clock)
+        self.changes: list[Change] = []
+        self.losses: list[str] = []
+
+    def subscribe(self, *resources: Resource) -> None:
+        self.subscription = self.client.subscribe(resources, self.changes.append, self.losses.append)
+        self.changes.clear()
+
+    def news(self, seconds: float = GLANCE) -> list[Change]:
+        """What comes after a while."""
+        self.changes.clear()
+        self.clock.advance(seconds)
+        self.http.advance()
+        return list(self.changes)
+
+
+@pytest.fixture
+def told() -> Told:
+    return Told()
+
+
+def test_present_values_come_with_the_subscription(told: Told) -> None:
+    resources = (rws.CONTROLLER_STATE, rws.SPEED_RATIO, SIGNAL, PERSISTENT)
+    told.client.subscribe(resources, told.changes.append, told.losses.append)
+    assert told.changes == [
+        Change(rws.CONTROLLER_STATE.path, {"ctrlstate": "motoroff"}),
+        Change(rws.SPEED_RATIO.path, {"speedratio": "100"}),
+        Change(SIGNAL.path, {"lvalue": "0", "lstate": "not simulated"}),
+        Change(PERSISTENT.path, {"value": '""'}),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("resource", "happen", "fields"),
+    [
+        (rws.CONTROLLER_STATE, lambda c: c.set_motors(True), {"ctrlstate": "motoron"}),
+        (rws.OPERATING_MODE, lambda c: setattr(c, "mode", OperatingMode.MANUAL_REDUCED), {"opmode": "MANR"}),
+        (rws.SPEED_RATIO, lambda c: c.set_speed_ratio(30), {"speedratio": "30"}),
+        (rws.EXECUTION, lambda c: setattr(c, "is_running", True), {"ctrlexecstate": "running"}),
+        (rws.COLLISION_STATE, lambda c: setattr(c, "collision_state", OperatingMode.AUTO), {"coldetstate": "AUTO"}),
+        (SIGNAL, lambda c: c.signals.set("EGM_START_JOINT", 1), {"lvalue": "1", "lstate": "not simulated"}),
+        (PERSISTENT, lambda c: c.tasks["T_ROB_R"].write("TRobSystem", "routine_name_input", '"a"'), {"value": '"a"'}),
+        (rws.event_log(), lambda c: c.events.append(10011, "Motors ON"), {"seqnum": "1"}),
+    ],
+)
+def test_change_is_told_at_once(told: Told, resource: Resource, happen: object, fields: dict[str, str]) -> None:
+    told.subscribe(resource)
+    assert told.news() == []
+    happen(told.controller)  # type: ignore[operator]
+    assert told.news() == [Change(resource.path, fields)]
+    assert told.news(10.0) == []
+
+
+@pytest.mark.parametrize(("priority", "spacing"), [(Priority.LOW, 5.0), (Priority.MEDIUM, 0.2), (Priority.HIGH, 0.05)])
+def test_priority_sets_the_time_between_two_changes(told: Told, priority: Priority, spacing: float) -> None:
+    told.subscribe(rws.signal_state("EGM_START_JOINT", priority))
+    told.controller.signals.set("EGM_START_JOINT", 1)
+    assert len(told.news()) == 1
+    told.controller.signals.set("EGM_START_JOINT", 0)
+    assert told.news(spacing - 0.02) == []
+    assert [change.fields["lvalue"] for change in told.news(0.03)] == ["0"]
+
+
+def test_every_message_of_the_event_log_is_told(told: Told) -> None:
+    told.subscribe(rws.event_log())
+    for _ in range(3):
+        told.controller.events.append(10011, "Motors ON")
+    assert [change.fields["seqnum"] for change in told.news()] == ["1", "2", "3"]
+
+
+def test_closed_subscription_tells_nothing(told: Told) -> None:
+    told.subscribe(rws.SPEED_RATIO)
+    told.subscription.close()
+    told.controller.set_speed_ratio(30)
+    assert (told.news(), told.losses) == ([], [])
+
+
+def test_client_may_have_two_subscriptions(told: Told) -> None:
+    told.subscribe(rws.SPEED_RATIO)
+    told.subscribe(SIGNAL)
+    with pytest.raises(ControllerRefused, match="subscribing was refused: the controller grants no more of these"):
+        told.subscribe(rws.SPEED_RATIO)
+    told.subscription.close()
+    told.subscribe(rws.SPEED_RATIO)
+
+
+@pytest.mark.parametrize(
+    ("happen", "is_there"),
+    [(RwsAdapter.drop_web_sockets, True), (RwsAdapter.expire_sessions, False), (RwsAdapter.reset_connections, True)],
+)
+def test_loss_is_told_once_and_a_new_subscription_works(told: Told, happen: object, is_there: bool) -> None:
+    told.subscribe(rws.SPEED_RATIO)
+    happen(told.http.adapter)  # type: ignore[operator]
+    told.news()
+    assert told.losses == ["The WebSocket of memory broke."]
+    told.subscribe(rws.SPEED_RATIO)
+    told.controller.set_speed_ratio(30)
+    assert len(told.news()) == 1
+
+
+def test_restart_ends_subscriptions_and_answers_nothing_while_it_lasts(told: Told) -> None:
+    told.subscribe(rws.SPEED_RATIO)
+    told.controller.is_dark = True
+    told.news()
+    with pytest.raises(NoConnection, match="closed the connection without an HTTP answer"):
+        told.client.speed_ratio()
+    told.controller.is_dark = False
+    assert told.client.speed_ratio() == 100
+    assert len(told.losses) == 1
+
+
+def test_session_with_an_open_web_socket_does_not_expire(told: Told) -> None:
+    told.subscribe(rws.SPEED_RATIO)
+    for _ in range(4):
+        told.news(200.0)
+    assert told.losses == []
+
+
+def test_subscription_to_nothing_is_refused(told: Told) -> None:
+    with pytest.raises(CommandRefused, match="A subscription needs a resource; name at least one"):
+        told.client.subscribe([], told.changes.append, told.losses.append)
+
+
+def test_busy_controller_refuses_and_serves_again(told: Told) -> None:
+    told.client.speed_ratio()
+    told.http.adapter.be_busy(5.0)
+    with pytest.raises(ControllerRefused, match="The controller at memory is starting, or all its 70 sessions"):
+        told.client.speed_ratio()
+    told.clock.advance(5.0)
+    assert told.client.speed_ratio() == 100
+
+
+class Wire:
+    """A controller on a true WebSocket; ``news`` waits for what it tells."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.controller = PlainController()
+        self.adapter = RwsAdapter(
+            self.controller, user="Default User", password="robotics", hang_up=lambda: self.server.hang_up()
+        )
+        self.server = HttpServer(self._handle, port=0)
+        self.changes: list[Change] = []
+        self.losses: list[str] = []
+        self.arrived = threading.Event()
+
+    def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
+        return self.adapter.handle(request, self.clock.now())
+
+    def on_change(self, change: Change) -> None:
+        self.changes.append(change)
+        self.arrived.set()
+
+    def on_lost(self, sentence: str) -> None:
+        self.losses.append(sentence)
+        self.arrived.set()
+
+    def news(self) -> None:
+        """Let the controller look until something has arrived."""
+        for _ in range(500):
+            self.clock.advance(GLANCE)
+            self.adapter.advance(self.clock.now())
+            if self.arrived.wait(0.01):
+                break
+        self.arrived.clear()
+
+
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    wire = Wire()
+    with wire.server:
+        yield wire
+
+
+@pytest.fixture
+def client(wire: Wire) -> Iterator[RwsClient]:
+    with RwsClient(wire.server.address) as client:
+        client.subscribe([rws.SPEED_RATIO], wire.on_change, wire.on_lost)
+        wire.arrived.clear()
+        yield client
+
+
+def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
+    wire.controller.set_speed_ratio(30)
+    wire.news()
+    assert wire.changes[-1] == Change(rws.SPEED_RATIO.path, {"speedratio": "30"})
+
+
+def test_broken_web_socket_is_told(wire: Wire, client: RwsClient) -> None:
+    wire.adapter.drop_web_sockets()
+    wire.news()
+    assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
+
+
+def test_web_socket_that_the_controller_closes_is_told(wire: Wire, client: RwsClient) -> None:
+    wire.adapter.expire_sessions()
+    wire.news()
+    assert wire.losses == [f"{wire.server.address} has closed the WebSocket (code 1000)."]
+
+
+def test_broken_connections_are_told_and_made_again(wire: Wire, client: RwsClient) -> None:
+    wire.adapter.reset_connections()
+    wire.news()
+    assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
+    assert client.speed_ratio() == 100
+
+
+def test_client_that_is_closed_hears_nothing(wire: Wire, client: RwsClient) -> None:
+    client.close()
+    wire.adapter.advance(0.0)
+    assert wire.losses == []

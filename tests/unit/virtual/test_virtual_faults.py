@@ -1,0 +1,195 @@
+"""Faults given to a virtual controller that runs: what they do, and which are refused."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from memory_http import MemoryHttp
+from system.virtual_time_bench import System
+from yumi.errors import CommandRefused
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.robot.joints import Side
+from yumi.rws.states import CollisionState, ControllerState, OperatingMode
+from yumi.virtual.fault_desk import PATH, FaultDesk
+from yumi.virtual.fault_names import Fault
+from yumi.virtual.world import World
+
+LOCAL = "127.0.0.1:4711"
+
+
+@pytest.fixture
+def system() -> System:
+    return System()
+
+
+@pytest.fixture
+def guided() -> System:
+    """Both arms under EGM."""
+    system = System()
+    system.start_egm()
+    return system
+
+
+@pytest.fixture
+def desk(system: System) -> FaultDesk:
+    return FaultDesk(system.world, system.http.adapter)
+
+
+@pytest.fixture
+def guided_desk(guided: System) -> FaultDesk:
+    return FaultDesk(guided.world, guided.http.adapter)
+
+
+def post(desk: FaultDesk, name: str, form: str = "", peer: str = LOCAL, method: str = "POST") -> HttpReply:
+    return desk.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), (), form.encode(), peer))
+
+
+@pytest.mark.parametrize("duration", [0.05, 1.0])
+def test_silence_lasts_as_long_as_it_is_told(guided: System, guided_desk: FaultDesk, duration: float) -> None:
+    heard = guided.arms[Side.LEFT].line.state
+    guided_desk.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
+    guided.wait(duration - 0.01)
+    assert (guided.world.lines[Side.LEFT].is_cut, guided.world.lines[Side.RIGHT].is_cut) == (True, False)
+    guided.wait(0.02)
+    assert not guided.world.lines[Side.LEFT].is_cut
+    assert heard is not None
+
+
+def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.EGM_SILENCE)
+    guided.wait(5.0)
+    assert all(line.is_cut for line in guided.world.lines.values())
+    guided_desk.happen(Fault.EGM_REPAIR)
+    assert not any(line.is_cut for line in guided.world.lines.values())
+
+
+@pytest.mark.parametrize(
+    ("fault", "state", "code"),
+    [
+        (Fault.DYNAMIC_LOAD, ControllerState.MOTORS_OFF, 50375),
+        (Fault.COLLISION, ControllerState.MOTORS_ON, 50204),
+        (Fault.EMERGENCY_STOP, ControllerState.EMERGENCY_STOP, 10013),
+        (Fault.MOTORS_OFF, ControllerState.MOTORS_OFF, 10010),
+        (Fault.PROGRAM_STOP, ControllerState.MOTORS_ON, 10125),
+        (Fault.MANUAL_MODE, ControllerState.MOTORS_OFF, 10015),
+    ],
+)
+def test_fault_stops_the_program_and_is_logged(
+    guided: System, guided_desk: FaultDesk, fault: Fault, state: ControllerState, code: int
+) -> None:
+    guided_desk.happen(fault)
+    guided.wait(0.1)
+    controller = guided.world.controller
+    assert (controller.controller_state, controller.is_running) == (state, False)
+    assert code in [event.code for event in controller.events.entries()]
+    assert not any(egm.is_guiding for egm in guided.world.egm.values())
+
+
+def test_robot_that_hears_nothing_ends_egm_by_its_timeout(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.COMM_TIMEOUT, Side.LEFT)
+    guided.wait(5.0)
+    assert not guided.world.egm[Side.LEFT].is_guiding
+    assert not guided.world.lines[Side.LEFT].is_deaf
+
+
+def test_converged_egm_ends_for_the_arm_alone(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
+    guided.wait(0.05)
+    assert not guided.world.egm[Side.LEFT].is_guiding
+    assert guided.world.egm[Side.RIGHT].is_guiding
+    assert guided.world.controller.controller_state is ControllerState.MOTORS_ON
+
+
+def test_collision_is_acknowledged_by_the_next_start(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.COLLISION, Side.RIGHT)
+    guided.wait(0.1)
+    assert guided.world.controller.collision_state is CollisionState.TRIGGERED
+    guided.client.start_rapid()
+    assert guided.world.controller.collision_state is CollisionState.INIT
+
+
+def test_key_is_turned_to_manual_and_back(system: System, desk: FaultDesk) -> None:
+    desk.happen(Fault.MANUAL_MODE)
+    assert system.world.controller.mode is OperatingMode.MANUAL_REDUCED
+    desk.happen(Fault.AUTO_MODE)
+    assert system.world.controller.mode is OperatingMode.AUTO
+
+
+def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.WRONG_PROGRAM)
+    assert [module.name for module in guided.client.modules("T_ROB_L")] == ["Pick"]
+    guided.client.start_rapid()
+    guided.wait(2.0)
+    assert guided.world.controller.is_running
+    guided_desk.happen(Fault.RIGHT_PROGRAM)
+    guided.bringup.make_ready()
+
+
+def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk) -> None:
+    gripper = system.world.grippers[Side.LEFT]
+    gripper.is_calibrated = True
+    desk.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    desk.happen(Fault.OBJECT_LOST)
+    assert (gripper.is_calibrated, gripper.workpiece) == (False, None)
+
+
+@pytest.mark.parametrize(
+    ("fault", "side", "duration", "sentence"),
+    [
+        (Fault.COMM_TIMEOUT, Side.LEFT, None, "EGM does not guide the left arm; start EGM first."),
+        (Fault.DYNAMIC_LOAD, None, None, "EGM does not guide the right arm; start EGM first."),
+        (Fault.COLLISION, None, None, "An arm whose motors are off does not collide; switch the motors on first."),
+        (Fault.OBJECT_LOST, Side.RIGHT, None, "Nothing lies between the fingers of the right arm."),
+        (Fault.MOTORS_OFF, Side.LEFT, None, "motors-off happens to the whole robot; leave the side out."),
+        (Fault.MOTORS_OFF, None, 1.0, "motors-off has no duration; leave it out."),
+        (Fault.EGM_SILENCE, None, -1.0, "A duration is above 0 and at most 86400 s, not -1 s."),
+    ],
+)
+def test_fault_that_makes_no_sense_is_refused(
+    desk: FaultDesk, fault: Fault, side: Side | None, duration: float | None, sentence: str
+) -> None:
+    with pytest.raises(CommandRefused) as refused:
+        desk.happen(fault, side, duration)
+    assert str(refused.value) == sentence
+
+
+def test_faults_are_listed(desk: FaultDesk) -> None:
+    names = [entry["name"] for entry in json.loads(post(desk, "", method="GET").body)]
+    assert names == [fault.value.name for fault in Fault]
+
+
+def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
+    assert post(desk, "emergency-stop").status == 204
+    assert post(desk, "egm-silence", "side=left&duration=2").status == 204
+    assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP
+    assert system.world.lines[Side.LEFT].is_cut
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "peer", "status", "sentence"),
+    [
+        ("emergency-stop", "", "192.168.125.7:99", 403, "Faults are taken from programs on this machine only."),
+        ("emergency-stop", "", "", 403, "Faults are taken from programs on this machine only."),
+        ("earthquake", "", LOCAL, 404, "There is no fault 'earthquake' to POST; POST one of egm-silence, egm-repair"),
+        ("egm-silence", "side=middle", LOCAL, 409, "A side is left or right, not 'middle'."),
+        ("egm-silence", "duration=nan", LOCAL, 409, "A duration is a number of seconds, not 'nan'."),
+        ("egm-silence", "duration=long", LOCAL, 409, "A duration is a number of seconds, not 'long'."),
+    ],
+)
+def test_posted_nonsense_is_refused(
+    desk: FaultDesk, name: str, form: str, peer: str, status: int, sentence: str
+) -> None:
+    reply = post(desk, name, form, peer)
+    assert (reply.status, reply.body.decode().startswith(sentence)) == (status, True)
+
+
+def test_every_fault_has_what_lets_it_happen() -> None:
+    world = World()
+    desk = FaultDesk(world, MemoryHttp(world.controller, System()).adapter)
+    for fault in Fault:
+        try:
+            desk.happen(fault)
+        except CommandRefused as refused:
+            assert "EGM does not guide" in str(refused) or "motors are off" in str(refused) or "fingers" in str(refused)
