@@ -1,4 +1,4 @@
-"""Robot Web Services without sockets: requests go straight to the virtual controller, and its messages straight back."""
+"""Robot Web Services without sockets: requests go straight to the virtual controller, its messages straight back."""
 
 from __future__ import annotations
 

@@ -170,10 +170,10 @@ class Wire:
     def __init__(self) -> None:
         self.clock = ManualClock()
         self.controller = PlainController()
-        self.adapter = RwsAdapter(
-            self.controller, user="Default User", password="robotics", hang_up=lambda: self.server.hang_up()
-        )
         self.server = HttpServer(self._handle, port=0)
+        self.adapter = RwsAdapter(
+            self.controller, user="Default User", password="robotics", hang_up=self.server.hang_up
+        )
         self.changes: list[Change] = []
         self.losses: list[str] = []
         self.arrived = threading.Event()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import httpx
 import pytest
@@ -25,12 +26,22 @@ def client(controller: PlainController) -> Iterator[httpx.Client]:
         yield client
 
 
-def logged_in(address: str) -> httpx.Client:
-    client = httpx.Client(base_url=f"http://{address}", auth=httpx.DigestAuth(USER, PASSWORD), trust_env=False)
-    cookies = "; ".join(line.partition(";")[0] for line in client.get("/rw").headers.get_list("set-cookie"))
-    client.headers["Cookie"] = cookies
-    client.auth = None
-    return client
+@pytest.fixture(scope="module")
+def refused() -> Iterator[httpx.Client]:
+    """A client with a subscription, for requests that change nothing."""
+    with serving(PlainController()) as address, logged_in(address) as client:
+        subscribe(client)
+        yield client
+
+
+@contextmanager
+def logged_in(address: str) -> Iterator[httpx.Client]:
+    """A client with a session of its own, which its cookies prove."""
+    with httpx.Client(base_url=f"http://{address}", trust_env=False) as client:
+        lines = client.get("/rw", auth=httpx.DigestAuth(USER, PASSWORD)).headers.get_list("set-cookie")
+        client.cookies.clear()
+        client.headers["Cookie"] = "; ".join(line.partition(";")[0] for line in lines)
+        yield client
 
 
 def subscribe(client: httpx.Client, body: str = ONE) -> httpx.Response:
@@ -89,9 +100,10 @@ def test_web_socket_without_a_number_is_that_of_the_latest_subscription(client: 
         ("/poll/x", "robapi2_subscription", None, 404),
     ],
 )
-def test_web_socket_is_refused(client: httpx.Client, path: str, protocol: str, cookie: str | None, status: int) -> None:
-    subscribe(client)
-    assert upgrade(client, path, protocol, cookie).startswith(f"HTTP/1.1 {status} ")
+def test_web_socket_is_refused(
+    refused: httpx.Client, path: str, protocol: str, cookie: str | None, status: int
+) -> None:
+    assert upgrade(refused, path, protocol, cookie).startswith(f"HTTP/1.1 {status} ")
 
 
 @pytest.mark.parametrize(
@@ -110,16 +122,16 @@ def test_web_socket_is_refused(client: httpx.Client, path: str, protocol: str, c
         ),
     ],
 )
-def test_subscription_is_refused(client: httpx.Client, body: str, sentence: str) -> None:
-    reply = subscribe(client, body)
+def test_subscription_is_refused(refused: httpx.Client, body: str, sentence: str) -> None:
+    reply = subscribe(refused, body)
     assert reply.status_code == 400
     assert sentence in reply.text
 
 
-def test_priority_high_is_limited(client: httpx.Client) -> None:
+def test_priority_high_is_limited(refused: httpx.Client) -> None:
     signal = "/rw/iosystem/signals/EGM_START_JOINT;state"
     body = "&".join(f"resources={n}&{n}={signal}&{n}-p=2" for n in range(65))
-    assert "64 resources have high priority at most" in subscribe(client, body).text
+    assert "64 resources have high priority at most" in subscribe(refused, body).text
 
 
 def test_subscription_is_changed_shown_and_ended(client: httpx.Client) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
-from math import degrees, isfinite
+from math import degrees, inf, isfinite
 from typing import cast
 
 from yumi.egm.codec import RobotCodec
@@ -184,6 +184,12 @@ class EgmClient:
         self.abort()
         self._session = None
         self.state = EgmState.DISCONNECTED
+
+    def lose_sensor(self) -> None:
+        """End the run as if nothing had been heard for CommTimeout; nothing happens when EGM does not guide."""
+        session = self._guided()
+        if session is not None:
+            session.silence = inf
 
     def converge(self) -> None:
         """End the run as if the convergence criteria were met; nothing happens when EGM does not guide."""

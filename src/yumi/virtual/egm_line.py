@@ -1,4 +1,4 @@
-"""The line between an arm and its sensor, which can break, or carry one way only; advances by dt."""
+"""The line between an arm and its sensor, which can break; advances by dt."""
 
 from __future__ import annotations
 
@@ -7,14 +7,9 @@ from math import inf
 
 
 class EgmLine:
-    """Carries the datagrams of one arm.
-
-    Attributes:
-        is_deaf: whether nothing reaches the arm.
-    """
+    """Carries the datagrams of one arm."""
 
     def __init__(self) -> None:
-        self.is_deaf = False
         self._cut_for = 0.0
 
     @property
@@ -29,11 +24,10 @@ class EgmLine:
     def repair(self) -> None:
         """Let all datagrams through again."""
         self._cut_for = 0.0
-        self.is_deaf = False
 
     def arriving(self, inbox: Sequence[bytes]) -> Sequence[bytes]:
         """What of ``inbox`` reaches the arm."""
-        return () if self.is_cut or self.is_deaf else inbox
+        return () if self.is_cut else inbox
 
     def leaving(self, datagram: bytes | None) -> bytes | None:
         """What of the arm's datagram gets out."""

@@ -59,7 +59,7 @@ class FaultDesk:
         }
         self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
             Fault.EGM_REPAIR: lambda side: world.lines[side].repair(),
-            Fault.COMM_TIMEOUT: self._deafen,
+            Fault.COMM_TIMEOUT: lambda side: self._egm(side).lose_sensor(),
             Fault.EGM_CONVERGENCE: lambda side: self._egm(side).converge(),
             Fault.DYNAMIC_LOAD: lambda side: self._egm(side).overload(),
             Fault.COLLISION: self._collide,
@@ -124,10 +124,6 @@ class FaultDesk:
         if not egm.is_guiding:
             raise CommandRefused(f"EGM does not guide the {side.word} arm; start EGM first.")
         return egm
-
-    def _deafen(self, side: Side) -> None:
-        self._egm(side)
-        self._world.lines[side].is_deaf = True
 
     def _collide(self, side: Side) -> None:
         if self._world.controller.controller_state is not ControllerState.MOTORS_ON:

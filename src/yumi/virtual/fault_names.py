@@ -33,7 +33,7 @@ class Fault(Enum):
     )
     EGM_REPAIR = FaultKind("egm-repair", "the EGM datagrams of an arm come through again", has_side=True)
     COMM_TIMEOUT = FaultKind(
-        "comm-timeout", "the robot hears no datagram until its CommTimeout has ended the EGM motion", has_side=True
+        "comm-timeout", "the robot gives up waiting for datagrams, as after its CommTimeout", has_side=True
     )
     EGM_CONVERGENCE = FaultKind("egm-convergence", "an EGM motion ends as if it had converged", has_side=True)
     DYNAMIC_LOAD = FaultKind("dynamic-load", "an EGM motion asks too much of a drive: motors off", has_side=True)

@@ -108,9 +108,7 @@ class RwsAdapter:
         groups = self._subscriptions.groups
         for session in groups.listening():
             self._sessions.keep_alive(session, now)
-        sessions = self._sessions.alive(now)
-        groups.keep(sessions)
-        self._mastership.keep(sessions)
+        self._forget_ended()
         groups.advance(now)
 
     # What can happen to it
@@ -126,12 +124,17 @@ class RwsAdapter:
     def expire_sessions(self) -> None:
         """All sessions end, and with them subscriptions and masterships."""
         self._sessions.clear()
-        self._subscriptions.groups.keep(())
-        self._mastership.keep(())
+        self._forget_ended()
 
     def drop_web_sockets(self) -> None:
         """Every WebSocket breaks; the subscriptions stay."""
         self._subscriptions.groups.drop_channels()
+
+    def _forget_ended(self) -> None:
+        """Take back what belongs to sessions that have ended."""
+        sessions = self._sessions.alive(self._now)
+        self._subscriptions.groups.keep(sessions)
+        self._mastership.keep(sessions)
 
     # Logging in and answering
 
@@ -197,6 +200,7 @@ class RwsAdapter:
     def _done(self, call: Call, session: Session, form: Form, root: str) -> HttpReply:
         if call.path == ("logout",):
             self._sessions.close(session)
+            self._forget_ended()
             return HttpReply(_NO_CONTENT)
         self._mastership.check(call)
         page = answer(self._routes, self._controller, call)

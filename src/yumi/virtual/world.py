@@ -105,9 +105,7 @@ class World:
         line.advance(self.cycle_time)
         if self.controller.is_dark:
             return None
-        datagram = line.leaving(egm.cycle(line.arriving(inbox)))
-        line.is_deaf = line.is_deaf and egm.is_guiding
-        return datagram
+        return line.leaving(egm.cycle(line.arriving(inbox)))
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
