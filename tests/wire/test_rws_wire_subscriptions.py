@@ -10,6 +10,7 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
+from yumi.rws import digest
 
 RESOURCE = "/rw/panel/speedratio"
 ONE = f"resources=1&1={RESOURCE}&1-p=1"
@@ -49,7 +50,13 @@ def subscribe(client: httpx.Client, body: str = ONE) -> httpx.Response:
     return client.post("/subscription", content=body, headers=form)
 
 
-def upgrade(client: httpx.Client, path: str, protocol: str = "robapi2_subscription", cookie: str | None = None) -> str:
+def upgrade(
+    client: httpx.Client,
+    path: str,
+    protocol: str = "robapi2_subscription",
+    cookie: str | None = None,
+    proof: str = "",
+) -> str:
     """Status line and headers of the answer to the request for a WebSocket."""
     url = client.base_url
     lines = (
@@ -62,6 +69,7 @@ def upgrade(client: httpx.Client, path: str, protocol: str = "robapi2_subscripti
         "Sec-WebSocket-Extensions: permessage-deflate",
         f"Sec-WebSocket-Protocol: {protocol}",
         f"Cookie: {client.headers['Cookie'] if cookie is None else cookie}",
+        f"Authorization: {proof}",
     )
     with socket.create_connection((url.host, url.port or 80), timeout=5.0) as end:
         end.sendall("\r\n".join((*lines, "", "")).encode())
@@ -84,6 +92,16 @@ def test_web_socket_opens_for_a_cookie_without_extensions(client: httpx.Client) 
     assert "Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=" in answer
     assert "Sec-WebSocket-Protocol: robapi2_subscription" in answer
     assert "Sec-WebSocket-Extensions" not in answer
+
+
+def test_web_socket_opens_for_the_connection_cookie_with_credentials(client: httpx.Client) -> None:
+    subscribe(client)
+    stranger = httpx.get(f"{client.base_url}rw", trust_env=False)
+    challenge = digest.read_challenge(stranger.headers["WWW-Authenticate"])
+    proof = digest.answer(challenge, user=USER, password=PASSWORD, method="GET", uri="/poll/1", cnonce="ab").header()
+    cookie = client.headers["Cookie"].partition("; ")[2]
+    assert cookie.startswith("ABBCX=")
+    assert upgrade(client, "/poll/1", cookie=cookie, proof=proof).startswith("HTTP/1.1 101 ")
 
 
 def test_web_socket_without_a_number_is_that_of_the_latest_subscription(client: httpx.Client) -> None:

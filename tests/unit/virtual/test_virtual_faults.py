@@ -145,6 +145,17 @@ def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(guided: S
     guided.bringup.make_ready()
 
 
+def test_robot_is_dark_while_it_restarts_and_can_be_guided_again(guided: System, guided_desk: FaultDesk) -> None:
+    guided_desk.happen(Fault.WARM_RESTART, duration=1.0)
+    guided.wait(0.5)
+    seqno = guided.arms[Side.LEFT].snapshot.seqno
+    guided.wait(0.6)
+    assert (guided.world.controller.is_dark, guided.arms[Side.LEFT].snapshot.seqno) == (True, seqno)
+    guided.wait(0.2)
+    guided.start_egm()
+    assert all(arm.snapshot.is_running for arm in guided.arms.values())
+
+
 def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk) -> None:
     gripper = system.world.grippers[Side.LEFT]
     gripper.is_calibrated = True

@@ -1,0 +1,68 @@
+"""``yumi fault`` against a virtual controller that runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from click.testing import CliRunner
+
+from memory_http import MemoryHttp
+from yumi.cli import main
+from yumi.clock import ManualClock
+from yumi.links.http import HttpReply
+from yumi.links.http_server import HttpServer
+from yumi.robot.joints import Side
+from yumi.virtual.fault_desk import FaultDesk
+from yumi.virtual.fault_names import Fault
+from yumi.virtual.world import World
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World()
+
+
+@pytest.fixture(scope="module")
+def port(world: World) -> Iterator[int]:
+    """Where the world takes faults."""
+    desk = FaultDesk(world, MemoryHttp(world.controller, ManualClock()).adapter)
+    with HttpServer(desk.answer, port=0) as server:
+        yield server.port
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    """Exit code and output of ``yumi fault``."""
+    result = CliRunner().invoke(main, ["fault", *map(str, arguments)])
+    return result.exit_code, result.output
+
+
+def test_fault_command_lets_a_fault_happen(world: World, port: int) -> None:
+    assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
+    assert (world.lines[Side.LEFT].is_cut, world.lines[Side.RIGHT].is_cut) == (True, False)
+
+
+@pytest.mark.parametrize("arguments", [(), ("--help",)])
+def test_fault_command_lists_the_faults(arguments: tuple[str, ...]) -> None:
+    code, output = run(*arguments)
+    assert code == 0
+    assert all(f"{fault.value.name} " in output for fault in Fault)
+
+
+def test_fault_command_passes_a_refusal_on(port: int) -> None:
+    sentence = "Error: An arm whose motors are off does not collide; switch the motors on first.\n"
+    assert run("collision", "--rws-port", port) == (1, sentence)
+
+
+def test_fault_command_refuses_a_name_it_does_not_know() -> None:
+    code, output = run("earthquake")
+    assert (code, "'earthquake' is not one of 'egm-silence'" in output) == (2, True)
+
+
+def test_fault_command_says_that_nothing_listens(port: int) -> None:
+    with HttpServer(lambda _: HttpReply(404), port=0) as server:
+        free = server.port
+        code, output = run("collision", "--rws-port", free)
+        assert output == f"Error: What answers at 127.0.0.1:{free} is no virtual controller of this package.\n"
+    code, output = run("collision", "--rws-port", free)
+    assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)
