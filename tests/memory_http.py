@@ -5,8 +5,7 @@ from __future__ import annotations
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused
 from yumi.links.channel import Upgrade
-from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.links.web_socket import Listener
+from yumi.links.http import ConnectionLost, HttpReply, HttpRequest, Listener
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.rws_port import Controller
 

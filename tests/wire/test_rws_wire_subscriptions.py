@@ -96,7 +96,7 @@ def test_web_socket_opens_for_a_cookie_without_extensions(client: httpx.Client) 
 
 def test_web_socket_opens_for_the_connection_cookie_with_credentials(client: httpx.Client) -> None:
     subscribe(client)
-    stranger = httpx.get(f"{client.base_url}rw", trust_env=False)
+    stranger = client.get("/rw", headers={"Cookie": ""})
     challenge = digest.read_challenge(stranger.headers["WWW-Authenticate"])
     proof = digest.answer(challenge, user=USER, password=PASSWORD, method="GET", uri="/poll/1", cnonce="ab").header()
     cookie = client.headers["Cookie"].partition("; ")[2]

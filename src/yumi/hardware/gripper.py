@@ -65,7 +65,6 @@ class Gripper:
         self._clock = clock
         self._timeout = timeout
         self._usual_speed = usual_speed
-        self._speed: float | None = None  # as it was written last
         self._looked_at = self._stands_since = self._stood = 0.0  # the fingers, as far as they were looked at
         self._is_stopped = False
 
@@ -123,7 +122,8 @@ class Gripper:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
         self._check_ready()
-        self._set_speed(order.speed or self._usual_speed)
+        # Each time: whatever was written before, the controller may have been restarted since.
+        self._io.write("hand_MaxSpeed", speed_count(order.speed or self._usual_speed))
         if order.direction is None:
             self._routines.run(self.side, SgCommand.MOVE_TO, self._timeout, target=order.position)
         else:
@@ -253,11 +253,6 @@ class Gripper:
             self.clear_error()
         else:
             self.stop()
-
-    def _set_speed(self, speed: float) -> None:
-        if speed != self._speed:
-            self._io.write("hand_MaxSpeed", speed_count(speed))
-            self._speed = speed
 
     def _check_ready(self) -> None:
         """What was told may be old: a refusal asks."""

@@ -18,8 +18,7 @@ from typing import Protocol
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
 from yumi.hardware.rws_pace import RequestPace
-from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.links.web_socket import Listener
+from yumi.links.http import ConnectionLost, HttpReply, HttpRequest, Listener
 from yumi.rws import digest
 from yumi.rws.login import Headers, Login
 from yumi.rws.requests import Request

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 
 from yumi.errors import LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.hardware.rws_session import RwsSession, Socket
-from yumi.links.http import HttpReply
-from yumi.links.web_socket import Listener
+from yumi.links.http import HttpReply, Listener
 from yumi.rws import event_pages, requests
 from yumi.rws.subscriptions import PROTOCOL, Change, Resource, read_changes
 

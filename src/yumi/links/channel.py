@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from aiohttp import WSCloseCode, web
+
+_T = TypeVar("_T")
 
 
 class Channel(Protocol):
@@ -45,12 +49,21 @@ class Upgrade:
     headers: tuple[tuple[str, str], ...] = ()
 
 
+def cut_off(transport: asyncio.BaseTransport | None) -> None:
+    """Cut a connection off with a reset; what is under way on it is lost."""
+    if isinstance(transport, asyncio.Transport):
+        end = transport.get_extra_info("socket")
+        if end is not None:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        transport.abort()
+
+
 class SocketChannel:
     """A WebSocket of a running server."""
 
-    def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
+    def __init__(self, response: web.WebSocketResponse, transport: asyncio.BaseTransport | None) -> None:
         self._loop = asyncio.get_running_loop()
-        self._socket = socket
+        self._response = response
         self._transport = transport
         self._outbox: asyncio.Queue[str | None] = asyncio.Queue()
         self.is_open = True
@@ -63,28 +76,27 @@ class SocketChannel:
         self._on_loop(self._outbox.put_nowait, None)
 
     def abort(self) -> None:
-        if self._transport is not None:
-            self._on_loop(self._transport.abort)
+        self._on_loop(cut_off, self._transport)
 
     async def serve(self) -> None:
         """Send what there is to send until the connection ends; what the client says means nothing."""
         sending = asyncio.create_task(self._send_all())
         try:
-            async for _ in self._socket:
+            async for _ in self._response:
                 continue
         finally:
             self.is_open = False
-            self.has_left = self._socket.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
+            self.has_left = self._response.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
             sending.cancel()
 
     async def _send_all(self) -> None:
         while (text := await self._outbox.get()) is not None:
             try:
-                await self._socket.send_str(text)
+                await self._response.send_str(text)
             except ConnectionError:
                 return  # the client has gone, which the receiving side notices, too
-        await self._socket.close()
+        await self._response.close()
 
-    def _on_loop(self, call: Callable[..., None], *arguments: str | None) -> None:
+    def _on_loop(self, call: Callable[[_T], None], argument: _T) -> None:
         if self.is_open:
-            self._loop.call_soon_threadsafe(call, *arguments)
+            self._loop.call_soon_threadsafe(call, argument)

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import h11
@@ -17,7 +18,11 @@ import httpx
 
 from yumi.clock import Clock, SystemClock
 from yumi.errors import NoConnection, ProtocolError, SettingsError
-from yumi.links.web_socket import Headers, Listener, WebSocket
+
+if TYPE_CHECKING:
+    from yumi.links.web_socket import WebSocket
+
+Headers = tuple[tuple[str, str], ...]
 
 _HOST = re.compile(r"[0-9A-Za-z._-]+|[0-9a-f:.]+(%[\w.-]+)?")  # a name, IPv4, or IPv6
 _KEEP_ALIVE = 280.0  # [s]; below the five minutes after which a controller forgets an idle session
@@ -68,6 +73,21 @@ class HttpReply:
         return _first(self.headers, name)
 
 
+@dataclass(frozen=True, slots=True)
+class Listener:
+    """Who hears what comes on a WebSocket; called on the socket's thread.
+
+    Attributes:
+        protocol: the sub-protocol that is spoken.
+        on_text: told each message.
+        on_lost: told once why nothing more will come; never after ``close``.
+    """
+
+    protocol: str
+    on_text: Callable[[str], None]
+    on_lost: Callable[[str], None]
+
+
 class HttpLink:
     """A keep-alive connection to ``address``, which is a host name or IP address, with ``:port`` if not 80.
 
@@ -107,6 +127,8 @@ class HttpLink:
             NoConnection: nothing answers at the address in time.
             ControllerRefused: what answers does not open a WebSocket.
         """
+        from yumi.links.web_socket import WebSocket  # noqa: PLC0415 - aiohttp takes as long to load as all the rest
+
         socket = WebSocket(self.address, request.target, request.headers, listener)
         socket.open(timeout)
         return socket

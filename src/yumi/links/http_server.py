@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
-import struct
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -13,7 +11,7 @@ from types import TracebackType
 from aiohttp import web
 
 from yumi.errors import SettingsError
-from yumi.links.channel import SocketChannel, Upgrade
+from yumi.links.channel import SocketChannel, Upgrade, cut_off
 from yumi.links.http import HttpReply, HttpRequest
 
 Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
@@ -115,7 +113,7 @@ class HttpServer:
         if isinstance(answer, Upgrade):
             return await _upgraded(request, answer)
         if answer is None:
-            _abort(request.transport)
+            cut_off(request.transport)
             return web.Response()
         response = web.Response(status=answer.status, body=answer.body or None)
         for name, value in answer.headers:
@@ -125,7 +123,7 @@ class HttpServer:
     def _abort_all(self) -> None:
         server = self._running.server
         for connection in server.connections if server is not None else ():
-            _abort(connection.transport)
+            cut_off(connection.transport)
 
 
 async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamResponse:
@@ -137,15 +135,6 @@ async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamRespons
     upgrade.attach(channel)
     await channel.serve()
     return response
-
-
-def _abort(transport: asyncio.BaseTransport | None) -> None:
-    """Cut a connection off with a reset; what is under way on it is lost."""
-    if isinstance(transport, asyncio.Transport):
-        end = transport.get_extra_info("socket")
-        if end is not None:
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        transport.abort()
 
 
 def _incoming(request: web.Request, body: bytes) -> HttpRequest:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import aiohttp
 
 from yumi.errors import ControllerRefused, NoConnection
-
-Headers = tuple[tuple[str, str], ...]
+from yumi.links.http import Headers, Listener
 
 HEARTBEAT = 10.0
 """The peer is asked so often whether it lives; without an answer within half of it, it is lost [s]."""
@@ -23,21 +20,6 @@ _MAX_TEXT = 1024 * 1024
 
 
 _Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[bool]"
-
-
-@dataclass(frozen=True, slots=True)
-class Listener:
-    """Who hears what comes on a WebSocket; called on the socket's thread.
-
-    Attributes:
-        protocol: the sub-protocol that is spoken.
-        on_text: told each message.
-        on_lost: told once why nothing more will come; never after ``close``.
-    """
-
-    protocol: str
-    on_text: Callable[[str], None]
-    on_lost: Callable[[str], None]
 
 
 class WebSocket:
@@ -56,6 +38,8 @@ class WebSocket:
         self._headers = headers
         self._listener = listener
         self._is_closed = False
+        self._timeout = 0.0
+        self._response: aiohttp.ClientResponse | None = None
         self._loop: Future[asyncio.AbstractEventLoop] = Future()
         self._ending = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="web-socket", daemon=True)
@@ -97,10 +81,14 @@ class WebSocket:
             try:
                 await self._hear(socket)
             finally:
-                self._response.close()
+                self._drop()
                 if not self._is_closed:
                     self._is_closed = True
                     self._listener.on_lost(_why_lost(self._address, socket))
+
+    def _drop(self) -> None:
+        if self._response is not None:
+            self._response.close()
 
     async def _keep_response(
         self, session: aiohttp.ClientSession, context: object, end: aiohttp.TraceRequestEndParams

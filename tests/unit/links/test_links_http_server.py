@@ -4,9 +4,8 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.links.http import ConnectionLost, HttpLink, HttpReply, HttpRequest
+from yumi.links.http import ConnectionLost, HttpLink, HttpReply, HttpRequest, Listener
 from yumi.links.http_server import HttpServer
-from yumi.links.web_socket import Listener
 
 
 @pytest.mark.parametrize(("port", "host"), [(99999, "127.0.0.1"), (0, "no-such-host.invalid")])

@@ -170,7 +170,7 @@ def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk)
         (Fault.COMM_TIMEOUT, Side.LEFT, None, "EGM does not guide the left arm; start EGM first."),
         (Fault.DYNAMIC_LOAD, None, None, "EGM does not guide the right arm; start EGM first."),
         (Fault.COLLISION, None, None, "An arm whose motors are off does not collide; switch the motors on first."),
-        (Fault.OBJECT_LOST, Side.RIGHT, None, "Nothing lies between the fingers of the right arm."),
+        (Fault.OBJECT_LOST, Side.RIGHT, None, "Nothing lies between the fingers or under the cups of the right arm."),
         (Fault.MOTORS_OFF, Side.LEFT, None, "motors-off happens to the whole robot; leave the side out."),
         (Fault.MOTORS_OFF, None, 1.0, "motors-off has no duration; leave it out."),
         (Fault.EGM_SILENCE, None, -1.0, "A duration is above 0 and at most 86400 s, not -1 s."),
