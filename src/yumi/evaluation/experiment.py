@@ -16,6 +16,9 @@ from yumi.evaluation.streamed_reference import FEED_FORWARD, Sine, Step
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.joints import Side, joint_names
 
+FREQUENCY = 0.2
+"""Of the sines. The publication does not say it; at this one the mean lags of both gains fit [Hz]."""
+
 GOAL_RATE = 500.0
 """How many goals of a sine are sent a second, as published [Hz]."""
 
@@ -41,11 +44,12 @@ class System(Enum):
     """Between which parts an experiment runs.
 
     BARE is what the publication measured: a robot, and a proportional law without a guard behind it. SHIPPED is what
-    `yumi up` runs.
+    `yumi up` runs, in virtual time; WIRE is the same in real time, over ROS 2 and the wire.
     """
 
     BARE = "bare"
     SHIPPED = "shipped"
+    WIRE = "wire"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,20 +129,29 @@ class Experiment:
     def size_deg(self) -> float:
         """Height of the step or amplitude of the sine [°]."""
         reference = self.reference
-        return degrees(reference.size if isinstance(reference, Step) else reference.amplitude)
+        return round(degrees(reference.size if isinstance(reference, Step) else reference.amplitude), 9)
 
     @property
     def name(self) -> str:
         """Stable, and good for a file name."""
         joints = "" if len(self.moved) == 1 else "_all"
-        return f"{self.kind}{self.size_deg:.0f}_{self.mode.word}_{self.law.name}_{self.side.word}{joints}"
+        return f"{self.kind}{self.size_deg:g}{self._pace}_{self.mode.word}_{self.law.name}_{self.side.word}{joints}"
 
     @property
     def title(self) -> str:
         """For people."""
-        what = f"Step of {self.size_deg:.0f}°" if self.is_step else f"Sine of {self.size_deg:.0f}°"
+        what = f"Step of {self.size_deg:g}°" if self.is_step else f"Sine of {self.size_deg:g}°"
+        pace = self._pace.replace("_", " at ").replace("hz", " Hz")
         speed = "" if self.mode is Mode.FULLSPEED else ", reduced speed"
-        return f"{what}, {self.law.title}{speed}"
+        joints = "" if len(self.moved) == 1 else f", all joints of the {self.side.word} arm"
+        return f"{what}{pace}, {self.law.title}{speed}{joints}"
+
+    @property
+    def _pace(self) -> str:
+        """Empty where the frequency is the usual one."""
+        reference = self.reference
+        usual = isinstance(reference, Step) or reference.frequency == FREQUENCY
+        return "" if usual else f"_{reference.frequency:g}hz"
 
     def on(self, side: Side) -> Experiment:
         """The same on an arm; nothing is published of another one."""
@@ -150,9 +163,11 @@ def step(law: Law, mode: Mode = Mode.FULLSPEED, duration: float = 2.5, size_deg:
     return Experiment(Step(radians(size_deg), 0.0), law, mode, duration=duration)
 
 
-def sine(law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = 0.2) -> Experiment:
-    """Two periods of a sine, of which the first quarter of a second is the arm's start."""
-    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=2.0 / frequency)
+def sine(
+    law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY
+) -> Experiment:
+    """A period and a half of a sine, which begins at its full speed."""
+    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.5 / frequency)
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,6 +110,27 @@ def largest_error(reference: Series, measured: Series) -> float:
     return max(abs(value - _at(reference, times, time)) for time, value in measured)
 
 
+def best_delay(reference: Series, measured: Series, longest: float = 0.6) -> float:
+    """The delay of the reference with which it comes closest to the measured values, by least squares [s].
+
+    Less than nothing is a lead. The whole motion counts, where a match is about single samples.
+
+    Args:
+        reference: dense enough to be straight between its samples; it stands before and after them.
+        measured: of which every fourth value is looked at.
+        longest: no longer delay, and no lead longer than a tenth of it, is looked for [s].
+    """
+    times, thinned = [time for time, _ in reference], measured[::4]
+    best, width = 0.45 * longest, 0.55 * longest
+    while width > 1e-5:
+        choices = [best + width * share / 5.0 for share in range(-5, 6)]
+        best = min(
+            choices, key=lambda late: sum([(value - _at(reference, times, time - late)) ** 2 for time, value in thinned])
+        )
+        width /= 4.0
+    return best
+
+
 def match_lags(reference: Series, measured: Series, tolerance: float) -> Matches:
     """The control lag of every reference sample: the time until a measured value comes within ``tolerance`` of it.
 

@@ -77,13 +77,13 @@ def moved(start: Joints, way: float, which: tuple[int, ...]) -> Joints:
 def _follow(experiment: Experiment, arm: GuidedArm, goals: MemoryMailbox) -> Trace:
     reference, which = experiment.reference, experiment.moved
     start, begin, slowed, first = arm.robot.arm.planned, arm.clock.now(), arm.snapshot.slowed, len(arm.cycles)
-    times = list(goal_times(experiment))
+    times, session = list(goal_times(experiment)), arm.snapshot.session
     coming = iter([*times, float("inf")])
     due = next(coming)
     while arm.clock.now() - begin < experiment.duration:
         # What is sent before a datagram arrives is there when it is answered.
         while begin + due <= arm.clock.now() + CYCLE:
-            put_goal(goals, arm.snapshot.session, moved(start, reference(due), which), time=begin + due)
+            put_goal(goals, session, moved(start, reference(due), which), time=begin + due)
             due = next(coming)
         arm.cycle()
     states = [cycle.state for cycle in arm.cycles[first:]]
