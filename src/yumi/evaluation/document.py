@@ -108,7 +108,8 @@ def _html_table(table: Table) -> str:
 
 
 _STYLE = """
-:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f24; --faint: #59636e; --line: #d1d9e0; --band: #f6f8fa; }
+:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f24; --faint: #59636e; --line: #d1d9e0;
+  --band: #f6f8fa; }
 @media (prefers-color-scheme: dark) {
   :root { --paper: #0d1117; --ink: #e6edf3; --faint: #9198a1; --line: #3d444d; --band: #151b23; }
 }

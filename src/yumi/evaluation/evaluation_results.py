@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
-from yumi.evaluation.experiment import PREDICTION, Experiment, System, Trace, proportional, sine
+from yumi.evaluation.experiment import PREDICTION, Experiment, System, Trace, proportional, sine, step
 from yumi.evaluation.experiments import (
     better_experiments,
     joint_experiments,
     other_frequencies,
     published_experiments,
 )
+from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import GAINS, GainPoint, sweep
 from yumi.evaluation.kpis import Measured, motion_delay
-from yumi.evaluation.tracking_figures import Figures, SineFigures, figures_of
+from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.virtual.arm_model import ArmModel
 
 TRIPS = 2500
 """Round trips in virtual time, where they repeat themselves."""
@@ -48,12 +51,28 @@ class Result:
         return f"{self.system.value}/{self.experiment.name}"
 
 
+class Variant(Enum):
+    """Steps of 10° that tell what a difference comes from: gain, guard, and the robot's delay and lag."""
+
+    SHIPPED_ROBOT = (1.2, System.BARE, ArmModel())
+    GUARDED_FIT = (1.2, System.SHIPPED, FITTED)
+    SLOW_STEP_12 = (1.2, System.BARE, ArmModel(delay=0.060, lag=0.0))
+    SLOW_STEP_16 = (1.6, System.BARE, ArmModel(delay=0.060, lag=0.0))
+
+    def run(self) -> float | None:
+        """How long the step takes [s]; None when it does not settle."""
+        gain, system, model = self.value
+        figures = figures_of(run_virtually(step(proportional(gain)), system, model))
+        return figures.settling_s if isinstance(figures, StepFigures) else None
+
+
 @dataclass(slots=True)
 class Results:
     """What there is so far.
 
     Attributes:
         runs: experiments that came to their end.
+        variants: times of the steps that tell where differences come from [s].
         sweeps: steps with one gain after another.
         measured: what the indicators are made of, by system.
         is_complete: whether everything that was planned was done.
@@ -61,6 +80,7 @@ class Results:
     """
 
     runs: list[Result] = field(default_factory=list)
+    variants: dict[Variant, float | None] = field(default_factory=dict)
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
     measured: dict[System, Measured] = field(default_factory=dict)
     is_complete: bool = False
@@ -73,6 +93,10 @@ class Results:
         """The run of ``experiment``, if it was made."""
         name = f"{system.value}/{experiment.name}"
         return next((run for run in self.runs if run.name == name), None)
+
+    def variant(self, variant: Variant) -> float | None:
+        """How long its step took [s]; None when it was not run, or did not settle."""
+        return self.variants.get(variant)
 
     def of(self, system: System, experiments: Sequence[Experiment]) -> list[Result]:
         """The runs of these experiments that were made."""
@@ -107,7 +131,7 @@ def planned_virtually() -> tuple[tuple[System, Experiment], ...]:
 
 def virtual_step_count() -> int:
     """How often ``on_step`` is called."""
-    return len(planned_virtually()) + 2 * len(GAINS) + 1
+    return len(planned_virtually()) + len(Variant) + 2 * len(GAINS) + 1
 
 
 def evaluate_virtually(results: Results, on_step: OnStep) -> None:
@@ -115,8 +139,12 @@ def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     for system, experiment in planned_virtually():
         on_step(experiment.title)
         results.add(system, run_virtually(experiment, system))
+    for variant in Variant:
+        on_step("Where differences come from")
+        results.variants[variant] = variant.run()
     for system in (System.BARE, System.SHIPPED):
         results.sweeps[system] = sweep(GAINS, system, on_point=lambda: on_step("Steps with one gain after another"))
     on_step("Round trips")
     trips, datagrams, lost = virtual_trips(TRIPS)
     results.measured[System.SHIPPED] = Measured(trips=trips, datagrams=datagrams, lost=lost)
+    results.close_measured(System.SHIPPED)

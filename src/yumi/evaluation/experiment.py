@@ -163,9 +163,7 @@ def step(law: Law, mode: Mode = Mode.FULLSPEED, duration: float = 2.5, size_deg:
     return Experiment(Step(radians(size_deg), 0.0), law, mode, duration=duration)
 
 
-def sine(
-    law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY
-) -> Experiment:
+def sine(law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY) -> Experiment:
     """A period and a half of a sine, which begins at its full speed."""
     return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.5 / frequency)
 

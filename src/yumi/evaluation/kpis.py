@@ -102,7 +102,9 @@ def kpis(measured: Measured) -> tuple[Kpi, ...]:
             "",
             f"{paths}; {_count(egm, machine)}",
         ),
-        Kpi("end_to_end_s", "end-to-end latency", _half(mean), END_TO_END, "s", f"half of the mean round trip; {paths}"),
+        Kpi(
+            "end_to_end_s", "end-to-end latency", _half(mean), END_TO_END, "s", f"half of the mean round trip; {paths}"
+        ),
         Kpi("jitter_s", "mean jitter", _half(jitter), JITTER, "s", "mean deviation of the latency from its mean"),
         Kpi("packet_loss", "packet loss", loss, LOSS, "", f"{measured.lost} of {measured.datagrams} datagrams"),
         Kpi(
@@ -148,7 +150,9 @@ def motion_delay(measured_deg: Series) -> float | None:
 
 
 def _motion_note(measured: Measured) -> str:
-    return f"from a goal until the joint has moved by {MOVED_DEG:g}°; the longest of {len(measured.motion_delays)} steps"
+    return (
+        f"from a goal until the joint has moved by {MOVED_DEG:g}°; the longest of {len(measured.motion_delays)} steps"
+    )
 
 
 def _ratio(found: Distribution) -> float | None:

@@ -2,7 +2,7 @@
 
 Every goal bears a value of its own, so that it can be found again as the reference of the cycle that took it::
 
-    sent ─ topic ─ heard ─ mailbox ─ datagram arrives ─ cycle ─ reply leaves ─ robot ─ next but one datagram ─ topic ─ application
+    sent ─ topic ─ heard ─ mailbox ─ datagram ─ cycle ─ reply ─ robot ─ the next datagram but one ─ topic ─ application
 
 The robot takes a reply in the cycle after it and shows the motion it makes of it in the datagram after that.
 All times are of one clock [s].
@@ -92,7 +92,7 @@ LEGS = tuple(item.name for item in fields(Trip))
 def join_trips(
     goals: Iterable[SentGoal], cycles: Sequence[LoopCycle], states: Sequence[HeardState]
 ) -> tuple[Trip, ...]:
-    """The round trips of all goals that a cycle took and whose state was heard; the others were replaced by newer ones."""
+    """The round trips of all goals that a cycle took and whose state was heard; newer goals replaced the others."""
     taken = _first_cycles(cycles)
     stamps = [state.stamp for state in states]
     trips = []

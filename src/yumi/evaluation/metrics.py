@@ -89,7 +89,7 @@ def settling_time(series: Series, goal: float, band: float) -> float | None:
 def overshoot(series: Series, goal: float) -> float:
     """How far the values went past ``goal``, seen from the first one; 0 when they did not."""
     direction = 1.0 if goal >= series[0][1] else -1.0
-    return max(0.0, max(direction * (value - goal) for _, value in series))
+    return max(0.0, *(direction * (value - goal) for _, value in series))
 
 
 def swings(series: Series, goal: float, band: float) -> int:
@@ -125,7 +125,8 @@ def best_delay(reference: Series, measured: Series, longest: float = 0.6) -> flo
     while width > 1e-5:
         choices = [best + width * share / 5.0 for share in range(-5, 6)]
         best = min(
-            choices, key=lambda late: sum([(value - _at(reference, times, time - late)) ** 2 for time, value in thinned])
+            choices,
+            key=lambda late: sum([(value - _at(reference, times, time - late)) ** 2 for time, value in thinned]),
         )
         width /= 4.0
     return best

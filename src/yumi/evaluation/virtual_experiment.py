@@ -18,8 +18,8 @@ from yumi.controllers.joint_position import JointPositionController
 from yumi.evaluation.experiment import GOAL_RATE, Experiment, Mode, System, Trace
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.guided_arm import GuidedArm
-from yumi.evaluation.known_trajectory import follow_planned
 from yumi.evaluation.known_trajectory import Sine as PlannedSine
+from yumi.evaluation.known_trajectory import follow_planned
 from yumi.evaluation.streamed_reference import CONTROLLER, Sine
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import JOINT_COUNT, Joints, joints

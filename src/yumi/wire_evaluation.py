@@ -1,0 +1,265 @@
+"""The evaluation in real time: a virtual controller, the driver and an application, three processes and more.
+
+Only addresses tell the virtual controller from a real one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from yumi.clock import SystemClock
+from yumi.control.parameter import Values
+from yumi.controllers.joint_position import DELAY
+from yumi.errors import RobotNotReady
+from yumi.evaluation.evaluation_results import OnStep, Results
+from yumi.evaluation.experiment import Experiment, Mode, System, Trace, proportional
+from yumi.evaluation.experiments import better_experiments, joint_experiments, published_experiments
+from yumi.evaluation.kpis import Measured
+from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
+from yumi.evaluation.recording import read_recording
+from yumi.evaluation.virtual_experiment import goal_times, moved
+from yumi.evaluation.virtual_trips import PERIOD, nudge
+from yumi.hardware.rws_client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
+from yumi.hardware.state_machine import MAIN
+from yumi.links.command import Command
+from yumi.links.udp import free_port
+from yumi.robot.joints import Joints, Side
+from yumi.ros.driver import close_ros, open_ros
+from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
+
+AXIS_6 = 6
+"""By its place in the chain; it is the last, by which echoes of goals are known."""
+
+_READY = 60.0  # [s]
+_BACK = 2e-4  # [rad] from where an arm is taken to be back
+_STILL = 0.2  # [s]
+_USUAL: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY}
+
+
+@dataclass(frozen=True, slots=True)
+class WirePlan:
+    """How an evaluation in real time is made.
+
+    Attributes:
+        robot: address of a real controller; None starts a virtual one.
+        rws_port: of a real controller.
+        user, password: on it.
+        trips: round trips of each kind.
+        folder: for logs and the recording.
+    """
+
+    robot: str | None
+    rws_port: int
+    trips: int
+    folder: Path
+    user: str = DEFAULT_USER
+    password: str = DEFAULT_PASSWORD
+
+
+class _Unpaced(SystemClock):
+    """A virtual controller bears any number of requests a second, a real one fewer than twenty."""
+
+    def wait(self, seconds: float) -> None:
+        """Do not."""
+
+
+def wire_experiments() -> tuple[Experiment, ...]:
+    """Every experiment that runs over the wire, those with the same settings one after the other."""
+    streamed = [each for each in better_experiments() if not each.law.is_planned]
+    everything = (*published_experiments(), *streamed, *joint_experiments())
+    return tuple(sorted(everything, key=lambda each: each.mode is Mode.REDUCED))
+
+
+def wire_step_count() -> int:
+    """How often ``on_step`` is called."""
+    return len(wire_experiments()) + len(Mode) + 2
+
+
+def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: Callable[[], None]) -> None:
+    """Run everything in real time into ``results``; ``on_step`` and ``check`` may raise to end it early.
+
+    Raises:
+        YumiError: a process or the robot failed; the message says which.
+    """
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        open_ros()
+        stack.callback(close_ros)
+        where = _robot(plan, stack, check)
+        for mode in Mode:
+            on_step(f"Start the driver, {mode.word}")
+            with _driver(plan, where, mode, check) as driver:
+                watch = _watching(driver, check)
+                _run_mode(results, mode, on_step, watch)
+                heard = _measure_trips(plan, where, on_step, watch) if mode is Mode.FULLSPEED else None
+            if heard is not None:  # the recording is complete when the driver has ended
+                results.measured[System.WIRE] = replace(heard.measured, trips=_joined(heard, _recording(plan, mode)))
+    results.close_measured(System.WIRE)
+
+
+def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[], None]) -> None:
+    chosen = [each for each in wire_experiments() if each.mode is mode]
+    for side in Side:
+        mine = [each for each in chosen if each.side is side]
+        if mine:
+            with evaluation_node(side, check) as node:
+                node.start_egm()
+                for experiment in mine:
+                    on_step(experiment.title)
+                    results.add(System.WIRE, run_on_wire(node, experiment))
+
+
+def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
+    """Run ``experiment`` with a driver that is up, and bring the arm back to where it stood.
+
+    Raises:
+        RobotNotReady: the driver refused something, or the arm did not come back.
+    """
+    start = _standing(node)
+    node.set_law({**_USUAL, **experiment.law.values})
+    reference, which = experiment.reference, experiment.moved
+    due = list(goal_times(experiment))
+    node.states.clear()
+    sent = node.stream(lambda moment: moved(start, reference(moment if len(due) > 1 else 0.0), which), due)
+    begin = sent[0][0]
+    node.spin_until(begin + experiment.duration)
+    states = [state for state in node.states if 0.0 <= state.stamp - begin < experiment.duration]
+    measured = {
+        joint: [(each.stamp - begin, each.position[joint] - start[joint]) for each in states] for joint in which
+    }
+    _bring_back(node, start)
+    joint = which[0]
+    return Trace(experiment, [(moment - begin, goal[joint] - start[joint]) for moment, goal in sent], measured)
+
+
+def _standing(node: EvaluationNode) -> Joints:
+    """Where the arm stands, once it does."""
+    position = node.position()
+    while True:
+        node.spin_until(time.monotonic() + _STILL)
+        last, position = position, node.position()
+        if max(abs(now - before) for now, before in zip(position, last, strict=True)) < _BACK:
+            return position
+
+
+def _bring_back(node: EvaluationNode, start: Joints) -> None:
+    node.set_law({**_USUAL, **proportional(1.2).values})
+    node.send(start)
+
+    def is_back() -> bool:
+        now = node.states[-1].position if node.states else None
+        return now is not None and max(abs(a - b) for a, b in zip(now, start, strict=True)) < 5.0 * _BACK
+
+    node.until(is_back, "coming back to the start")
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """What the application knows of round trips; the cycles between are in the driver's recording."""
+
+    goals: tuple[SentGoal, ...]
+    states: tuple[HeardState, ...]
+    measured: Measured
+
+
+def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check: Callable[[], None]) -> _Heard:
+    with evaluation_node(Side.RIGHT, check) as node:
+        on_step("Round trips to the EGM loop")
+        start = _standing(node)
+        node.set_law({**_USUAL, **proportional(1.2).values})
+        before = node.counters()
+        node.states.clear()
+        node.echoes.clear()
+        sent = _send_nudges(node, start, plan.trips)
+        node.spin_until(time.monotonic() + 0.1)
+        after = node.counters()
+        goals, states = _sent_goals(node, sent), tuple(HeardState(each.stamp, each.heard) for each in node.states)
+        on_step("Round trips to the state machine")
+        machine = _machine_trips(node, plan, where)
+        node.stop_egm()
+    lost = sum(after[name] - before[name] for name in ("missed", "lost"))
+    measured = Measured(machine_trips=machine, datagrams=after["cycles"] - before["cycles"], lost=lost)
+    return _Heard(goals, states, measured)
+
+
+def _send_nudges(node: EvaluationNode, start: Joints, count: int) -> list[tuple[float, float]]:
+    """Goals that hardly move the arm, each with a position of its own; when each was sent, and its position."""
+    begin, sent = time.monotonic() + PERIOD, []
+    for number in range(count):
+        node.spin_until(begin + number * PERIOD)
+        goal = moved(start, nudge(number), (AXIS_6,))
+        sent.append((node.send(goal), goal[AXIS_6]))
+    return sent
+
+
+def _sent_goals(node: EvaluationNode, sent: Sequence[tuple[float, float]]) -> tuple[SentGoal, ...]:
+    heard = {value: moment for moment, value in reversed(node.echoes)}
+    return tuple(SentGoal(value, moment, heard.get(value, moment)) for moment, value in sent)
+
+
+def _joined(heard: _Heard, recording: Path) -> tuple[Trip, ...]:
+    frames = read_recording(recording, before=1e9, after=1e9).frames.get(Side.RIGHT, ())
+    cycles = [
+        LoopCycle(frame.time, frame.time + frame.stations.reply, frame.reference[AXIS_6])
+        for frame in frames
+        if frame.reference is not None
+    ]
+    return join_trips(heard.goals, cycles, heard.states)
+
+
+def _machine_trips(node: EvaluationNode, plan: WirePlan, where: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """A call of the driver's robot manager, then a look into the state machine: what together is a round trip."""
+    clock = SystemClock() if plan.robot else _Unpaced()
+    address = f"{where[1]}:{where[3]}"
+    services, machines = [], []
+    with RwsClient(address, user=plan.user, password=plan.password, clock=clock) as client:
+        for _ in range(plan.trips):
+            begin = time.monotonic()
+            node.is_ready()
+            middle = time.monotonic()
+            client.symbol(Side.RIGHT.task, MAIN, "current_state")
+            services.append(middle - begin)
+            machines.append(time.monotonic() - middle)
+    return {"ros_service": tuple(services), "robot_web_services": tuple(machines)}
+
+
+def _robot(plan: WirePlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:
+    """The driver's options to find the robot; a virtual one is started on ports nobody uses."""
+    if plan.robot:
+        return ("--robot", plan.robot, "--rws-port", str(plan.rws_port))
+    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+    command = Command("virtual controller", ("controller", "--rws-port", "0", *ports), plan.folder / "controller.log")
+    address = stack.enter_context(command).wait_until_ready(_READY, check)
+    host, _, port = address.removeprefix("http://").partition(":")
+    return ("--robot", host, "--rws-port", port, *ports)
+
+
+@contextmanager
+def _driver(plan: WirePlan, where: Sequence[str], mode: Mode, check: Callable[[], None]) -> Iterator[Command]:
+    """The driver as shipped, but for MaxSpeedDeviation; it records every cycle."""
+    settings = plan.folder / f"{mode.word}.yaml"
+    settings.write_text(
+        f"egm_motion: {{max_speed_deviation: {mode.value.max_speed_deviation:.1f}}}\n", encoding="utf-8"
+    )
+    what = ("--config", str(settings), "--record", str(_recording(plan, mode)))
+    login = ("--user", plan.user, "--password", plan.password)
+    with Command("driver", ("up", *where, *login, *what), plan.folder / f"driver_{mode.word}.log") as command:
+        command.wait_until_ready(_READY, check)
+        yield command
+
+
+def _recording(plan: WirePlan, mode: Mode) -> Path:
+    return plan.folder / f"{mode.word}.mcap"
+
+
+def _watching(driver: Command, check: Callable[[], None]) -> Callable[[], None]:
+    def watch() -> None:
+        check()
+        if driver.exit_code is not None:
+            raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+    return watch
