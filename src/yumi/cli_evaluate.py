@@ -17,6 +17,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from yumi import __version__
+from yumi.errors import CommandRefused, MissingPrerequisite
+from yumi.settings import MAX_PORT
 
 if TYPE_CHECKING:
     from yumi.evaluation.evaluation_results import Results
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 _INTERRUPTED = 130
 _TABLE_WIDTH = 110
+_GAIN_STEP = 0.1
 _FOLDER = Path("build/evaluation")
 _PICTURE = Path("build/tune.svg")
 
@@ -34,32 +37,85 @@ class _Ended(Exception):
 
 @click.command()
 @click.option("--virtual-time", is_flag=True, help="Without ROS 2 and without waiting; the same figures every time.")
+@click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
+@click.option(
+    "--rws-port", type=click.IntRange(1, MAX_PORT), default=80, show_default=True, help="Of a real controller."
+)
+@click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
+@click.option(
+    "--round-trips",
+    type=click.IntRange(10, 1_000_000),
+    default=10_000,
+    show_default=True,
+    help="In real time, of each kind.",
+)
 @click.option(
     "--output", type=click.Path(path_type=Path), default=_FOLDER, show_default=True, help="Folder of the report."
 )
 @click.option("--json", "report", type=click.Path(path_type=Path), help="Also write every figure to this file.")
-def evaluate(virtual_time: bool, output: Path, report: Path | None) -> None:
+def evaluate(
+    virtual_time: bool,
+    robot: str | None,
+    rws_port: int,
+    yes: bool,
+    round_trips: int,
+    output: Path,
+    report: Path | None,
+) -> None:
     """Repeat the thesis's experiments and write a report beside what it published.
 
-    Ctrl-C ends it early; the report then is about what was done until then.
+    In real time a virtual controller, the driver and an application run as processes of their own, after everything was
+    run in virtual time, to compare with. Ctrl-C ends it early; the report then is about what was done until then.
 
     \b
     Examples:
-      yumi evaluate --virtual-time                  everything, in half a minute
+      yumi evaluate --virtual-time                        everything but ROS 2, in half a minute
       yumi evaluate --virtual-time --json figures.json
+      yumi evaluate                                       over ROS 2 and the wire, too: some minutes
+      yumi evaluate --robot 192.168.125.1                 on a real robot; the workspace has to be free
     """
     from yumi.evaluation.evaluation_results import Results, evaluate_virtually, virtual_step_count  # noqa: PLC0415
 
+    if virtual_time and robot:
+        raise CommandRefused("A real robot knows no virtual time; give either --robot or --virtual-time.")
+    if robot and not yes:
+        click.confirm(
+            f"Joint 6 and then all joints of the robot at {robot} will move. Is its workspace free?", abort=True
+        )
     console = Console(highlight=False)
     console.width = max(console.width, _TABLE_WIDTH)
-    results = Results(settings=_settings("virtual time"))
-    with _ends_on_interrupt() as check, _bar(console, virtual_step_count(), check) as on_step:
+    results = Results(settings=_settings("virtual time" if virtual_time else "real time", robot))
+    with _ends_on_interrupt() as check:
         try:
-            evaluate_virtually(results, on_step)
+            with _bar(console, virtual_step_count(), check) as on_step:
+                evaluate_virtually(results, on_step)
+            if not virtual_time:
+                _evaluate_on_wire(results, console, check, robot, rws_port, round_trips, output)
             results.is_complete = True
         except _Ended:
             console.print("Ended early; the report is about what was done until now.")
     _finish(results, console, output, report)
+
+
+def _evaluate_on_wire(
+    results: Results,
+    console: Console,
+    check: Callable[[], None],
+    robot: str | None,
+    rws_port: int,
+    round_trips: int,
+    output: Path,
+) -> None:
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    try:
+        from yumi.wire_evaluation import WirePlan, evaluate_on_wire, wire_step_count  # noqa: PLC0415 - needs ROS 2
+    except ImportError as error:
+        raise MissingPrerequisite(
+            f"ROS 2 is missing ({error}); run `make setup` in a clone of yumi-ros2, or add --virtual-time."
+        ) from error
+    with _bar(console, wire_step_count(), check) as on_step:
+        plan = WirePlan(robot, rws_port, round_trips, output / "wire")
+        evaluate_on_wire(results, plan, on_step, check)
 
 
 @click.command()
@@ -80,13 +136,13 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
       yumi tune --reduced --step 5
       ros2 param set /r/joint_position_controller p 1.6     to use what it recommends
     """
-    from yumi.errors import CommandRefused  # noqa: PLC0415 - a quick --help
     from yumi.evaluation.experiment import Mode  # noqa: PLC0415
     from yumi.evaluation.gain_sweep import Task, recommend  # noqa: PLC0415
 
     if lowest >= highest:
         raise CommandRefused(f"The gains go from {lowest:g} to {highest:g}; --from must be below --to.")
-    gains = [round(lowest + (highest - lowest) * number / 20.0, 3) for number in range(21)]
+    count = round((highest - lowest) / _GAIN_STEP)
+    gains = [round(lowest + _GAIN_STEP * number, 3) for number in range(count + 1)]
     console = Console(highlight=False)
     task = Task(size_deg=size, mode=Mode.REDUCED if reduced else Mode.FULLSPEED)
     with _ends_on_interrupt() as check, _bar(console, 2 * len(gains), check) as on_step:
@@ -122,10 +178,13 @@ def _show(found: Recommendation, console: Console, picture: Path) -> None:
     console.print(f"Picture: {picture}")
 
 
-def _settings(mode: str) -> dict[str, dict[str, object]]:
-    """Groups of the report's settings that every mode has."""
+def _settings(mode: str, robot: str | None) -> dict[str, dict[str, object]]:
+    """What the report says of how it was made."""
+    from yumi.evaluation.evaluation_tables import model_settings  # noqa: PLC0415 - a quick --help
+
     return {
-        "evaluation": {"mode": mode, "robot": "virtual"},
+        "evaluation": {"mode": mode, "robot": robot or "virtual"},
+        **model_settings(),
         "versions": {"yumi-ros2": __version__, "python": platform.python_version()},
         "machine": {"cpus": os.cpu_count(), "processor": platform.machine(), "system": platform.platform()},
     }

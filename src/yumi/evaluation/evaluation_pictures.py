@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from io import StringIO
-from math import degrees
+from math import degrees, inf
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ LINES = {System.BARE: ":", System.SHIPPED: "-", System.WIRE: "--"}
 _INK, _GRID = "#1b1f24", "#d1d9e0"
 _DARK = {_INK: "#e6edf3", _GRID: "#3d444d"}
 _WIDTH = 9.6  # [inch]
+_LONGEST = {Mode.FULLSPEED: 1.5, Mode.REDUCED: 4.0}  # [s] of steps
 
 Draw = Callable[[Any], None]
 
@@ -55,7 +57,7 @@ def draw_sweep(sweeps: Sequence[tuple[str, Sequence[GainPoint]]], panels: Any) -
     panels[1].set_ylabel("overshoot [°]")
     for panel in panels:
         panel.set_xlabel("P")
-    panels[0].legend(frameon=False, fontsize="small")
+    _name_lines(panels[0])
 
 
 def save_figure(draw: Draw, height: float, *, is_transparent: bool = True) -> tuple[str, str]:
@@ -134,7 +136,7 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
             caption = (
                 f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.value})."
             )
-            yield f"trips_{system.value}", 3.2, caption, lambda figure, trips=measured.trips: _draw_trips(trips, figure)
+            yield f"trips_{system.value}", 3.2, caption, partial(_draw_trips, measured.trips)
 
 
 def _draw_steps(results: Results, figure: Any) -> None:
@@ -151,14 +153,14 @@ def _draw_steps(results: Results, figure: Any) -> None:
                 if run is not None:
                     label = None if named else law.title
                     named = True
-                    _plot(panel, run, LINES[run.system], color, label)
+                    _plot(panel, run, LINES[run.system], color, label, until=_LONGEST[mode])
         panel.set(title=f"{mode.word}, {mode.value.max_speed_deviation:g} °/s", xlabel="time [s]", ylabel="angle [°]")
-        panel.legend(frameon=False, loc="lower right", fontsize="small")
-    panels[0].set_xlim(0.0, 1.5)
+        _name_lines(panel, loc="lower right")
 
 
-def _plot(panel: Any, run: Result, line: str, color: str, label: str | None) -> None:
-    times, values = zip(*run.trace.measured_deg(run.experiment.moved[0]), strict=True)
+def _plot(panel: Any, run: Result, line: str, color: str, label: str | None, until: float = inf) -> None:
+    shown = [(time, value) for time, value in run.trace.measured_deg(run.experiment.moved[0]) if time <= until]
+    times, values = zip(*shown, strict=True)
     panel.plot(times, values, line, color=color, label=label, linewidth=1.3)
 
 
@@ -172,7 +174,7 @@ def _draw_sines(results: Results, figure: Any) -> None:
         lower.plot(*zip(*moved, strict=True), color=color, linewidth=1.3)
     if runs:
         upper.plot(*zip(*runs[0][0].trace.sent_deg, strict=True), color=_INK, linewidth=1.0, alpha=0.7, label="goals")
-    upper.legend(frameon=False, ncols=4, fontsize="small", loc="upper right")
+    _name_lines(upper, ncols=2, loc="lower left")
     upper.set_ylabel("angle [°]")
     lower.set(xlabel="time [s]", ylabel="distance [°]")
 
@@ -199,7 +201,12 @@ def _draw_lags(results: Results, figure: Any) -> None:
                 panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.value, linewidth=1.2)
                 _draw_published(panel, run)
         panel.set(title=experiment.title, xlabel="control lag [ms]", ylabel="share per ms")
-        panel.legend(frameon=False, fontsize="small", loc="upper left")
+        _name_lines(panel, loc="upper left")
+
+
+def _name_lines(panel: Any, **options: Any) -> None:
+    if panel.get_legend_handles_labels()[0]:
+        panel.legend(frameon=False, fontsize="small", **options)
 
 
 def _draw_published(panel: Any, run: Result) -> None:
@@ -218,7 +225,7 @@ def _draw_reduced(results: Results, figure: Any) -> None:
                 _plot(panel, run, "-", color, run.system.value)
         panel.set(title=f"P = {gain:g}", xlabel="time [s]")
     panels[0].set_ylabel("angle [°]")
-    panels[0].legend(frameon=False, fontsize="small")
+    _name_lines(panels[0])
 
 
 def _draw_sweeps(results: Results, figure: Any) -> None:
@@ -237,4 +244,4 @@ def _draw_trips(trips: Sequence[Trip], figure: Any) -> None:
     right.barh(names, [1e3 * found[name].mean for name in names], color=COLORS[0], label="mean")
     right.barh(names, [1e3 * found[name].p99 for name in names], color="none", edgecolor=COLORS[1], label="p99")
     right.set_xlabel("leg [ms]")
-    right.legend(frameon=False, fontsize="small")
+    _name_lines(right)

@@ -84,7 +84,7 @@ class Results:
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
     measured: dict[System, Measured] = field(default_factory=dict)
     is_complete: bool = False
-    settings: dict[str, Mapping[str, object]] = field(default_factory=dict)
+    settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
     def add(self, system: System, trace: Trace) -> None:
         self.runs.append(Result(system, trace, figures_of(trace)))

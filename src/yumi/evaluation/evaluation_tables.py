@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from math import isnan
 
 from yumi.evaluation.document import Table
 from yumi.evaluation.evaluation_results import Result, Results
-from yumi.evaluation.experiment import Experiment, System
+from yumi.evaluation.experiment import FREQUENCY, GOAL_RATE, TOLERANCE_DEG, Experiment, Mode, System
 from yumi.evaluation.experiments import PUBLISHED_OSCILLATION, published_experiments
+from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import onset_of
 from yumi.evaluation.kpis import Kpi, kpis
 from yumi.evaluation.metrics import Distribution
-from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures
+from yumi.evaluation.tracking_figures import SineFigures, StepFigures
+from yumi.virtual.arm_model import ArmModel
 
 TITLES = {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}
 """What the systems are called in tables."""
@@ -83,11 +86,20 @@ def settings_table(settings: Mapping[str, Mapping[str, object]]) -> Table:
     return Table(("of", "setting", "value"), rows)
 
 
-def figure_text(figures: Figures) -> str:
-    """The figure that counts most, for a line on the terminal."""
-    if isinstance(figures, StepFigures):
-        return "did not settle" if figures.settling_s is None else f"within 0.1° after {figures.settling_s:.3f} s"
-    return f"mean lag {1e3 * figures.mean_lag_s:.0f} ms, error up to {figures.max_error_deg:.3f}°"
+def model_settings() -> dict[str, dict[str, object]]:
+    """The experiments' settings and those of both virtual robots."""
+    shipped = ArmModel()
+    return {
+        "EGM, fullspeed": asdict(Mode.FULLSPEED.value),
+        "EGM, reduced speed": asdict(Mode.REDUCED.value),
+        "experiments": {
+            "goals a second": GOAL_RATE,
+            "frequency of sines [Hz]": FREQUENCY,
+            "tolerance [°]": TOLERANCE_DEG,
+        },
+        "virtual robot": {"delay [ms]": 1e3 * shipped.delay, "servo lag [ms]": 1e3 * shipped.lag},
+        "fitted robot": {"delay [ms]": 1e3 * FITTED.delay, "servo lag [ms]": 1e3 * FITTED.lag},
+    }
 
 
 def _with_ratios(

@@ -150,8 +150,9 @@ class Experiment:
     def _pace(self) -> str:
         """Empty where the frequency is the usual one."""
         reference = self.reference
-        usual = isinstance(reference, Step) or reference.frequency == FREQUENCY
-        return "" if usual else f"_{reference.frequency:g}hz"
+        if isinstance(reference, Step) or reference.frequency == FREQUENCY:
+            return ""
+        return f"_{reference.frequency:g}hz"
 
     def on(self, side: Side) -> Experiment:
         """The same on an arm; nothing is published of another one."""
@@ -164,8 +165,8 @@ def step(law: Law, mode: Mode = Mode.FULLSPEED, duration: float = 2.5, size_deg:
 
 
 def sine(law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY) -> Experiment:
-    """A period and a half of a sine, which begins at its full speed."""
-    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.5 / frequency)
+    """A period and a quarter of a sine, which begins at its full speed."""
+    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.25 / frequency)
 
 
 @dataclass(frozen=True, slots=True)

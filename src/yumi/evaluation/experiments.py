@@ -63,11 +63,9 @@ def joint_experiments() -> tuple[Experiment, ...]:
 
 
 def other_frequencies() -> tuple[Experiment, ...]:
-    """The publication's two sines, slower; one period and a quarter of each."""
+    """The publication's two sines, slower."""
     return tuple(
-        replace(sine(proportional(gain), frequency=frequency), duration=1.25 / frequency)
-        for frequency in OTHER_FREQUENCIES
-        for gain in (1.2, 2.0)
+        sine(proportional(gain), frequency=frequency) for frequency in OTHER_FREQUENCIES for gain in (1.2, 2.0)
     )
 
 

@@ -11,8 +11,8 @@ from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.robot.joints import Side
 from yumi.virtual.arm_model import ArmModel
 
-GAINS = tuple(round(0.2 * number, 1) for number in range(5, 21))
-"""1.0 to 4.0: from sluggish to far beyond what is allowed."""
+GAINS = tuple(round(0.2 * number, 1) for number in range(5, 17))
+"""1.0 to 3.2: from sluggish to far beyond what is allowed."""
 
 SLOWER = 0.020
 """A gain has to do, too, when the robot answers so much later than the model [s]: real ones are said to."""

@@ -67,8 +67,8 @@ def distribution(values: Iterable[float]) -> Distribution:
     count = len(ordered)
     mean = sum(ordered) / count if count else nan
     jitter = sum([abs(value - mean) for value in ordered]) / count if count else nan
-    cuts = [quantile(ordered, share) for share in (0.5, 0.9, 0.99, 0.999)]
-    return Distribution(count, mean, jitter, quantile(ordered, 0.0), *cuts, quantile(ordered, 1.0))
+    lowest, p50, p90, p99, p999, highest = (quantile(ordered, share) for share in (0.0, 0.5, 0.9, 0.99, 0.999, 1.0))
+    return Distribution(count, mean, jitter, lowest, p50, p90, p99, p999, highest)
 
 
 def settling_time(series: Series, goal: float, band: float) -> float | None:
