@@ -17,7 +17,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from yumi import __version__
-from yumi.errors import CommandRefused, MissingPrerequisite
+from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
+from yumi.evaluation.robot_place import DEFAULT_PASSWORD, DEFAULT_USER, RobotPlace
 from yumi.settings import MAX_PORT
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ class _Ended(Exception):
 @click.option(
     "--rws-port", type=click.IntRange(1, MAX_PORT), default=80, show_default=True, help="Of a real controller."
 )
+@click.option("--user", default=DEFAULT_USER, show_default=True, help="On a real controller.")
+@click.option("--password", default=DEFAULT_PASSWORD, help="On a real controller.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @click.option(
     "--round-trips",
@@ -57,6 +60,8 @@ def evaluate(
     virtual_time: bool,
     robot: str | None,
     rws_port: int,
+    user: str,
+    password: str,
     yes: bool,
     round_trips: int,
     output: Path,
@@ -90,22 +95,28 @@ def evaluate(
             with _bar(console, virtual_step_count(), check) as on_step:
                 evaluate_virtually(results, on_step)
             if not virtual_time:
-                _evaluate_on_wire(results, console, check, robot, rws_port, round_trips, output)
+                place = RobotPlace(robot, rws_port, user, password)
+                _evaluate_on_wire(results, console, check, place, round_trips, output)
             results.is_complete = True
         except _Ended:
             console.print("Ended early; the report is about what was done until now.")
+        except YumiError:
+            _finish(results, console, output, report)
+            raise
     _finish(results, console, output, report)
+    if not results.is_complete:
+        sys.exit(_INTERRUPTED)
 
 
 def _evaluate_on_wire(
     results: Results,
     console: Console,
     check: Callable[[], None],
-    robot: str | None,
-    rws_port: int,
+    place: RobotPlace,
     round_trips: int,
     output: Path,
 ) -> None:
+    os.environ.setdefault("ROS_LOG_DIR", str((output / "ros").absolute()))
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         from yumi.wire_evaluation import WirePlan, evaluate_on_wire, wire_step_count  # noqa: PLC0415 - needs ROS 2
@@ -114,7 +125,7 @@ def _evaluate_on_wire(
             f"ROS 2 is missing ({error}); run `make setup` in a clone of yumi-ros2, or add --virtual-time."
         ) from error
     with _bar(console, wire_step_count(), check) as on_step:
-        plan = WirePlan(robot, rws_port, round_trips, output / "wire")
+        plan = WirePlan(place, round_trips, output / "wire")
         evaluate_on_wire(results, plan, on_step, check)
 
 
@@ -166,8 +177,6 @@ def _finish(results: Results, console: Console, output: Path, report: Path | Non
     if report:
         report.parent.mkdir(parents=True, exist_ok=True)
         write_json(results, report)
-    if not results.is_complete:
-        sys.exit(_INTERRUPTED)
 
 
 def _show(found: Recommendation, console: Console, picture: Path) -> None:

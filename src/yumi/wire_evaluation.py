@@ -22,9 +22,10 @@ from yumi.evaluation.experiments import better_experiments, joint_experiments, p
 from yumi.evaluation.kpis import Measured
 from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
 from yumi.evaluation.recording import read_recording
+from yumi.evaluation.robot_place import RobotPlace
 from yumi.evaluation.virtual_experiment import goal_times, moved
 from yumi.evaluation.virtual_trips import PERIOD, nudge
-from yumi.hardware.rws_client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
+from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import MAIN
 from yumi.links.command import Command
 from yumi.links.udp import free_port
@@ -33,13 +34,15 @@ from yumi.ros.driver import close_ros, open_ros
 from yumi.ros.evaluation_node import EvaluationNode, HeardJointState, evaluation_node
 
 AXIS_6 = 6
-"""By its place in the chain; it is the last, by which echoes of goals are known."""
+"""By its place in the chain: the last, by which echoes of goals are known."""
 
 _READY = 60.0  # [s]
 _BACK = 2e-4  # [rad] from where an arm is taken to be back
 _STILL = 0.2  # [s]
 _RETURN = 15.0  # [s] at most, at reduced speed
 _ATTEMPTS = 4
+_ECHO = 0.1  # [s] until the last goal's state has come
+_ALL = 1e9  # [s] of a recording
 _LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
 _USUAL: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY}
 
@@ -49,19 +52,14 @@ class WirePlan:
     """How an evaluation in real time is made.
 
     Attributes:
-        robot: address of a real controller; None starts a virtual one.
-        rws_port: of a real controller.
-        user, password: on it.
+        place: where the robot is.
         trips: round trips of each kind.
         folder: for logs and the recording.
     """
 
-    robot: str | None
-    rws_port: int
+    place: RobotPlace
     trips: int
     folder: Path
-    user: str = DEFAULT_USER
-    password: str = DEFAULT_PASSWORD
 
 
 class _Unpaced(SystemClock):
@@ -101,7 +99,9 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
                 _run_mode(results, mode, on_step, watch)
                 heard = _measure_trips(plan, where, on_step, watch) if mode is Mode.FULLSPEED else None
             if heard is not None:  # the recording is complete when the driver has ended
-                results.measured[System.WIRE] = replace(heard.measured, trips=_joined(heard, _recording(plan, mode)))
+                results.measured[System.WIRE] = replace(
+                    heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))
+                )
     results.close_measured(System.WIRE)
 
 
@@ -113,10 +113,10 @@ def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[],
             with evaluation_node(side, check) as node:
                 for experiment in mine:
                     on_step(experiment.title)
-                    results.add(System.WIRE, _run_undisturbed(node, experiment))
+                    results.add(System.WIRE, run_undisturbed(node, experiment))
 
 
-def _run_undisturbed(node: EvaluationNode, experiment: Experiment) -> Trace:
+def run_undisturbed(node: EvaluationNode, experiment: Experiment) -> Trace:
     """Again when the machine was too busy to keep EGM alive: that tells nothing of the control."""
     for _ in range(_ATTEMPTS - 1):
         with suppress(RobotNotReady):
@@ -193,15 +193,11 @@ def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check:
     with evaluation_node(Side.RIGHT, check) as node:
         on_step("Round trips to the EGM loop")
         node.start_egm()
-        start = _standing(node)
         node.set_law({**_USUAL, **proportional(1.2).values})
         before = node.counters()
-        node.states.clear()
-        node.echoes.clear()
-        sent = _send_nudges(node, start, plan.trips)
-        node.spin_until(time.monotonic() + 0.1)
+        goals = send_nudges(node, plan.trips)
+        states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
         after = node.counters()
-        goals, states = _sent_goals(node, sent), tuple(HeardState(each.stamp, each.heard) for each in node.states)
         on_step("Round trips to the state machine")
         machine = _machine_trips(node, plan, where)
         node.stop_egm()
@@ -210,37 +206,38 @@ def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check:
     return _Heard(goals, states, measured)
 
 
-def _send_nudges(node: EvaluationNode, start: Joints, count: int) -> list[tuple[float, float]]:
-    """Goals that hardly move the arm, each with a position of its own; when each was sent, and its position."""
+def send_nudges(node: EvaluationNode, count: int) -> tuple[SentGoal, ...]:
+    """Send goals that hardly move the arm, each with a position of its own; what was heard is in ``node.states``."""
+    start = _standing(node)
+    node.states.clear()
+    node.echoes.clear()
     begin, sent = time.monotonic() + PERIOD, []
     for number in range(count):
         node.spin_until(begin + number * PERIOD)
         goal = moved(start, nudge(number), (AXIS_6,))
         sent.append((node.send(goal), goal[AXIS_6]))
-    return sent
-
-
-def _sent_goals(node: EvaluationNode, sent: Sequence[tuple[float, float]]) -> tuple[SentGoal, ...]:
+    node.spin_until(time.monotonic() + _ECHO)
     heard = {value: moment for moment, value in reversed(node.echoes)}
     return tuple(SentGoal(value, moment, heard.get(value, moment)) for moment, value in sent)
 
 
-def _joined(heard: _Heard, recording: Path) -> tuple[Trip, ...]:
-    frames = read_recording(recording, before=1e9, after=1e9).frames.get(Side.RIGHT, ())
+def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recording: Path) -> tuple[Trip, ...]:
+    """The round trips of ``goals``, with the cycles of the driver's ``recording``, which is complete."""
+    frames = read_recording(recording, before=_ALL, after=_ALL).frames.get(Side.RIGHT, ())
     cycles = [
         LoopCycle(frame.time, frame.time + frame.stations.reply, frame.reference[AXIS_6])
         for frame in frames
         if frame.reference is not None
     ]
-    return join_trips(heard.goals, cycles, heard.states)
+    return join_trips(goals, cycles, states)
 
 
 def _machine_trips(node: EvaluationNode, plan: WirePlan, where: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """A call of the driver's robot manager, then a look into the state machine: what together is a round trip."""
-    clock = SystemClock() if plan.robot else _Unpaced()
+    clock = SystemClock() if plan.place.robot else _Unpaced()
     address = f"{where[1]}:{where[3]}"
     services, machines = [], []
-    with RwsClient(address, user=plan.user, password=plan.password, clock=clock) as client:
+    with RwsClient(address, user=plan.place.user, password=plan.place.password, clock=clock) as client:
         for _ in range(plan.trips):
             begin = time.monotonic()
             node.is_ready()
@@ -253,8 +250,8 @@ def _machine_trips(node: EvaluationNode, plan: WirePlan, where: Sequence[str]) -
 
 def _robot(plan: WirePlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:
     """The driver's options to find the robot; a virtual one is started on ports nobody uses."""
-    if plan.robot:
-        return ("--robot", plan.robot, "--rws-port", str(plan.rws_port))
+    if plan.place.robot:
+        return ("--robot", plan.place.robot, "--rws-port", str(plan.place.rws_port))
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     command = Command("virtual controller", ("controller", "--rws-port", "0", *ports), plan.folder / "controller.log")
     address = stack.enter_context(command).wait_until_ready(_READY, check)
@@ -270,7 +267,7 @@ def _driver(plan: WirePlan, where: Sequence[str], mode: Mode, check: Callable[[]
         f"egm_motion: {{max_speed_deviation: {mode.value.max_speed_deviation:.1f}}}\n", encoding="utf-8"
     )
     what = ("--config", str(settings), "--record", str(_recording(plan, mode)))
-    login = ("--user", plan.user, "--password", plan.password)
+    login = ("--user", plan.place.user, "--password", plan.place.password)
     with Command("driver", ("up", *where, *login, *what), plan.folder / f"driver_{mode.word}.log") as command:
         command.wait_until_ready(_READY, check)
         yield command

@@ -41,7 +41,9 @@ def document(results: Results) -> dict[str, Any]:
         "format": FORMAT,
         "complete": results.is_complete,
         **results.settings,
-        "experiments": {run.name: _experiment(run) for run in results.runs},
+        "experiments": {
+            run.name: {**_experiment(run), "ratio_to_virtual": results.ratio_to_virtual(run)} for run in results.runs
+        },
         "sweeps": {system.value: _sweep(points) for system, points in results.sweeps.items()},
         "kpis": {
             system.value: {each.name: _kpi(each) for each in kpis(measured)}

@@ -13,6 +13,7 @@ from yumi.evaluation.evaluation_tables import (
     kpi_table,
     kpis_of,
     leg_table,
+    real_time_table,
     result_table,
     settings_table,
     summary_table,
@@ -60,6 +61,7 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         *_steps(results, pictures),
         *_sines(results, pictures),
         *_better(results),
+        *_real_time(results),
         *_round_trips(results, pictures),
         Heading("Where our figures differ, and why"),
         *(Paragraph(each) for each in explanations(results)),
@@ -108,6 +110,11 @@ def _better(results: Results) -> list[Block]:
         result_table(results, [each for each in better_experiments() if each.is_step], System),
         result_table(results, sines, System),
     ]
+
+
+def _real_time(results: Results) -> list[Block]:
+    table = real_time_table(results)
+    return [Heading("Real time beside virtual time"), table] if table else []
 
 
 def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:

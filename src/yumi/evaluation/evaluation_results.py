@@ -51,6 +51,11 @@ class Result:
         return f"{self.system.value}/{self.experiment.name}"
 
 
+def main_figure(figures: Figures) -> float | None:
+    """Step time or mean lag [s]."""
+    return figures.settling_s if isinstance(figures, StepFigures) else figures.mean_lag_s
+
+
 class Variant(Enum):
     """Steps of 10° that tell what a difference comes from: gain, guard, and the robot's delay and lag."""
 
@@ -102,6 +107,14 @@ class Results:
         """The runs of these experiments that were made."""
         found = [self.find(system, experiment) for experiment in experiments]
         return [run for run in found if run is not None]
+
+    def ratio_to_virtual(self, run: Result) -> float | None:
+        """Step time or mean lag of a run over the wire, divided by that of the same one in virtual time."""
+        shipped = self.find(System.SHIPPED, run.experiment)
+        if run.system is not System.WIRE or shipped is None:
+            return None
+        own, virtual = main_figure(run.figures), main_figure(shipped.figures)
+        return own / virtual if own and virtual else None
 
     def close_measured(self, system: System) -> None:
         """Fill in what the indicators take from the experiments."""

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from math import isnan
 
 from yumi.evaluation.document import Table
-from yumi.evaluation.evaluation_results import Result, Results
+from yumi.evaluation.evaluation_results import Result, Results, main_figure
 from yumi.evaluation.experiment import FREQUENCY, GOAL_RATE, TOLERANCE_DEG, Experiment, Mode, System
 from yumi.evaluation.experiments import PUBLISHED_OSCILLATION, published_experiments
 from yumi.evaluation.fitted_model import FITTED
@@ -53,6 +53,19 @@ def result_table(results: Results, experiments: Iterable[Experiment], systems: I
     runs = [run for system in systems for run in results.of(system, experiments)]
     is_step = all(experiment.is_step for experiment in experiments)
     return _step_table(runs) if is_step else _sine_table(runs)
+
+
+def real_time_table(results: Results) -> Table | None:
+    """Step times and mean lags over the wire beside those in virtual time; of laws that lag by more than a cycle."""
+    rows = tuple(
+        (run.experiment.title, _time(main_figure(shipped.figures)), _time(main_figure(run.figures)), f"{ratio:.2f}")
+        for run in results.runs
+        if "p" in run.experiment.law.values or run.experiment.is_step
+        if (ratio := results.ratio_to_virtual(run)) is not None
+        if (shipped := results.find(System.SHIPPED, run.experiment)) is not None
+    )
+    caption = "Step times and mean control lags. What is more is the way through ROS 2, and what a busy machine missed."
+    return Table(("", "virtual time", "over the wire", "ratio"), rows, caption) if rows else None
 
 
 def kpi_table(found: Iterable[Kpi]) -> Table:

@@ -22,7 +22,6 @@ def explanations(results: Results) -> list[str]:
         _frequency,
         _longest_lag,
         _large_sine,
-        _real_time,
     )
     return [text for topic in topics for text in topic(results)]
 
@@ -132,31 +131,6 @@ def _large_sine(results: Results) -> Iterator[str]:
             "samples; the thesis saw fewer matches, too. Which ones it counted is not published, and with it the "
             "difference "
             "remains."
-        )
-
-
-def _real_time(results: Results) -> Iterator[str]:
-    pairs = [
-        (run.experiment, run.figures, shipped.figures)
-        for run in results.runs
-        if run.system is System.WIRE and (shipped := results.find(System.SHIPPED, run.experiment)) is not None
-    ]
-    ratios = []
-    for experiment, wire, virtual in pairs:
-        if isinstance(wire, SineFigures) and isinstance(virtual, SineFigures) and experiment.law.name.startswith("p1"):
-            ratios.append(f"{experiment.title}: {wire.mean_lag_s / virtual.mean_lag_s:.2f}")
-        if (
-            isinstance(wire, StepFigures)
-            and isinstance(virtual, StepFigures)
-            and wire.settling_s
-            and virtual.settling_s
-        ):
-            ratios.append(f"{experiment.title}: {wire.settling_s / virtual.settling_s:.2f}")
-    if ratios:
-        yield (
-            "Real time beside virtual time: ratio of step times and mean lags over the wire to those as shipped in "
-            "virtual "
-            f"time. {'; '.join(ratios)}. What is more is the way through ROS 2, and cycles that a busy machine missed."
         )
 
 
