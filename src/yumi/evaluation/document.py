@@ -24,17 +24,19 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text; the first column names the row, the others are set flush right.
+    """Cells as text; the first column names the row, numbers are set flush right.
 
     Attributes:
         header: one text a column.
         rows: as long as the header.
         caption: what it shows.
+        texts: columns of text, which are set flush left.
     """
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
+    texts: tuple[int, ...] = (0,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ def _markdown(block: Block) -> str:
 
 
 def _markdown_table(table: Table) -> str:
-    ruler = ["---"] + ["---:"] * (len(table.header) - 1)
+    ruler = ["---" if index in table.texts else "---:" for index in range(len(table.header))]
     lines = [table.header, tuple(ruler), *table.rows]
     text = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
     return f"{text}\n\n*{table.caption}*" if table.caption else text
@@ -101,10 +103,16 @@ def _html(block: Block) -> str:
 
 
 def _html_table(table: Table) -> str:
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
-    rows = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
+    head = "".join(_cell("th", index, cell, table) for index, cell in enumerate(table.header))
+    lines = ["".join(_cell("td", index, cell, table) for index, cell in enumerate(row)) for row in table.rows]
+    rows = "\n".join(f"<tr>{line}</tr>" for line in lines)
     caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
     return f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>'
+
+
+def _cell(tag: str, index: int, text: str, table: Table) -> str:
+    kind = ' class="text"' if index in table.texts else ""
+    return f"<{tag}{kind}>{escape(text)}</{tag}>"
 
 
 _STYLE = """
@@ -121,6 +129,6 @@ p { max-width: 48rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: .92rem; font-variant-numeric: tabular-nums; }
 caption, figcaption { color: var(--faint); font-size: .9rem; text-align: left; padding: .3rem 0; caption-side: bottom; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top; }
-th:first-child, td:first-child { text-align: left; } tbody tr:nth-child(even) { background: var(--band); }
+.text { text-align: left; } tbody tr:nth-child(even) { background: var(--band); }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
 """

@@ -71,11 +71,11 @@ def real_time_table(results: Results) -> Table | None:
 def kpi_table(found: Iterable[Kpi]) -> Table:
     """The seven indicators."""
     rows = tuple(
-        (each.title, f"{_number(each.value)} {each.unit}".strip(), f"{each.limit:g} {each.unit}".strip(),
+        (each.title, _amount(each.value, each.unit), _amount(each.limit, each.unit),
          _verdict(each.holds), each.note)
         for each in found
     )  # fmt: skip
-    return Table(("indicator", "measured", "limit", "holds", "how"), rows, "The thesis's table 4.2.")
+    return Table(("indicator", "measured", "limit", "holds", "how"), rows, "The thesis's table 4.2.", (0, 4))
 
 
 def kpis_of(results: Results, system: System) -> tuple[Kpi, ...]:
@@ -96,7 +96,7 @@ def leg_table(legs: Mapping[str, Distribution], caption: str) -> Table:
 def settings_table(settings: Mapping[str, Mapping[str, object]]) -> Table:
     """What was chosen, and which versions ran."""
     rows = tuple((group, name, str(value)) for group, values in settings.items() for name, value in values.items())
-    return Table(("of", "setting", "value"), rows)
+    return Table(("of", "setting", "value"), rows, texts=(0, 1, 2))
 
 
 def model_settings() -> dict[str, dict[str, object]]:
@@ -126,8 +126,11 @@ def _with_ratios(
 
 
 def _onset_cells(results: Results, system: System) -> tuple[str, str]:
-    onset = onset_of(results.sweeps.get(system, ()))
-    return ("-", "-") if onset is None else (f"{onset:g}", f"{onset / PUBLISHED_OSCILLATION:.2f}")
+    points = results.sweeps.get(system, ())
+    onset = onset_of(points)
+    if onset is None:
+        return (f"not up to {points[-1].gain:g}" if points else "-", "-")
+    return f"{onset:g}", f"{onset / PUBLISHED_OSCILLATION:.2f}"
 
 
 def _summary_caption(systems: Iterable[System]) -> str:
@@ -182,8 +185,10 @@ def _verdict(holds: bool | None) -> str:
     return {None: "not measured", True: "yes", False: "no"}[holds]
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
+def _amount(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{1e3 * value:.3g} ms" if unit == "s" else f"{value:.3g} {unit}".strip()
 
 
 def _time(value: float | None) -> str:

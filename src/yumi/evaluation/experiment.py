@@ -25,6 +25,9 @@ GOAL_RATE = 500.0
 TOLERANCE_DEG = 0.1
 """How close counts as there, as published [°]."""
 
+TAIL = 0.6
+"""At the end of a sine no match is sought for the goals of so long a time, whose match may come later [s]."""
+
 HOLD = 0.5
 """How long a goal has to be held at the end of a step [s]."""
 
@@ -165,8 +168,8 @@ def step(law: Law, mode: Mode = Mode.FULLSPEED, duration: float = 2.5, size_deg:
 
 
 def sine(law: Law, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY) -> Experiment:
-    """A period and a quarter of a sine, which begins at its full speed."""
-    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.25 / frequency)
+    """A whole period of a sine, which begins at its full speed, and a little more until its last goals are matched."""
+    return Experiment(Sine(radians(size_deg), frequency), law, mode, duration=1.0 / frequency + TAIL)
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ def better_experiments() -> tuple[Experiment, ...]:
 def joint_experiments() -> tuple[Experiment, ...]:
     """Both arms, all joints at once."""
     everything = tuple(range(JOINT_COUNT))
-    return tuple(replace(sine(PREDICTION), moved=everything, duration=5.0).on(side) for side in Side)
+    return tuple(replace(sine(PREDICTION), moved=everything).on(side) for side in Side)
 
 
 def other_frequencies() -> tuple[Experiment, ...]:

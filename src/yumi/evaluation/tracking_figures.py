@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isnan
 
-from yumi.evaluation.experiment import HOLD, TOLERANCE_DEG, Trace
+from yumi.evaluation.experiment import HOLD, TAIL, TOLERANCE_DEG, Trace
 from yumi.evaluation.metrics import (
     Matches,
     Series,
@@ -81,7 +81,7 @@ def figures_of_joint(trace: Trace, joint: int) -> Figures:
 
 def matches_of(trace: Trace) -> Matches:
     """The control lags of the first joint that moved."""
-    return match_lags(trace.sent_deg, trace.measured_deg(trace.experiment.moved[0]), TOLERANCE_DEG)
+    return _matches(trace, trace.measured_deg(trace.experiment.moved[0]))
 
 
 def compared(trace: Trace, figures: Figures) -> Mapping[str, tuple[float, float, float]]:
@@ -120,7 +120,7 @@ def _since_first_reached(measured: Series, goal: float) -> Series:
 
 def _sine_figures(trace: Trace, measured: Series) -> SineFigures:
     sent = trace.sent_deg
-    matches = match_lags(sent, measured, TOLERANCE_DEG)
+    matches = _matches(trace, measured)
     lags, end = matches.distribution, sent[-1][0]
     within = [(time, value) for time, value in measured if time <= end]
     later = [(time, value) for time, value in within if time >= START]
@@ -134,6 +134,14 @@ def _sine_figures(trace: Trace, measured: Series) -> SineFigures:
         max_error_deg=largest_error(sent, later),
         max_error_with_start_deg=largest_error(sent, within),
     )
+
+
+def _matches(trace: Trace, measured: Series) -> Matches:
+    """Of goals that may be matched before the trace ends."""
+    found = match_lags(trace.sent_deg, measured, TOLERANCE_DEG)
+    end = trace.experiment.duration - TAIL
+    sought = sum(time < end for time, _ in trace.sent)
+    return Matches(tuple(each for each in found.lags if each[0] < end), sought)
 
 
 def _badness(figures: Figures) -> float:
