@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,9 +13,11 @@ from yumi.cli import main
 from yumi.evaluation import evaluation_results
 from yumi.evaluation.evaluation_files import document, write_json
 from yumi.evaluation.evaluation_report import write_report
-from yumi.evaluation.evaluation_results import Results
+from yumi.evaluation.evaluation_results import Results, Variant
+from yumi.evaluation.evaluation_tables import real_time_table
 from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
 from yumi.evaluation.experiments import published_experiments
+from yumi.evaluation.explanations import explanations
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.kpis import Measured
 from yumi.evaluation.model_fit import fit
@@ -102,6 +105,27 @@ def test_json_has_the_documented_names(results: Results, tmp_path: Path) -> None
     assert found["ratio_to_published"]["mean_lag_s"] == pytest.approx(found["mean_lag_s"] / 0.156)
     assert len(content["kpis"]["bare"]) == 7
     assert "total" in content["round_trips_s"]["bare"]["egm_loop"]
+
+
+def test_explanation_names_the_figures_it_rests_on(results: Results) -> None:
+    told = Results(runs=list(results.runs), variants={Variant.SHIPPED_ROBOT: 0.78, Variant.GUARDED_FIT: 0.88})
+    told.add(System.SHIPPED, run_virtually(step(proportional(1.2))))
+    (guard,) = [text for text in explanations(told) if text.startswith("Steps, guard")]
+    assert "takes 0.89 s, without a guard 0.77 s" in guard
+    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard
+
+
+def test_nothing_is_explained_that_was_not_run() -> None:
+    assert explanations(Results()) == []
+
+
+def test_real_time_stands_beside_virtual_time(results: Results) -> None:
+    (bare, *_) = results.runs
+    both = Results(runs=[replace(bare, system=system) for system in (System.SHIPPED, System.WIRE)])
+    table = real_time_table(both)
+    assert table is not None
+    assert table.rows == (("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "1.00"),)
+    assert document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]["ratio_to_virtual"] == 1.0
 
 
 def test_same_experiment_gives_the_same_figures(results: Results) -> None:

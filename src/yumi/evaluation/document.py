@@ -129,6 +129,6 @@ p { max-width: 48rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: .92rem; font-variant-numeric: tabular-nums; }
 caption, figcaption { color: var(--faint); font-size: .9rem; text-align: left; padding: .3rem 0; caption-side: bottom; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top; }
-.text { text-align: left; } tbody tr:nth-child(even) { background: var(--band); }
+.text { text-align: left; } td:not(.text) { white-space: nowrap; } tbody tr:nth-child(even) { background: var(--band); }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
 """

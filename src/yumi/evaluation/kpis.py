@@ -168,4 +168,4 @@ def _half(value: float | None) -> float | None:
 
 
 def _count(egm: Distribution, machine: Distribution) -> str:
-    return f"{egm.count} and {machine.count} round trips"
+    return f"{egm.count} and {machine.count} round trips" if machine.count else f"{egm.count} round trips"
