@@ -220,13 +220,16 @@ def _ends_on_interrupt() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def _bar(console: Console, total: int, check: Callable[[], None]) -> Iterator[Callable[[str], None]]:
-    """A progress bar; what it gives is called with the name of each step, and ends it on Ctrl-C."""
+    """A progress bar; what it gives is called with the name of each step, and ends it on Ctrl-C.
+
+    Nothing is drawn during a step, so that nothing disturbs what is measured.
+    """
     columns = (TextColumn("{task.description:44.44}"), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as progress:
         task = progress.add_task("", total=total)
 
         def on_step(title: str) -> None:
             check()
-            progress.update(task, description=title, advance=1)
+            progress.update(task, description=title, advance=1, refresh=True)
 
         yield on_step

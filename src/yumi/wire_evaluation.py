@@ -41,6 +41,7 @@ _BACK = 2e-4  # [rad] from where an arm is taken to be back
 _STILL = 0.2  # [s]
 _RETURN = 15.0  # [s] at most, at reduced speed
 _ATTEMPTS = 4
+_SPARE = 20  # one more in so many, since some goals are replaced before a cycle takes them
 _ECHO = 0.1  # [s] until the last goal's state has come
 _ALL = 1e9  # [s] of a recording
 _LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
@@ -100,7 +101,7 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
                 heard = _measure_trips(plan, where, on_step, watch) if mode is Mode.FULLSPEED else None
             if heard is not None:  # the recording is complete when the driver has ended
                 results.measured[System.WIRE] = replace(
-                    heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))
+                    heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))[: plan.trips]
                 )
     results.close_measured(System.WIRE)
 
@@ -195,7 +196,7 @@ def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check:
         node.start_egm()
         node.set_law({**_USUAL, **proportional(1.2).values})
         before = node.counters()
-        goals = send_nudges(node, plan.trips)
+        goals = send_nudges(node, plan.trips + plan.trips // _SPARE)
         states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
         after = node.counters()
         on_step("Round trips to the state machine")

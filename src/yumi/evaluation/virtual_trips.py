@@ -22,8 +22,8 @@ _JOINT = 6
 
 
 def nudge(number: int) -> float:
-    """Where goal ``number`` is, relative to where the joint stood [rad]; exact for any of a run."""
-    return number * NUDGE
+    """Where goal ``number``, from 0, is relative to where the joint stands [rad]; none is where it stands."""
+    return (number + 1) * NUDGE
 
 
 def virtual_trips(count: int) -> tuple[tuple[Trip, ...], int, int]:
