@@ -23,7 +23,8 @@ from yumi.evaluation.kpis import Measured
 from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
 from yumi.evaluation.recording import read_recording
 from yumi.evaluation.robot_place import RobotPlace
-from yumi.evaluation.virtual_experiment import goal_times, moved
+from yumi.evaluation.streamed_reference import Sine
+from yumi.evaluation.virtual_experiment import goal_times, moved, planned_goals, planned_sine
 from yumi.evaluation.virtual_trips import PERIOD, nudge
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import MAIN
@@ -31,7 +32,13 @@ from yumi.links.command import Command
 from yumi.links.udp import free_port
 from yumi.robot.joints import Joints, Side
 from yumi.ros.driver import close_ros, open_ros
-from yumi.ros.evaluation_node import EvaluationNode, HeardJointState, evaluation_node
+from yumi.ros.evaluation_node import (
+    POSITION_CONTROLLER,
+    TRAJECTORY_CONTROLLER,
+    EvaluationNode,
+    HeardJointState,
+    evaluation_node,
+)
 
 AXIS_6 = 6
 """By its place in the chain: the last, by which echoes of goals are known."""
@@ -42,6 +49,7 @@ _STILL = 0.2  # [s]
 _RETURN = 15.0  # [s] at most, at reduced speed
 _ATTEMPTS = 4
 _SPARE = 20  # one more in so many, since some goals are replaced before a cycle takes them
+_NOTICE = 0.3  # [s] between sending a trajectory and its beginning
 _ECHO = 0.1  # [s] until the last goal's state has come
 _ALL = 1e9  # [s] of a recording
 _LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
@@ -72,8 +80,7 @@ class _Unpaced(SystemClock):
 
 def wire_experiments() -> tuple[Experiment, ...]:
     """Every experiment that runs over the wire, those with the same settings one after the other."""
-    streamed = [each for each in better_experiments() if not each.law.is_planned]
-    everything = (*published_experiments(), *streamed, *joint_experiments())
+    everything = (*published_experiments(), *better_experiments(), *joint_experiments())
     return tuple(sorted(everything, key=lambda each: each.mode is Mode.REDUCED))
 
 
@@ -132,6 +139,8 @@ def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
         RobotNotReady: the driver refused something, no state came for too long, or the arm did not come back.
     """
     node.start_egm()
+    if experiment.law.is_planned:
+        return _run_planned(node, experiment)
     start = _standing(node)
     node.set_law({**_USUAL, **experiment.law.values})
     reference, which = experiment.reference, experiment.moved
@@ -144,14 +153,34 @@ def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
     measured = {
         joint: [(each.stamp - begin, each.position[joint] - start[joint]) for each in states] for joint in which
     }
-    _check_gaps(experiment, states)
+    _check_gaps(experiment.duration, states)
     _bring_back(node, start)
     joint = which[0]
     return Trace(experiment, [(moment - begin, goal[joint] - start[joint]) for moment, goal in sent], measured)
 
 
-def _check_gaps(experiment: Experiment, states: Sequence[HeardJointState]) -> None:
-    times = [0.0, *(state.stamp - states[0].stamp for state in states), experiment.duration]
+def _run_planned(node: EvaluationNode, experiment: Experiment) -> Trace:
+    """A trajectory that ends where it began; nothing has to be brought back."""
+    reference, (joint, *_) = experiment.reference, experiment.moved
+    assert isinstance(reference, Sine), "trajectories are measured with sines"
+    sine = planned_sine(reference)
+    node.switch(TRAJECTORY_CONTROLLER, POSITION_CONTROLLER)
+    try:
+        start = _standing(node)
+        node.states.clear()
+        begin = time.monotonic() + _NOTICE
+        node.send_trajectory(sine.points(start, joint), begin)
+        node.spin_until(begin + sine.duration)
+    finally:
+        node.switch(POSITION_CONTROLLER, TRAJECTORY_CONTROLLER)
+    states = [state for state in node.states if 0.0 <= state.stamp - begin < sine.duration]
+    _check_gaps(sine.duration, states)
+    measured = [(each.stamp - begin, each.position[joint] - start[joint]) for each in states]
+    return Trace(experiment, planned_goals(sine), {joint: measured})
+
+
+def _check_gaps(duration: float, states: Sequence[HeardJointState]) -> None:
+    times = [0.0, *(state.stamp - states[0].stamp for state in states), duration]
     gap = max(new - old for old, new in pairwise(times))
     if gap > _LONGEST_GAP:
         raise RobotNotReady(

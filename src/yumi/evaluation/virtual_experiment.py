@@ -69,6 +69,17 @@ def goal_times(experiment: Experiment) -> Iterator[float]:
     return iter([number / GOAL_RATE for number in range(count)])
 
 
+def planned_sine(sine: Sine) -> PlannedSine:
+    """The same as a trajectory: it begins, and ends, where it turns."""
+    return PlannedSine(sine.amplitude, sine.frequency, periods=1)
+
+
+def planned_goals(sine: PlannedSine) -> list[tuple[float, float]]:
+    """Where the joint shall be, at the rate of goals that are streamed: time [s], angle [rad]."""
+    times = [number / GOAL_RATE for number in range(int(sine.duration * GOAL_RATE))]
+    return [(time, sine.at(time)[0]) for time in times]
+
+
 def moved(start: Joints, way: float, which: tuple[int, ...]) -> Joints:
     """``start`` with the joints ``which`` moved by ``way`` [rad]."""
     return joints([value + way * (index in which) for index, value in enumerate(start)])
@@ -97,10 +108,9 @@ def _run_planned(experiment: Experiment) -> Trace:
     """A trajectory: the sine begins where it turns, since a planned motion begins at rest."""
     reference, (joint, *_) = experiment.reference, experiment.moved
     assert isinstance(reference, Sine), "trajectories are measured with sines"
-    sine = PlannedSine(reference.amplitude, reference.frequency)
+    sine = planned_sine(reference)
     way = follow_planned(sine, side=experiment.side, joint=joint)
-    sent = [(number / GOAL_RATE, sine.at(number / GOAL_RATE)[0]) for number in range(int(sine.duration * GOAL_RATE))]
-    return Trace(experiment, sent, {joint: way.measured}, way.slowed)
+    return Trace(experiment, planned_goals(sine), {joint: way.measured}, way.slowed)
 
 
 def _limits(mode: Mode) -> JointLimits:

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import rclpy
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
+from controller_manager_msgs.srv import SwitchController
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
@@ -16,12 +17,15 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.control.parameter import Values
+from yumi.control.spline import TrajectoryPoint
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Joints, Side, joint_names, joints
 
 POSITION_CONTROLLER = "joint_position_controller"
+TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 COUNTED = ("cycles", "missed", "lost")
 """Counters of ``egm_state`` that tell of packet loss."""
 
@@ -64,6 +68,9 @@ class EvaluationNode:
         self._callers: dict[str, Any] = {}
         namespace = side.value
         self._goals = self._node.create_publisher(JointState, f"{namespace}/joint_commands", 10)
+        self._trajectories = self._node.create_publisher(
+            JointTrajectory, f"{namespace}/{TRAJECTORY_CONTROLLER}/joint_trajectory", 10
+        )
         self._node.create_subscription(JointState, f"{namespace}/joint_states", self._take, _QUEUE)
         self._node.create_subscription(JointState, f"{namespace}/joint_commands", self._take_echo, _QUEUE)
         self._node.create_subscription(DiagnosticStatus, f"{namespace}/egm_state", self._take_status, 10)
@@ -97,6 +104,27 @@ class EvaluationNode:
         for result in answer.results:
             if not result.successful:
                 raise RobotNotReady(f"The law could not be set: {result.reason}")
+
+    def switch(self, activate: str, deactivate: str) -> None:
+        """Let another controller command the arm.
+
+        Raises:
+            RobotNotReady: the controller manager refused it.
+        """
+        request = SwitchController.Request(strictness=SwitchController.Request.STRICT)
+        request.activate_controllers, request.deactivate_controllers = [activate], [deactivate]
+        answer = self._call(SwitchController, f"{self.side.value}/controller_manager/switch_controller", request)
+        if not answer.ok:
+            raise RobotNotReady(f"The controllers could not be switched: {getattr(answer, 'message', '')}")
+
+    def send_trajectory(self, points: Sequence[TrajectoryPoint], begin: float) -> None:
+        """Publish a trajectory that begins at that time [s]."""
+        self.until(lambda: self._trajectories.get_subscription_count() > 0, "finding the trajectory controller")
+        wall = int(begin * 1e9) + self._behind
+        message = JointTrajectory(joint_names=list(joint_names(self.side)))
+        message.header.stamp = Time(sec=wall // 10**9, nanosec=wall % 10**9)
+        message.points = [_point(each) for each in points]
+        self._trajectories.publish(message)
 
     def position(self) -> Joints:
         """Where the arm stands now [rad], (7,)."""
@@ -183,6 +211,16 @@ def evaluation_node(side: Side, check: Callable[[], None]) -> Iterator[Evaluatio
         yield node
     finally:
         node.close()
+
+
+def _point(point: TrajectoryPoint) -> JointTrajectoryPoint:
+    nanoseconds = round(point.time * 1e9)
+    return JointTrajectoryPoint(
+        positions=list(point.position),
+        velocities=list(point.velocity or ()),
+        accelerations=list(point.acceleration or ()),
+        time_from_start=Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9),
+    )
 
 
 def _difference() -> int:
