@@ -41,7 +41,7 @@ def node(driver: Command) -> Iterator[EvaluationNode]:
 def test_step_settles_and_goals_are_found_again_in_the_recording(
     node: EvaluationNode, driver: Command, recording: Path
 ) -> None:
-    figures = figures_of(run_undisturbed(node, step(proportional(1.6))))
+    figures = figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
     goals = send_nudges(node, 100)
     states = [HeardState(each.stamp, each.heard) for each in node.states]
     node.is_ready()
