@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from yumi import __version__
-from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, YumiError
 from yumi.evaluation.robot_place import DEFAULT_PASSWORD, DEFAULT_USER, RobotPlace
 from yumi.settings import MAX_PORT
 
@@ -97,13 +97,15 @@ def evaluate(
             if not virtual_time:
                 place = RobotPlace(robot, rws_port, user, password)
                 _evaluate_on_wire(results, console, check, place, round_trips, output)
-            results.is_complete = True
+            results.is_complete = not results.failures
         except _Ended:
             console.print("Ended early; the report is about what was done until now.")
         except YumiError:
             _finish(results, console, output, report)
             raise
     _finish(results, console, output, report)
+    if results.failures:
+        raise RobotNotReady(f"{len(results.failures)} experiments could not be run; the report says why.")
     if not results.is_complete:
         sys.exit(_INTERRUPTED)
 

@@ -121,7 +121,15 @@ def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[],
             with evaluation_node(side, check) as node:
                 for experiment in mine:
                     on_step(experiment.title)
-                    results.add(System.WIRE, run_undisturbed(node, experiment))
+                    _add_run(results, node, experiment)
+
+
+def _add_run(results: Results, node: EvaluationNode, experiment: Experiment) -> None:
+    """One that cannot be run does not keep the others from being run."""
+    try:
+        results.add(System.WIRE, run_undisturbed(node, experiment))
+    except RobotNotReady as error:
+        results.failures[f"{System.WIRE.value}/{experiment.name}"] = str(error)
 
 
 def run_undisturbed(node: EvaluationNode, experiment: Experiment) -> Trace:

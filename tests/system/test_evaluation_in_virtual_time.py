@@ -92,7 +92,7 @@ def test_report_has_tables_pictures_for_both_themes_and_raw_data(results: Result
     assert (tmp_path / "figures" / "steps_dark.svg").read_text(encoding="utf-8").count("#e6edf3") > 5
     rows = (tmp_path / "data" / "bare_step10_fullspeed_p1.2_right.csv").read_text(encoding="utf-8").splitlines()
     assert rows[:2] == ["what,time_s,yumi_joint_6_r_deg", "goal,0.000000,10.000000"]
-    assert "was ended early" in text
+    assert "is not complete" in text
 
 
 def test_json_has_the_documented_names(results: Results, tmp_path: Path) -> None:

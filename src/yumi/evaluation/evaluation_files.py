@@ -40,6 +40,7 @@ def document(results: Results) -> dict[str, Any]:
     content = {
         "format": FORMAT,
         "complete": results.is_complete,
+        "failures": results.failures,
         **results.settings,
         "experiments": {
             run.name: {**_experiment(run), "ratio_to_virtual": results.ratio_to_virtual(run)} for run in results.runs

@@ -31,7 +31,7 @@ _INTRODUCTION = (
     "each goal sent by an application, what counts being the measured position. Beside what was published stand our "
     "figures and their ratio. None is of a real YuMi unless the settings below name one."
 )
-_PARTIAL = "This evaluation was ended early: what is missing was not run."
+_PARTIAL = "This evaluation is not complete: what is missing was not run."
 
 
 def write_report(results: Results, folder: Path) -> Path:
@@ -56,6 +56,7 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         Heading(TITLE, 1),
         Paragraph(_INTRODUCTION),
         *([] if results.is_complete else [Paragraph(_PARTIAL)]),
+        *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
         summary_table(results),
         *_indicators(results),
         *_steps(results, pictures),

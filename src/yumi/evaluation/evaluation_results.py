@@ -77,6 +77,7 @@ class Results:
 
     Attributes:
         runs: experiments that came to their end.
+        failures: why an experiment could not be run, by its name.
         variants: times of the steps that tell where differences come from [s].
         sweeps: steps with one gain after another.
         measured: what the indicators are made of, by system.
@@ -85,6 +86,7 @@ class Results:
     """
 
     runs: list[Result] = field(default_factory=list)
+    failures: dict[str, str] = field(default_factory=dict)
     variants: dict[Variant, float | None] = field(default_factory=dict)
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
     measured: dict[System, Measured] = field(default_factory=dict)
