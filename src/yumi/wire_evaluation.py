@@ -5,55 +5,28 @@ Only addresses tell the virtual controller from a real one.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 
-from yumi.clock import SystemClock
-from yumi.control.parameter import Values
-from yumi.controllers.joint_position import DELAY
 from yumi.errors import RobotNotReady
 from yumi.evaluation.evaluation_results import OnStep, Results
-from yumi.evaluation.experiment import Experiment, Mode, System, Trace, proportional
+from yumi.evaluation.experiment import Experiment, Mode, System
 from yumi.evaluation.experiments import better_experiments, joint_experiments, published_experiments
 from yumi.evaluation.kpis import Measured
-from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
-from yumi.evaluation.recording import read_recording
+from yumi.evaluation.loop_trips import HeardState, SentGoal
 from yumi.evaluation.robot_place import RobotPlace
-from yumi.evaluation.streamed_reference import Sine
-from yumi.evaluation.virtual_experiment import goal_times, moved, planned_goals, planned_sine
-from yumi.evaluation.virtual_trips import PERIOD, nudge
-from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import MAIN
 from yumi.links.command import Command
 from yumi.links.udp import free_port
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import Side
 from yumi.ros.driver import close_ros, open_ros
-from yumi.ros.evaluation_node import (
-    POSITION_CONTROLLER,
-    TRAJECTORY_CONTROLLER,
-    EvaluationNode,
-    HeardJointState,
-    evaluation_node,
-)
-
-AXIS_6 = 6
-"""By its place in the chain: the last, by which echoes of goals are known."""
+from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
+from yumi.wire_runs import USUAL, run_undisturbed
+from yumi.wire_trips import join_recorded, machine_trips, send_nudges, state_machine_client
 
 _READY = 60.0  # [s]
-_BACK = 2e-4  # [rad] from where an arm is taken to be back
-_STILL = 0.2  # [s]
-_RETURN = 15.0  # [s] at most, at reduced speed
-_ATTEMPTS = 4
-_SPARE = 20  # one more in so many, since some goals are replaced before a cycle takes them
-_NOTICE = 0.3  # [s] between sending a trajectory and its beginning
-_ECHO = 0.1  # [s] until the last goal's state has come
-_ALL = 1e9  # [s] of a recording
-_LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
-_USUAL: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY}
+_SPARE = 20  # one more round trip in so many, since some goals are replaced before a cycle takes them
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +42,6 @@ class WirePlan:
     place: RobotPlace
     trips: int
     folder: Path
-
-
-class _Unpaced(SystemClock):
-    """A virtual controller bears any number of requests a second, a real one fewer than twenty."""
-
-    def wait(self, seconds: float) -> None:
-        """Do not."""
 
 
 def wire_experiments() -> tuple[Experiment, ...]:
@@ -132,92 +98,6 @@ def _add_run(results: Results, node: EvaluationNode, experiment: Experiment) -> 
         results.failures[f"{System.WIRE.value}/{experiment.name}"] = str(error)
 
 
-def run_undisturbed(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """Again when the machine was too busy to keep EGM alive: that tells nothing of the control."""
-    for _ in range(_ATTEMPTS - 1):
-        with suppress(RobotNotReady):
-            return run_on_wire(node, experiment)
-    return run_on_wire(node, experiment)
-
-
-def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """Run ``experiment`` with a driver that is up, and bring the arm back to where it stood.
-
-    Raises:
-        RobotNotReady: the driver refused something, no state came for too long, or the arm did not come back.
-    """
-    node.start_egm()
-    if experiment.law.is_planned:
-        return _run_planned(node, experiment)
-    start = _standing(node)
-    node.set_law({**_USUAL, **experiment.law.values})
-    reference, which = experiment.reference, experiment.moved
-    due = list(goal_times(experiment))
-    node.states.clear()
-    sent = node.stream(lambda moment: moved(start, reference(moment if len(due) > 1 else 0.0), which), due)
-    begin = sent[0][0]
-    node.spin_until(begin + experiment.duration)
-    states = [state for state in node.states if 0.0 <= state.stamp - begin < experiment.duration]
-    measured = {
-        joint: [(each.stamp - begin, each.position[joint] - start[joint]) for each in states] for joint in which
-    }
-    _check_gaps(experiment.duration, states)
-    _bring_back(node, start)
-    joint = which[0]
-    return Trace(experiment, [(moment - begin, goal[joint] - start[joint]) for moment, goal in sent], measured)
-
-
-def _run_planned(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """A trajectory that ends where it began; nothing has to be brought back."""
-    reference, (joint, *_) = experiment.reference, experiment.moved
-    assert isinstance(reference, Sine), "trajectories are measured with sines"
-    sine = planned_sine(reference)
-    node.switch(TRAJECTORY_CONTROLLER, POSITION_CONTROLLER)
-    try:
-        start = _standing(node)
-        node.states.clear()
-        begin = time.monotonic() + _NOTICE
-        node.send_trajectory(sine.points(start, joint), begin)
-        node.spin_until(begin + sine.duration)
-    finally:
-        node.switch(POSITION_CONTROLLER, TRAJECTORY_CONTROLLER)
-    states = [state for state in node.states if 0.0 <= state.stamp - begin < sine.duration]
-    _check_gaps(sine.duration, states)
-    measured = [(each.stamp - begin, each.position[joint] - start[joint]) for each in states]
-    return Trace(experiment, planned_goals(sine), {joint: measured})
-
-
-def _check_gaps(duration: float, states: Sequence[HeardJointState]) -> None:
-    times = [0.0, *(state.stamp - states[0].stamp for state in states), duration]
-    gap = max(new - old for old, new in pairwise(times))
-    if gap > _LONGEST_GAP:
-        raise RobotNotReady(
-            f"No joint state came for {1e3 * gap:.0f} ms: the machine is too busy, or the robot was lost; "
-            "try again when it is idle."
-        )
-
-
-def _standing(node: EvaluationNode) -> Joints:
-    """Where the arm stands, once it does."""
-    position = node.position()
-    while True:
-        node.spin_until(time.monotonic() + _STILL)
-        last, position = position, node.position()
-        if max(abs(now - before) for now, before in zip(position, last, strict=True)) < _BACK:
-            return position
-
-
-def _bring_back(node: EvaluationNode, start: Joints) -> None:
-    node.set_law({**_USUAL, **proportional(1.2).values})
-    node.send(start)
-
-    def is_back() -> bool:
-        now = node.states[-1].position if node.states else None
-        return now is not None and max(abs(a - b) for a, b in zip(now, start, strict=True)) < 5.0 * _BACK
-
-    node.until(is_back, "coming back to the start", _RETURN)
-
-
 @dataclass(frozen=True, slots=True)
 class _Heard:
     """What the application knows of round trips; the cycles between are in the driver's recording."""
@@ -231,59 +111,18 @@ def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check:
     with evaluation_node(Side.RIGHT, check) as node:
         on_step("Round trips to the EGM loop")
         node.start_egm()
-        node.set_law({**_USUAL, **proportional(1.2).values})
+        node.set_law(USUAL)
         before = node.counters()
         goals = send_nudges(node, plan.trips + plan.trips // _SPARE)
         states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
         after = node.counters()
         on_step("Round trips to the state machine")
-        machine = _machine_trips(node, plan, where)
+        with state_machine_client(plan.place, f"{where[1]}:{where[3]}") as client:
+            machine = machine_trips(node, client, plan.trips)
         node.stop_egm()
     lost = sum(after[name] - before[name] for name in ("missed", "lost"))
     measured = Measured(machine_trips=machine, datagrams=after["cycles"] - before["cycles"], lost=lost)
     return _Heard(goals, states, measured)
-
-
-def send_nudges(node: EvaluationNode, count: int) -> tuple[SentGoal, ...]:
-    """Send goals that hardly move the arm, each with a position of its own; what was heard is in ``node.states``."""
-    start = _standing(node)
-    node.states.clear()
-    node.echoes.clear()
-    begin, sent = time.monotonic() + PERIOD, []
-    for number in range(count):
-        node.spin_until(begin + number * PERIOD)
-        goal = moved(start, nudge(number), (AXIS_6,))
-        sent.append((node.send(goal), goal[AXIS_6]))
-    node.spin_until(time.monotonic() + _ECHO)
-    heard = {value: moment for moment, value in reversed(node.echoes)}
-    return tuple(SentGoal(value, moment, heard.get(value, moment)) for moment, value in sent)
-
-
-def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recording: Path) -> tuple[Trip, ...]:
-    """The round trips of ``goals``, with the cycles of the driver's ``recording``, which is complete."""
-    frames = read_recording(recording, before=_ALL, after=_ALL).frames.get(Side.RIGHT, ())
-    cycles = [
-        LoopCycle(frame.time, frame.time + frame.stations.reply, frame.reference[AXIS_6])
-        for frame in frames
-        if frame.reference is not None
-    ]
-    return join_trips(goals, cycles, states)
-
-
-def _machine_trips(node: EvaluationNode, plan: WirePlan, where: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """A call of the driver's robot manager, then a look into the state machine: what together is a round trip."""
-    clock = SystemClock() if plan.place.robot else _Unpaced()
-    address = f"{where[1]}:{where[3]}"
-    services, machines = [], []
-    with RwsClient(address, user=plan.place.user, password=plan.place.password, clock=clock) as client:
-        for _ in range(plan.trips):
-            begin = time.monotonic()
-            node.is_ready()
-            middle = time.monotonic()
-            client.symbol(Side.RIGHT.task, MAIN, "current_state")
-            services.append(middle - begin)
-            machines.append(time.monotonic() - middle)
-    return {"ros_service": tuple(services), "robot_web_services": tuple(machines)}
 
 
 def _robot(plan: WirePlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:

@@ -10,11 +10,13 @@ from ros_bench import TIMEOUT, Robot
 
 from yumi.evaluation.experiment import proportional, step
 from yumi.evaluation.loop_trips import HeardState
+from yumi.evaluation.robot_place import RobotPlace
 from yumi.evaluation.tracking_figures import StepFigures, figures_of
 from yumi.links.command import Command
 from yumi.robot.joints import Side
 from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
-from yumi.wire_evaluation import join_recorded, run_undisturbed, send_nudges
+from yumi.wire_runs import run_undisturbed
+from yumi.wire_trips import join_recorded, machine_trips, send_nudges, state_machine_client
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -38,16 +40,18 @@ def node(driver: Command) -> Iterator[EvaluationNode]:
         yield node
 
 
-def test_step_settles_and_goals_are_found_again_in_the_recording(
-    node: EvaluationNode, driver: Command, recording: Path
+def test_step_settles_and_round_trips_are_joined_with_the_recording(
+    node: EvaluationNode, driver: Command, robot: Robot, recording: Path
 ) -> None:
     figures = figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
     goals = send_nudges(node, 100)
     states = [HeardState(each.stamp, each.heard) for each in node.states]
-    node.is_ready()
+    with state_machine_client(RobotPlace(None, robot.rws_port), f"127.0.0.1:{robot.rws_port}") as machine:
+        legs = machine_trips(node, machine, 20)
     driver.stop()
     trips = join_recorded(goals, states, recording)
     assert isinstance(figures, StepFigures)
     assert figures.final_error_deg < 0.1
     assert len(trips) > 20
     assert all(trip.total > 0.008 for trip in trips)
+    assert {name: len(times) for name, times in legs.items()} == {"ros_service": 20, "robot_web_services": 20}
