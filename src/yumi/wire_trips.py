@@ -34,16 +34,17 @@ class _Unpaced(SystemClock):
 
 def send_nudges(node: EvaluationNode, count: int) -> tuple[SentGoal, ...]:
     """Send goals that hardly move the arm, each with a position of its own; what was heard is in ``node.states``."""
+    node.start_egm()
     start = standing(node)
-    node.states.clear()
-    node.echoes.clear()
-    begin, sent = time.monotonic() + PERIOD, []
-    for number in range(count):
-        node.spin_until(begin + number * PERIOD)
-        goal = moved(start, nudge(number), (AXIS_6,))
-        sent.append((node.send(goal), goal[AXIS_6]))
-    node.spin_until(time.monotonic() + _ECHO)
-    heard = {value: moment for moment, value in reversed(node.echoes)}
+    with node.echoes() as echoes:
+        node.states.clear()
+        begin, sent = time.monotonic() + PERIOD, []
+        for number in range(count):
+            node.spin_until(begin + number * PERIOD)
+            goal = moved(start, nudge(number), (AXIS_6,))
+            sent.append((node.send(goal), goal[AXIS_6]))
+        node.spin_until(time.monotonic() + _ECHO)
+    heard = {value: moment for moment, value in reversed(echoes)}
     return tuple(SentGoal(value, moment, heard.get(value, moment)) for moment, value in sent)
 
 

@@ -58,7 +58,6 @@ class EvaluationNode:
     def __init__(self, side: Side, check: Callable[[], None]) -> None:
         self.side = side
         self.states: list[HeardJointState] = []
-        self.echoes: list[tuple[float, float]] = []  # when a goal was heard, and the position of its last joint
         self._check = check
         self._node = rclpy.create_node(f"evaluation_{side.value}")
         self._executor = SingleThreadedExecutor()
@@ -72,7 +71,6 @@ class EvaluationNode:
             JointTrajectory, f"{namespace}/{TRAJECTORY_CONTROLLER}/joint_trajectory", 10
         )
         self._node.create_subscription(JointState, f"{namespace}/joint_states", self._take, _QUEUE)
-        self._node.create_subscription(JointState, f"{namespace}/joint_commands", self._take_echo, _QUEUE)
         self._node.create_subscription(DiagnosticStatus, f"{namespace}/egm_state", self._take_status, 10)
 
     def close(self) -> None:
@@ -129,8 +127,22 @@ class EvaluationNode:
     def position(self) -> Joints:
         """Where the arm stands now [rad], (7,)."""
         self.states.clear()
-        self.until(lambda: bool(self.states) and self._goals.get_subscription_count() > 1, "hearing the arm's state")
+        self.until(lambda: bool(self.states) and self._goals.get_subscription_count() > 0, "hearing the arm's state")
         return self.states[-1].position
+
+    @contextmanager
+    def echoes(self) -> Iterator[list[tuple[float, float]]]:
+        """When each goal came to a second listener of the topic [s], and the position of its last joint [rad]."""
+        heard: list[tuple[float, float]] = []
+        listener = self._node.create_subscription(
+            JointState,
+            f"{self.side.value}/joint_commands",
+            lambda message: heard.append((time.monotonic(), message.position[-1])),
+            _QUEUE,
+        )
+        self.until(lambda: self._goals.get_subscription_count() > 1, "hearing our own goals")
+        yield heard
+        self._node.destroy_subscription(listener)
 
     def counters(self) -> dict[str, int]:
         """The arm's counters, newer than this call."""
@@ -194,9 +206,6 @@ class EvaluationNode:
         stamp = message.header.stamp
         moment = (stamp.sec * 10**9 + stamp.nanosec - self._behind) * 1e-9
         self.states.append(HeardJointState(moment, time.monotonic(), joints(message.position)))
-
-    def _take_echo(self, message: Any) -> None:
-        self.echoes.append((time.monotonic(), message.position[-1]))
 
     def _take_status(self, message: Any) -> None:
         values = {pair.key: pair.value for pair in message.values}
