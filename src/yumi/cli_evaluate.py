@@ -230,8 +230,14 @@ def _bar(console: Console, total: int, check: Callable[[], None]) -> Iterator[Ca
     with Progress(*columns, console=console, transient=True, auto_refresh=False) as progress:
         task = progress.add_task("", total=total)
 
+        told = ""
+
         def on_step(title: str) -> None:
+            nonlocal told
             check()
+            if not console.is_terminal and title != told:  # where no bar can move
+                console.print(title)
+            told = title
             progress.update(task, description=title, advance=1, refresh=True)
 
         yield on_step
