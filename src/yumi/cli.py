@@ -19,6 +19,7 @@ import click
 
 from yumi import __version__
 from yumi.cli_bench import bench
+from yumi.cli_evaluate import evaluate, tune
 from yumi.cli_fault import fault
 from yumi.cli_record import record as record_commands
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
@@ -246,6 +247,8 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
 
 main.add_command(bench)
 main.add_command(fault)
+main.add_command(evaluate)
+main.add_command(tune)
 main.add_command(record_commands)
 
 

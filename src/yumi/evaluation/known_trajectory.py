@@ -49,12 +49,17 @@ class Sine:
         size = self.amplitude
         return size * (1.0 - cos(angle)), size * turn * sin(angle), size * turn * turn * cos(angle)
 
-    def points(self, start: Joints) -> tuple[TrajectoryPoint, ...]:
-        """As points with positions, velocities and accelerations, from ``start`` [rad]."""
+    def points(self, start: Joints, joint: int) -> tuple[TrajectoryPoint, ...]:
+        """As points with positions, velocities and accelerations of one joint, from ``start`` [rad]."""
         times = [number * _SPACING for number in range(round(self.duration / _SPACING) + 1)]
         rows = [(time, self.at(time)) for time in times]
         moving = [
-            TrajectoryPoint(time, _with(start, start[_JOINT] + way), _with(_REST, speed), _with(_REST, gain))
+            TrajectoryPoint(
+                time,
+                _with(start, start[joint] + way, joint),
+                _with(_REST, speed, joint),
+                _with(_REST, gain, joint),
+            )
             for time, (way, speed, gain) in rows
         ]
         return (*moving[:-1], moving[-1]._replace(velocity=_REST))
@@ -77,10 +82,36 @@ class Tracking:
     sentence: str
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The way an arm went.
+
+    Attributes:
+        measured: time since the trajectory began [s], angle from where it began [rad].
+        slowed: cycles in which the guard changed the command.
+        sentence: how the motion ended.
+    """
+
+    measured: tuple[tuple[float, float], ...]
+    slowed: int
+    sentence: str
+
+
 def follow_sine(sine: Sine, parameters: Values | None = None) -> Tracking:
     """Have the virtual arm follow ``sine`` on axis 6 at full-speed settings, with the controller's ``parameters``."""
-    controller = JointTrajectoryController(SIDE, MemoryMailbox())
-    arm = GuidedArm({CONTROLLER: controller}, side=SIDE)
+    way = follow_planned(sine, parameters)
+    errors = [angle - sine.at(time)[0] for time, angle in way.measured]
+    speeds = [sine.at(time)[1] for time, _ in way.measured]
+    lag = -sum(error * speed for error, speed in zip(errors, speeds, strict=True)) / sum(
+        [speed * speed for speed in speeds]
+    )
+    return Tracking(degrees(max(map(abs, errors))), lag, way.slowed, way.sentence)
+
+
+def follow_planned(sine: Sine, parameters: Values | None = None, *, side: Side = SIDE, joint: int = _JOINT) -> Way:
+    """Have one joint of a virtual arm follow ``sine`` as a trajectory; see :func:`follow_sine`."""
+    controller = JointTrajectoryController(side, MemoryMailbox())
+    arm = GuidedArm({CONTROLLER: controller}, side=side)
     arm.manager.set_parameters(CONTROLLER, parameters or {})
     arm.start()
     arm.switch_to(CONTROLLER)
@@ -88,19 +119,15 @@ def follow_sine(sine: Sine, parameters: Values | None = None) -> Tracking:
     state = arm.line.state
     assert state is not None
     start, begin, slowed = state.planned, state.time + 0.1, arm.snapshot.slowed
-    trajectory = JointTrajectory(joint_names(SIDE), sine.points(start), start=begin)
-    plan = plan_trajectory(trajectory, (SIDE,), YUMI_LIMITS)[SIDE]
+    trajectory = JointTrajectory(joint_names(side), sine.points(start, joint), start=begin)
+    plan = plan_trajectory(trajectory, (side,), YUMI_LIMITS)[side]
     arm.manager.receive(CONTROLLER, FollowTrajectory(plan, goal=1), state)
     first = len(arm.cycles)
     arm.run(sine.duration + 0.5)
     states = [cycle.state for cycle in arm.cycles[first:]]
-    errors = [(each.position[_JOINT] - start[_JOINT] - sine.at(each.time - begin)[0]) for each in states]
-    speeds = [sine.at(each.time - begin)[1] for each in states]
-    lag = -sum(error * speed for error, speed in zip(errors, speeds, strict=True)) / sum(
-        [speed * speed for speed in speeds]
-    )
-    return Tracking(degrees(max(map(abs, errors))), lag, arm.snapshot.slowed - slowed, str(arm.events[-1]))
+    measured = tuple((each.time - begin, each.position[joint] - start[joint]) for each in states)
+    return Way(measured, arm.snapshot.slowed - slowed, str(arm.events[-1]))
 
 
-def _with(values: tuple[float, ...], value: float) -> tuple[float, ...]:
-    return (*values[:_JOINT], value, *values[_JOINT + 1 :])
+def _with(values: tuple[float, ...], value: float, joint: int) -> tuple[float, ...]:
+    return (*values[:joint], value, *values[joint + 1 :])

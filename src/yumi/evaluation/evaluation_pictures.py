@@ -1,0 +1,247 @@
+"""The pictures of the evaluation's report, each as an SVG for light pages and one for dark ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from io import StringIO
+from math import degrees, inf
+from pathlib import Path
+from typing import Any
+
+from yumi.errors import MissingPrerequisite
+from yumi.evaluation.document import Picture
+from yumi.evaluation.evaluation_results import Result, Results
+from yumi.evaluation.experiment import PREDICTION, Mode, System, proportional, sine, step
+from yumi.evaluation.gain_sweep import GainPoint
+from yumi.evaluation.kpis import legs
+from yumi.evaluation.loop_trips import LEGS, Trip
+from yumi.evaluation.tracking_figures import SineFigures, matches_of
+
+COLORS = ("#2f81f7", "#d98200", "#2da44e", "#e5534b", "#986ee2", "#8b949e")
+"""Told apart on white and on black."""
+
+LINES = {System.BARE: ":", System.SHIPPED: "-", System.WIRE: "--"}
+
+_INK, _GRID = "#1b1f24", "#d1d9e0"
+_DARK = {_INK: "#e6edf3", _GRID: "#3d444d"}
+_WIDTH = 9.6  # [inch]
+_LONGEST = {Mode.FULLSPEED: 1.5, Mode.REDUCED: 4.0}  # [s] of steps
+
+Draw = Callable[[Any], None]
+
+
+def draw_pictures(results: Results, folder: Path) -> dict[str, Picture]:
+    """Draw what there is of the results into ``folder``; the pictures by name.
+
+    Raises:
+        MissingPrerequisite: matplotlib is not installed.
+        OSError: the folder cannot be written.
+    """
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    drawn = {}
+    for name, height, caption, draw in _pictures(results):
+        _save(folder, name, height, draw)
+        drawn[name] = Picture(f"figures/{name}.svg", f"figures/{name}_dark.svg", caption)
+    return drawn
+
+
+def draw_sweep(sweeps: Sequence[tuple[str, Sequence[GainPoint]]], panels: Any) -> None:
+    """Time to settle and overshoot over the gain, a line a sweep, on two panels."""
+    for (title, points), color in zip(sweeps, COLORS, strict=False):
+        gains = [point.gain for point in points]
+        settled = [(point.gain, point.figures.settling_s) for point in points if point.figures.settling_s is not None]
+        panels[0].plot(*zip(*settled, strict=True), "o-", color=color, markersize=3.0, label=title)
+        panels[1].plot(gains, [point.figures.overshoot_deg for point in points], "o-", color=color, markersize=3.0)
+    panels[0].set_ylabel("time until within 0.1° [s]")
+    panels[1].set_ylabel("overshoot [°]")
+    for panel in panels:
+        panel.set_xlabel("P")
+    _name_lines(panels[0])
+
+
+def save_figure(draw: Draw, height: float, *, is_transparent: bool = True) -> tuple[str, str]:
+    """The figure that ``draw`` draws, ``height`` [inch] high, as SVG for light and for dark pages.
+
+    Raises:
+        MissingPrerequisite: matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl  # noqa: PLC0415 - an extra; nothing else needs it
+        from matplotlib.figure import Figure  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingPrerequisite("The report's pictures need matplotlib; install yumi-ros2[plot].") from error
+    with mpl.rc_context(_style()):
+        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        draw(figure)
+        for panel in figure.axes:
+            panel.grid(color=_GRID, linewidth=0.6)
+            panel.spines[["top", "right"]].set_visible(False)
+        text = StringIO()
+        figure.savefig(text, format="svg", transparent=is_transparent, metadata={"Date": None})
+    light = text.getvalue()
+    dark = light
+    for one, other in _DARK.items():
+        dark = dark.replace(one, other)
+    return light, dark
+
+
+def _save(folder: Path, name: str, height: float, draw: Draw) -> None:
+    light, dark = save_figure(draw, height)
+    (folder / "figures" / f"{name}.svg").write_text(light, encoding="utf-8")
+    (folder / "figures" / f"{name}_dark.svg").write_text(dark, encoding="utf-8")
+
+
+def _style() -> dict[str, Any]:
+    inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
+    return {
+        **dict.fromkeys(inked, _INK),
+        "font.size": 9.0,
+        "axes.titlesize": 10.0,
+        "axes.axisbelow": True,
+        "svg.hashsalt": "yumi",  # the same picture is the same file
+    }
+
+
+def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
+    """Name, height [inch], caption and how it is drawn."""
+    if any(run.experiment.is_step for run in results.runs):
+        caption = (
+            "Steps of 10° at full speed and reduced speed (thesis: figures 5.1 and 5.2). Dotted: reproduced, without a "
+            "guard; solid: as shipped; dashed: over the wire. The grey band is 0.1° around the goal."
+        )
+        yield "steps", 3.6, caption, lambda figure: _draw_steps(results, figure)
+    if any(not run.experiment.is_step for run in results.runs):
+        caption = (
+            "A sine of 10° at 0.2 Hz followed with three laws, and how far the joint was from the reference of the "
+            "same "
+            "moment (thesis: figures 5.3a and 5.4a)."
+        )
+        yield "sines", 4.6, caption, lambda figure: _draw_sines(results, figure)
+        caption = (
+            "Control lag of every goal that found a match (thesis: figures 5.3b, 5.4b, 5.6 and 5.7b). The vertical "
+            "lines are the published mean (solid) and longest lag (dashed)."
+        )
+        yield "lags", 4.6, caption, lambda figure: _draw_lags(results, figure)
+        caption = "The sine of 10° at reduced speed, 10 °/s (thesis: figures 5.5a to 5.5c)."
+        yield "reduced", 2.9, caption, lambda figure: _draw_reduced(results, figure)
+    if results.sweeps:
+        caption = (
+            "Steps of 10° with one gain after another: how long they take and how far they overshoot. The dashed line "
+            "is the gain at which the thesis saw oscillation begin."
+        )
+        yield "sweep", 3.2, caption, lambda figure: _draw_sweeps(results, figure)
+    for system, measured in results.measured.items():
+        if measured.trips:
+            caption = (
+                f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.value})."
+            )
+            yield f"trips_{system.value}", 3.2, caption, partial(_draw_trips, measured.trips)
+
+
+def _draw_steps(results: Results, figure: Any) -> None:
+    panels = figure.subplots(1, 2)
+    laws = {
+        Mode.FULLSPEED: (proportional(1.2), proportional(1.6), proportional(2.0), PREDICTION),
+        Mode.REDUCED: (proportional(0.35), proportional(0.6), proportional(1.2)),
+    }
+    for panel, mode in zip(panels, laws, strict=True):
+        panel.axhspan(9.9, 10.1, color="#8b949e", alpha=0.4, linewidth=0.0)
+        for law, color in zip(laws[mode], COLORS, strict=False):
+            named = False
+            for run in [results.find(system, step(law, mode)) for system in System]:
+                if run is not None:
+                    label = None if named else law.title
+                    named = True
+                    _plot(panel, run, LINES[run.system], color, label, until=_LONGEST[mode])
+        panel.set(title=f"{mode.word}, {mode.value.max_speed_deviation:g} °/s", xlabel="time [s]", ylabel="angle [°]")
+        _name_lines(panel, loc="lower right")
+
+
+def _plot(panel: Any, run: Result, line: str, color: str, label: str | None, until: float = inf) -> None:
+    shown = [(time, value) for time, value in run.trace.measured_deg(run.experiment.moved[0]) if time <= until]
+    times, values = zip(*shown, strict=True)
+    panel.plot(times, values, line, color=color, label=label, linewidth=1.3)
+
+
+def _draw_sines(results: Results, figure: Any) -> None:
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    runs = [(run, law) for law in (proportional(1.2), proportional(2.0), PREDICTION) if (run := _shown(results, law))]
+    for (run, law), color in zip(runs, COLORS, strict=False):
+        _plot(upper, run, "-", color, law.title)
+        reference = run.experiment.reference
+        moved = [(time, value - degrees(reference(time))) for time, value in run.trace.measured_deg(6)]
+        lower.plot(*zip(*moved, strict=True), color=color, linewidth=1.3)
+    if runs:
+        upper.plot(*zip(*runs[0][0].trace.sent_deg, strict=True), color=_INK, linewidth=1.0, alpha=0.7, label="goals")
+    _name_lines(upper, ncols=2, loc="lower left")
+    upper.set_ylabel("angle [°]")
+    lower.set(xlabel="time [s]", ylabel="distance [°]")
+
+
+def _shown(results: Results, law: Any) -> Result | None:
+    """What is nearest to a robot."""
+    found = [results.find(system, sine(law)) for system in (System.WIRE, System.SHIPPED, System.BARE)]
+    return next((run for run in found if run is not None), None)
+
+
+def _draw_lags(results: Results, figure: Any) -> None:
+    panels = figure.subplots(2, 2).flat
+    shown = (
+        sine(proportional(1.2)),
+        sine(proportional(2.0)),
+        sine(proportional(1.2), size_deg=60.0),
+        sine(proportional(1.2), Mode.REDUCED),
+    )
+    for panel, experiment in zip(panels, shown, strict=True):
+        for system, color in zip(System, COLORS, strict=False):
+            run = results.find(system, experiment)
+            if run is not None and isinstance(run.figures, SineFigures):
+                lags = [1e3 * lag for _, lag in matches_of(run.trace).lags]
+                panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.value, linewidth=1.2)
+                _draw_published(panel, run)
+        panel.set(title=experiment.title, xlabel="control lag [ms]", ylabel="share per ms")
+        _name_lines(panel, loc="upper left")
+
+
+def _name_lines(panel: Any, **options: Any) -> None:
+    if panel.get_legend_handles_labels()[0]:
+        panel.legend(frameon=False, fontsize="small", **options)
+
+
+def _draw_published(panel: Any, run: Result) -> None:
+    for value, line in ((run.experiment.published.mean_lag, "-"), (run.experiment.published.max_lag, "--")):
+        if value is not None:
+            panel.axvline(1e3 * value, color=_INK, linestyle=line, linewidth=0.9)
+
+
+def _draw_reduced(results: Results, figure: Any) -> None:
+    panels = figure.subplots(1, 3, sharey=True)
+    for panel, gain in zip(panels, (0.35, 0.6, 1.2), strict=True):
+        runs = [results.find(system, sine(proportional(gain), Mode.REDUCED)) for system in System]
+        for run, color in zip(runs, COLORS, strict=False):
+            if run is not None:
+                panel.plot(*zip(*run.trace.sent_deg, strict=True), color=_INK, linewidth=0.8, alpha=0.7)
+                _plot(panel, run, "-", color, run.system.value)
+        panel.set(title=f"P = {gain:g}", xlabel="time [s]")
+    panels[0].set_ylabel("angle [°]")
+    _name_lines(panels[0])
+
+
+def _draw_sweeps(results: Results, figure: Any) -> None:
+    panels = figure.subplots(1, 2)
+    draw_sweep([(system.value, points) for system, points in results.sweeps.items()], panels)
+    for panel in panels:
+        panel.axvline(2.0, color=_INK, linestyle="--", linewidth=0.9)
+
+
+def _draw_trips(trips: Sequence[Trip], figure: Any) -> None:
+    left, right = figure.subplots(1, 2)
+    left.hist([1e3 * trip.total for trip in trips], bins=80, color=COLORS[0])
+    left.set(xlabel="whole round trip [ms]", ylabel="round trips")
+    found = legs(trips)
+    names = [name for name in LEGS if found[name].highest > 0.0][::-1]
+    right.barh(names, [1e3 * found[name].mean for name in names], color=COLORS[0], label="mean")
+    right.barh(names, [1e3 * found[name].p99 for name in names], color="none", edgecolor=COLORS[1], label="p99")
+    right.set_xlabel("leg [ms]")
+    _name_lines(right)

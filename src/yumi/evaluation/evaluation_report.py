@@ -1,0 +1,134 @@
+"""The evaluation's report: a summary on top, then pictures, tables, explanations with their evidence, settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from yumi.evaluation.document import Block, Heading, Paragraph, Picture, to_html, to_markdown
+from yumi.evaluation.evaluation_files import write_series
+from yumi.evaluation.evaluation_pictures import draw_pictures
+from yumi.evaluation.evaluation_results import Results
+from yumi.evaluation.evaluation_tables import (
+    kpi_table,
+    kpis_of,
+    leg_table,
+    real_time_table,
+    result_table,
+    settings_table,
+    summary_table,
+)
+from yumi.evaluation.experiment import System
+from yumi.evaluation.experiments import better_experiments, joint_experiments, published_experiments
+from yumi.evaluation.explanations import explanations
+from yumi.evaluation.kpis import legs, machine_legs
+
+TITLE = "Evaluation of the YuMi's joint control"
+
+_INTRODUCTION = (
+    "The experiments of the master's thesis this system comes from, repeated: step responses and followed sines of "
+    "axis 6, "
+    "each goal sent by an application, what counts being the measured position. Beside what was published stand our "
+    "figures and their ratio. None is of a real YuMi unless the settings below name one."
+)
+_PARTIAL = "This evaluation is not complete: what is missing was not run."
+
+
+def write_report(results: Results, folder: Path) -> Path:
+    """Write report, pictures and raw data into ``folder``; returns the HTML page.
+
+    Raises:
+        MissingPrerequisite: matplotlib is not installed.
+        OSError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_series(results, folder / "data")
+    blocks = report_blocks(results, draw_pictures(results, folder))
+    (folder / "report.md").write_text(to_markdown(blocks), encoding="utf-8")
+    page = folder / "report.html"
+    page.write_text(to_html(blocks, TITLE), encoding="utf-8")
+    return page
+
+
+def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    """The report from top to bottom; ``pictures`` that are missing are left out."""
+    return [
+        Heading(TITLE, 1),
+        Paragraph(_INTRODUCTION),
+        *([] if results.is_complete else [Paragraph(_PARTIAL)]),
+        *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
+        summary_table(results),
+        *_indicators(results),
+        *_steps(results, pictures),
+        *_sines(results, pictures),
+        *_better(results),
+        *_real_time(results),
+        *_round_trips(results, pictures),
+        Heading("Where our figures differ, and why"),
+        *(Paragraph(each) for each in explanations(results)),
+        Heading("Settings and versions"),
+        settings_table(results.settings),
+        Paragraph("Raw data: data/*.csv, a file an experiment, angles in degrees from where the joint began."),
+    ]
+
+
+def _indicators(results: Results) -> list[Block]:
+    blocks: list[Block] = []
+    words = {System.SHIPPED: "virtual time", System.WIRE: "real time, over ROS 2 and the wire"}
+    for system, title in words.items():
+        found = kpis_of(results, system)
+        if found:
+            blocks += [Heading(f"Key performance indicators: {title}"), kpi_table(found)]
+    return blocks
+
+
+def _steps(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    experiments = [each for each in published_experiments() if each.is_step]
+    table = result_table(results, experiments, System)
+    return [Heading("Step responses"), *_shown(pictures, "steps"), table, *_shown(pictures, "sweep")]
+
+
+def _sines(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    experiments = [each for each in published_experiments() if not each.is_step]
+    return [
+        Heading("Followed sines"),
+        *_shown(pictures, "sines", "lags", "reduced"),
+        result_table(results, experiments, System),
+    ]
+
+
+def _better(results: Results) -> list[Block]:
+    sines = [each for each in (*better_experiments(), *joint_experiments()) if not each.is_step]
+    return [
+        Heading("Better control laws, both arms, all joints"),
+        Paragraph(
+            "Feed-forward tells the robot the goal's speed beside its position; prediction forecasts where the goal "
+            "will "
+            "be when the robot gets there; a trajectory is known as a whole, and told ahead by the robot's delay. "
+            "Where "
+            "all joints move at once, the joint that follows worst is told."
+        ),
+        result_table(results, [each for each in better_experiments() if each.is_step], System),
+        result_table(results, sines, System),
+    ]
+
+
+def _real_time(results: Results) -> list[Block]:
+    table = real_time_table(results)
+    return [Heading("Real time beside virtual time"), table] if table else []
+
+
+def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    blocks: list[Block] = []
+    for system, measured in results.measured.items():
+        if measured.trips:
+            caption = f"From the application to the EGM loop and back ({system.value})"
+            blocks += [*_shown(pictures, f"trips_{system.value}"), leg_table(legs(measured.trips), caption)]
+        if measured.machine_trips:
+            caption = f"From the application to the state machine and back ({system.value})"
+            blocks.append(leg_table(machine_legs(measured.machine_trips), caption))
+    return [Heading("Round trips, leg by leg"), *blocks] if blocks else []
+
+
+def _shown(pictures: Mapping[str, Picture], *names: str) -> list[Block]:
+    return [pictures[name] for name in names if name in pictures]

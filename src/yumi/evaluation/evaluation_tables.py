@@ -1,0 +1,198 @@
+"""The tables of the evaluation's report: what is published beside what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from math import isnan
+
+from yumi.evaluation.document import Table
+from yumi.evaluation.evaluation_results import Result, Results, main_figure
+from yumi.evaluation.experiment import FREQUENCY, GOAL_RATE, TOLERANCE_DEG, Experiment, Mode, System
+from yumi.evaluation.experiments import PUBLISHED_OSCILLATION, published_experiments
+from yumi.evaluation.fitted_model import FITTED
+from yumi.evaluation.gain_sweep import onset_of
+from yumi.evaluation.kpis import Kpi, kpis
+from yumi.evaluation.metrics import Distribution
+from yumi.evaluation.tracking_figures import SineFigures, StepFigures
+from yumi.virtual.arm_model import ArmModel
+
+TITLES = {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}
+"""What the systems are called in tables."""
+
+_FIGURES = (
+    ("settling_s", "settling", "time until within 0.1°"),
+    ("mean_lag_s", "mean_lag", "mean control lag"),
+    ("max_lag_s", "max_lag", "longest control lag"),
+)
+
+
+def summary_table(results: Results) -> Table:
+    """Every figure the thesis gives: published, and measured in each of the systems, with the ratio to it."""
+    systems = [system for system in System if any(run.system is system for run in results.runs)]
+    rows = [
+        (
+            f"{experiment.title}: {words}",
+            experiment.figure,
+            _time(published),
+            *_with_ratios(results, systems, experiment, name, published),
+        )
+        for experiment in published_experiments()
+        for name, attribute, words in _FIGURES
+        if (published := getattr(experiment.published, attribute)) is not None
+    ]
+    onsets = [cell for system in systems for cell in _onset_cells(results, system)]
+    rows.append(("Step of 10°: oscillation begins at P", "5.1", f"≈ {PUBLISHED_OSCILLATION:g}", *onsets))
+    header = [cell for system in systems for cell in (TITLES[system], "ratio")]
+    return Table(("", "thesis's figure", "published", *header), tuple(rows), _summary_caption(systems))
+
+
+def result_table(results: Results, experiments: Iterable[Experiment], systems: Iterable[System]) -> Table:
+    """Everything that was measured of these experiments."""
+    experiments = tuple(experiments)
+    runs = [run for system in systems for run in results.of(system, experiments)]
+    is_step = all(experiment.is_step for experiment in experiments)
+    return _step_table(runs) if is_step else _sine_table(runs)
+
+
+def real_time_table(results: Results) -> Table | None:
+    """Step times and mean lags over the wire beside those in virtual time; of laws that lag by more than a cycle."""
+    rows = tuple(
+        (run.experiment.title, _time(main_figure(shipped.figures)), _time(main_figure(run.figures)), f"{ratio:.2f}")
+        for run in results.runs
+        if "p" in run.experiment.law.values or run.experiment.is_step
+        if (ratio := results.ratio_to_virtual(run)) is not None
+        if (shipped := results.find(System.SHIPPED, run.experiment)) is not None
+    )
+    caption = "Step times and mean control lags. What is more is the way through ROS 2, and what a busy machine missed."
+    return Table(("", "virtual time", "over the wire", "ratio"), rows, caption) if rows else None
+
+
+def kpi_table(found: Iterable[Kpi]) -> Table:
+    """The seven indicators."""
+    rows = tuple(
+        (each.title, _amount(each.value, each.unit), _amount(each.limit, each.unit),
+         _verdict(each.holds), each.note)
+        for each in found
+    )  # fmt: skip
+    return Table(("indicator", "measured", "limit", "holds", "how"), rows, "The thesis's table 4.2.", (0, 4))
+
+
+def kpis_of(results: Results, system: System) -> tuple[Kpi, ...]:
+    """The indicators of one system, if it was measured."""
+    return kpis(results.measured[system]) if system in results.measured else ()
+
+
+def leg_table(legs: Mapping[str, Distribution], caption: str) -> Table:
+    """Every leg of round trips in milliseconds."""
+    rows = tuple(
+        (name.replace("_", " "), str(found.count), *(f"{1e3 * value:.3f}" for value in _cuts(found)))
+        for name, found in legs.items()
+    )
+    header = ("leg", "round trips", "mean", "jitter", "p50", "p90", "p99", "p99.9", "longest")
+    return Table(header, rows, f"{caption} [ms]")
+
+
+def settings_table(settings: Mapping[str, Mapping[str, object]]) -> Table:
+    """What was chosen, and which versions ran."""
+    rows = tuple((group, name, str(value)) for group, values in settings.items() for name, value in values.items())
+    return Table(("of", "setting", "value"), rows, texts=(0, 1, 2))
+
+
+def model_settings() -> dict[str, dict[str, object]]:
+    """The experiments' settings and those of both virtual robots."""
+    shipped = ArmModel()
+    return {
+        "EGM, fullspeed": asdict(Mode.FULLSPEED.value),
+        "EGM, reduced speed": asdict(Mode.REDUCED.value),
+        "experiments": {
+            "goals a second": GOAL_RATE,
+            "frequency of sines [Hz]": FREQUENCY,
+            "tolerance [°]": TOLERANCE_DEG,
+        },
+        "virtual robot": {"delay [ms]": 1e3 * shipped.delay, "servo lag [ms]": 1e3 * shipped.lag},
+        "fitted robot": {"delay [ms]": 1e3 * FITTED.delay, "servo lag [ms]": 1e3 * FITTED.lag},
+    }
+
+
+def _with_ratios(
+    results: Results, systems: Iterable[System], experiment: Experiment, name: str, published: float
+) -> Iterable[str]:
+    for system in systems:
+        run = results.find(system, experiment)
+        value = getattr(run.figures, name) if run else None
+        yield _time(value)
+        yield "-" if value is None else f"{value / published:.2f}"
+
+
+def _onset_cells(results: Results, system: System) -> tuple[str, str]:
+    points = results.sweeps.get(system, ())
+    onset = onset_of(points)
+    if onset is None:
+        return (f"not up to {points[-1].gain:g}" if points else "-", "-")
+    return f"{onset:g}", f"{onset / PUBLISHED_OSCILLATION:.2f}"
+
+
+def _summary_caption(systems: Iterable[System]) -> str:
+    meanings = {
+        System.BARE: "reproduced: virtual time, a robot fitted to the published step times, no guard, as in the thesis",
+        System.SHIPPED: "as shipped: virtual time, the virtual robot and the guard as everybody gets them",
+        System.WIRE: "over the wire: real time, a ROS 2 node, the driver, and a robot at the other end of the wire",
+    }
+    return "; ".join(meanings[system] for system in systems) + ". Ratios are to what is published."
+
+
+def _step_table(runs: Iterable[Result]) -> Table:
+    rows = tuple(
+        (run.experiment.title, run.experiment.figure, TITLES[run.system], _time(found.settling_s),
+         f"{found.overshoot_deg:.3f}", str(found.swings), f"{found.final_error_deg:.4f}")
+        for run in runs
+        if isinstance(found := run.figures, StepFigures)
+    )  # fmt: skip
+    header = ("", "thesis's figure", "", "within 0.1°", "overshoot [°]", "swings", "error that stays [°]")
+    return Table(header, rows, "Swings: how often the joint crossed the goal by more than 0.1°.")
+
+
+def _sine_table(runs: Iterable[Result]) -> Table:
+    rows = tuple(
+        (run.experiment.title, run.experiment.figure, TITLES[run.system], *_sine_cells(found))
+        for run in runs
+        if isinstance(found := run.figures, SineFigures)
+    )
+    header = ("", "thesis's figure", "", "mean lag", "p99", "longest", "matched", "delay", "largest error [°]")
+    return Table(
+        header,
+        rows,
+        "Lags by matching; delay: of the whole motion, by least squares, less than nothing is a lead; the largest "
+        "error is to the reference of the same moment, after the start.",
+    )
+
+
+def _sine_cells(found: SineFigures) -> tuple[str, ...]:
+    return (
+        *(_time(value) for value in (found.mean_lag_s, found.p99_lag_s, found.max_lag_s)),
+        f"{100.0 * found.matched_share:.0f} %",
+        f"{1e3 * found.delay_s:.1f} ms",
+        f"{found.max_error_deg:.3f}",
+    )
+
+
+def _cuts(found: Distribution) -> tuple[float, ...]:
+    return (found.mean, found.jitter, found.p50, found.p90, found.p99, found.p999, found.highest)
+
+
+def _verdict(holds: bool | None) -> str:
+    return {None: "not measured", True: "yes", False: "no"}[holds]
+
+
+def _amount(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{1e3 * value:.3g} ms" if unit == "s" else f"{value:.3g} {unit}".strip()
+
+
+def _time(value: float | None) -> str:
+    """Seconds where there are many, milliseconds where there are few."""
+    if value is None or isnan(value):
+        return "-"
+    return f"{value:.2f} s" if value >= 0.5 else f"{1e3 * value:.0f} ms"

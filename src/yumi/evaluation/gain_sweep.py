@@ -1,0 +1,132 @@
+"""Steps with one gain after another, in virtual time: where oscillation begins, and which gain to take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from yumi.evaluation.experiment import TOLERANCE_DEG, Mode, System, Trace, proportional, step
+from yumi.evaluation.tracking_figures import StepFigures, figures_of
+from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.robot.joints import Side
+from yumi.virtual.arm_model import ArmModel
+
+GAINS = tuple(round(0.2 * number, 1) for number in range(5, 17))
+"""1.0 to 3.2: from sluggish to far beyond what is allowed."""
+
+SLOWER = 0.020
+"""A gain has to do, too, when the robot answers so much later than the model [s]: real ones are said to."""
+
+HIGHEST = 2.0
+"""The joint position controller takes no higher gain."""
+
+_DURATION = 2.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class GainPoint:
+    """What a gain makes of a step.
+
+    Attributes:
+        gain: P.
+        figures: of the step.
+        trace: of it.
+    """
+
+    gain: float
+    figures: StepFigures
+    trace: Trace
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether the joint goes past the goal by more than what counts as there."""
+        return self.figures.overshoot_deg > TOLERANCE_DEG
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What gains are tuned for.
+
+    Attributes:
+        size_deg: height of the step [°].
+        mode: settings of EGM.
+        side: the arm.
+        joint: which one, by its place in the chain.
+    """
+
+    size_deg: float = 10.0
+    mode: Mode = Mode.FULLSPEED
+    side: Side = Side.RIGHT
+    joint: int = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """Which gain to take.
+
+    Attributes:
+        gain: the one; None when every gain oscillates or none settles.
+        settling_s: how long the step takes with it, at worst [s].
+        onset: the lowest gain with which oscillation was seen; None when it was not.
+        points: the sweep with the model as it is.
+        slower: the sweep with a robot that answers later.
+    """
+
+    gain: float | None
+    settling_s: float | None
+    onset: float | None
+    points: tuple[GainPoint, ...]
+    slower: tuple[GainPoint, ...]
+
+
+def sweep(
+    gains: Iterable[float],
+    system: System = System.SHIPPED,
+    task: Task | None = None,
+    model: ArmModel | None = None,
+    on_point: Callable[[], None] = lambda: None,
+) -> tuple[GainPoint, ...]:
+    """A step with each of the ``gains``; ``on_point`` is called after each, and may raise to end it."""
+    points = []
+    for gain in gains:
+        points.append(_point(gain, system, task or Task(), model))
+        on_point()
+    return tuple(points)
+
+
+def onset_of(points: Sequence[GainPoint]) -> float | None:
+    """The lowest gain from which on every one oscillates; None when the highest does not."""
+    onset = None
+    for point in sorted(points, key=lambda each: -each.gain):
+        if not point.oscillates:
+            break
+        onset = point.gain
+    return onset
+
+
+def recommend(gains: Sequence[float], task: Task, on_point: Callable[[], None] = lambda: None) -> Recommendation:
+    """The gain with the quickest step that does not oscillate, with the model and with a robot that answers later."""
+    model = ArmModel()
+    points = sweep(gains, task=task, on_point=on_point)
+    slower = sweep(gains, task=task, model=replace(model, delay=model.delay + SLOWER), on_point=on_point)
+    choices = [
+        (max(one.figures.settling_s, other.figures.settling_s), one.gain)
+        for one, other in zip(points, slower, strict=True)
+        if one.gain <= HIGHEST
+        and not one.oscillates
+        and not other.oscillates
+        and one.figures.settling_s is not None
+        and other.figures.settling_s is not None
+    ]
+    settling, gain = min(choices, default=(None, None))
+    onsets = [onset for onset in (onset_of(points), onset_of(slower)) if onset is not None]
+    return Recommendation(gain, settling, min(onsets, default=None), points, slower)
+
+
+def _point(gain: float, system: System, task: Task, model: ArmModel | None) -> GainPoint:
+    longest = _DURATION if task.mode is Mode.FULLSPEED else 2.0 * _DURATION
+    experiment = step(proportional(gain), task.mode, max(longest, 0.2 * task.size_deg), task.size_deg)
+    trace = run_virtually(replace(experiment, side=task.side, moved=(task.joint,)), system, model)
+    figures = figures_of(trace)
+    assert isinstance(figures, StepFigures)
+    return GainPoint(gain, figures, trace)

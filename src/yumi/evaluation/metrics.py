@@ -1,0 +1,183 @@
+"""What an experiment measured, as numbers: settling, overshoot, control lag, jitter, loss, quantiles.
+
+Pure functions. A series is a sequence of (time [s], value) in the order of time; the unit of values is the caller's.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import nan
+
+from yumi.evaluation.bench_statistics import quantile
+
+Series = Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """How values are distributed; nan where there are none.
+
+    Attributes:
+        count: how many there are.
+        mean: their mean.
+        jitter: mean deviation from the mean, without sign.
+        lowest, p50, p90, p99, p999, highest: quantiles.
+    """
+
+    count: int
+    mean: float
+    jitter: float
+    lowest: float
+    p50: float
+    p90: float
+    p99: float
+    p999: float
+    highest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """Control lags found by matching.
+
+    Attributes:
+        lags: of every reference sample that found a match, with the time of the sample [s]: (time, lag).
+        sought: how many samples looked for one.
+    """
+
+    lags: tuple[tuple[float, float], ...]
+    sought: int
+
+    @property
+    def share(self) -> float:
+        """Share of the samples that found a match."""
+        return len(self.lags) / self.sought if self.sought else nan
+
+    @property
+    def distribution(self) -> Distribution:
+        """Of the lags [s]."""
+        return distribution([lag for _, lag in self.lags])
+
+
+def distribution(values: Iterable[float]) -> Distribution:
+    """Mean, jitter and quantiles of ``values``."""
+    ordered = sorted(values)
+    count = len(ordered)
+    mean = sum(ordered) / count if count else nan
+    jitter = sum([abs(value - mean) for value in ordered]) / count if count else nan
+    lowest, p50, p90, p99, p999, highest = (quantile(ordered, share) for share in (0.0, 0.5, 0.9, 0.99, 0.999, 1.0))
+    return Distribution(count, mean, jitter, lowest, p50, p90, p99, p999, highest)
+
+
+def settling_time(series: Series, goal: float, band: float) -> float | None:
+    """When the values came within ``band`` of ``goal`` to stay [s]; None when they are outside at the end.
+
+    Between two samples the way is taken to be straight, so that the result does not jump by whole periods.
+    """
+    outside = [index for index, (_, value) in enumerate(series) if abs(value - goal) > band]
+    if not outside:
+        return series[0][0] if series else None
+    if outside[-1] == len(series) - 1:
+        return None
+    (time, value), (later, closer) = series[outside[-1]], series[outside[-1] + 1]
+    far, near = abs(value - goal), abs(closer - goal)
+    return time + (later - time) * (far - band) / (far - near)
+
+
+def overshoot(series: Series, goal: float) -> float:
+    """How far the values went past ``goal``, seen from the first one; 0 when they did not."""
+    direction = 1.0 if goal >= series[0][1] else -1.0
+    return max(0.0, *(direction * (value - goal) for _, value in series))
+
+
+def swings(series: Series, goal: float, band: float) -> int:
+    """How often the values crossed from one side of ``goal``, further than ``band``, to the other: oscillation."""
+    sides = [value > goal for _, value in series if abs(value - goal) > band]
+    return sum(now != before for before, now in pairwise(sides))
+
+
+def final_error(series: Series, goal: float, seconds: float) -> float:
+    """Largest distance from ``goal`` in the last ``seconds``: the error that stays."""
+    end = series[-1][0]
+    return max(abs(value - goal) for time, value in series if time > end - seconds)
+
+
+def largest_error(reference: Series, measured: Series) -> float:
+    """Largest distance of a measured value from the reference of its time, which is straight between its samples."""
+    times = [time for time, _ in reference]
+    return max(abs(value - _at(reference, times, time)) for time, value in measured)
+
+
+def best_delay(reference: Series, measured: Series, longest: float = 0.6) -> float:
+    """The delay of the reference with which it comes closest to the measured values, by least squares [s].
+
+    Less than nothing is a lead. The whole motion counts, where a match is about single samples.
+
+    Args:
+        reference: dense enough to be straight between its samples; it stands before and after them.
+        measured: of which every fourth value is looked at.
+        longest: no longer delay, and no lead longer than a tenth of it, is looked for [s].
+    """
+    times, thinned = [time for time, _ in reference], measured[::4]
+    best, width = 0.45 * longest, 0.55 * longest
+    while width > 1e-5:
+        choices = [best + width * share / 5.0 for share in range(-5, 6)]
+        best = min(
+            choices,
+            key=lambda late: sum([(value - _at(reference, times, time - late)) ** 2 for time, value in thinned]),
+        )
+        width /= 4.0
+    return best
+
+
+def match_lags(reference: Series, measured: Series, tolerance: float) -> Matches:
+    """The control lag of every reference sample: the time until a measured value comes within ``tolerance`` of it.
+
+    A match lies on the same branch: before the reference turns, and moving the same way. Without that a sample near a
+    turning point would be matched with the way back, or before the way there.
+    """
+    times, ways = [time for time, _ in measured], directions([value for _, value in measured])
+    branches = directions([value for _, value in reference])
+    ends = _branch_ends(reference, branches)
+    lags = []
+    for (time, value), way, end in zip(reference, branches, ends, strict=True):
+        for index in range(bisect_left(times, time), len(times)):
+            if times[index] > end:
+                break
+            if ways[index] == way and abs(measured[index][1] - value) <= tolerance:
+                lags.append((time, times[index] - time))
+                break
+    return Matches(tuple(lags), len(reference))
+
+
+def directions(values: Sequence[float]) -> list[int]:
+    """Which way each value moves: 1 up, -1 down; where it stands, as before."""
+    ways = [(new > old) - (new < old) for old, new in pairwise(values)]
+    ways += ways[-1:] or [0] * len(values)
+    for index in range(1, len(ways)):
+        ways[index] = ways[index] or ways[index - 1]
+    return ways
+
+
+def lost_count(numbers: Iterable[int]) -> int:
+    """How many of consecutive sequence numbers are missing between the lowest and the highest that came."""
+    came = set(numbers)
+    return max(came) - min(came) + 1 - len(came) if came else 0
+
+
+def _branch_ends(reference: Series, branches: Sequence[int]) -> list[float]:
+    """For every sample the time of the turning point that ends its branch [s]."""
+    ends, end = [], reference[-1][0] if reference else 0.0
+    for index in range(len(reference) - 1, -1, -1):
+        if index + 1 < len(reference) and branches[index] != branches[index + 1]:
+            end = reference[index + 1][0]
+        ends.append(end)
+    return ends[::-1]
+
+
+def _at(series: Series, times: Sequence[float], time: float) -> float:
+    index = min(max(bisect_left(times, time), 1), len(series) - 1)
+    (begin, before), (end, after) = series[index - 1], series[index]
+    return before + (after - before) * min(1.0, max(0.0, (time - begin) / (end - begin)))

@@ -1,0 +1,57 @@
+"""An evaluation's application over ROS 2 and the wire: an experiment, and round trips joined with the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ros_bench import TIMEOUT, Robot
+
+from yumi.evaluation.experiment import proportional, step
+from yumi.evaluation.loop_trips import HeardState
+from yumi.evaluation.robot_place import RobotPlace
+from yumi.evaluation.tracking_figures import StepFigures, figures_of
+from yumi.links.command import Command
+from yumi.robot.joints import Side
+from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
+from yumi.wire_runs import run_undisturbed
+from yumi.wire_trips import join_recorded, machine_trips, send_nudges, state_machine_client
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    return tmp_path / "session.mcap"
+
+
+@pytest.fixture
+def driver(ros: None, robot: Robot, recording: Path, tmp_path: Path) -> Iterator[Command]:
+    where = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
+    with Command("driver", ["up", *where, "--record", str(recording)], tmp_path / "driver.log") as command:
+        command.wait_until_ready(2 * TIMEOUT)
+        yield command
+
+
+@pytest.fixture
+def node(driver: Command) -> Iterator[EvaluationNode]:
+    with evaluation_node(Side.RIGHT, lambda: None) as node:
+        yield node
+
+
+def test_step_settles_and_round_trips_are_joined_with_the_recording(
+    node: EvaluationNode, driver: Command, robot: Robot, recording: Path
+) -> None:
+    figures = figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
+    goals = send_nudges(node, 100)
+    states = [HeardState(each.stamp, each.heard) for each in node.states]
+    with state_machine_client(RobotPlace(None, robot.rws_port), f"127.0.0.1:{robot.rws_port}") as machine:
+        legs = machine_trips(node, machine, 20)
+    driver.stop()
+    trips = join_recorded(goals, states, recording)
+    assert isinstance(figures, StepFigures)
+    assert figures.final_error_deg < 0.1
+    assert len(trips) > 20
+    assert all(trip.total > 0.008 for trip in trips)
+    assert {name: len(times) for name, times in legs.items()} == {"ros_service": 20, "robot_web_services": 20}

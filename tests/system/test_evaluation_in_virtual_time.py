@@ -1,0 +1,170 @@
+"""The thesis's experiments in virtual time: what is published is reproduced, and the report says so."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from yumi.cli import main
+from yumi.evaluation import evaluation_results
+from yumi.evaluation.evaluation_files import document, write_json
+from yumi.evaluation.evaluation_report import write_report
+from yumi.evaluation.evaluation_results import Results, Variant
+from yumi.evaluation.evaluation_tables import real_time_table
+from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
+from yumi.evaluation.experiments import published_experiments
+from yumi.evaluation.explanations import explanations
+from yumi.evaluation.fitted_model import FITTED
+from yumi.evaluation.kpis import Measured
+from yumi.evaluation.model_fit import fit
+from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
+from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.evaluation.virtual_trips import virtual_trips
+
+
+def published(experiment: Experiment) -> Experiment:
+    return next(each for each in published_experiments() if each.name == experiment.name)
+
+
+@pytest.mark.parametrize(
+    "experiment", [step(proportional(1.2)), step(proportional(1.6)), step(proportional(1.2), Mode.REDUCED)]
+)
+def test_published_step_times_are_reproduced_within_a_tenth(experiment: Experiment) -> None:
+    trace = run_virtually(published(experiment), System.BARE)
+    (_, _, ratio) = compared(trace, figures_of(trace))["settling_s"]
+    assert ratio == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("gain", [1.2, 2.0])
+def test_published_mean_lags_are_predicted_within_a_twentieth(gain: float) -> None:
+    trace = run_virtually(published(sine(proportional(gain))), System.BARE)
+    (_, _, ratio) = compared(trace, figures_of(trace))["mean_lag_s"]
+    assert ratio == pytest.approx(1.0, abs=0.05)
+
+
+def test_oscillation_begins_at_the_published_gain_where_the_command_is_limited() -> None:
+    calm, swinging = (figures_of(run_virtually(step(proportional(gain)))) for gain in (1.8, 2.0))
+    assert isinstance(calm, StepFigures)
+    assert isinstance(swinging, StepFigures)
+    assert calm.overshoot_deg < 0.1 < swinging.overshoot_deg
+
+
+def test_better_law_has_neither_the_lag_nor_the_error() -> None:
+    figures = figures_of(run_virtually(sine(PREDICTION)))
+    assert isinstance(figures, SineFigures)
+    assert abs(figures.delay_s) < 0.003
+    assert figures.max_error_deg < 0.05
+
+
+def test_fit_prefers_what_is_committed_to_a_longer_lag() -> None:
+    best, other = fit(((FITTED.delay, FITTED.lag), (0.020, 0.0)))
+    assert (best.delay, best.lag) == (FITTED.delay, FITTED.lag)
+    assert best.cost < other.cost
+
+
+def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -> None:
+    trips, datagrams, lost = virtual_trips(50)
+    assert (len(trips), lost) == (50, 0)
+    assert datagrams > 50
+    assert all(0.008 < trip.total < 0.0121 for trip in trips)
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    """A few experiments of many."""
+    results = Results(settings={"versions": {"python": "3"}})
+    for experiment in (step(proportional(1.2)), sine(proportional(1.2))):
+        results.add(System.BARE, run_virtually(published(experiment), System.BARE))
+    results.measured[System.BARE] = Measured(trips=virtual_trips(20)[0])
+    results.close_measured(System.BARE)
+    return results
+
+
+def test_report_has_tables_pictures_for_both_themes_and_raw_data(results: Results, tmp_path: Path) -> None:
+    page = write_report(results, tmp_path).read_text(encoding="utf-8")
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 |" in text
+    assert '<source media="(prefers-color-scheme: dark)" srcset="figures/steps_dark.svg">' in page
+    assert (tmp_path / "figures" / "steps_dark.svg").read_text(encoding="utf-8").count("#e6edf3") > 5
+    rows = (tmp_path / "data" / "bare_step10_fullspeed_p1.2_right.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[:2] == ["what,time_s,yumi_joint_6_r_deg", "goal,0.000000,10.000000"]
+    assert "is not complete" in text
+
+
+def test_json_has_the_documented_names(results: Results, tmp_path: Path) -> None:
+    write_json(results, tmp_path / "figures.json")
+    content = json.loads((tmp_path / "figures.json").read_text(encoding="utf-8"))
+    assert content == document(results)
+    assert (content["format"], content["complete"]) == ("yumi-evaluation/1", False)
+    found = content["experiments"]["bare/sine10_fullspeed_p1.2_right"]
+    assert found["published"] == {"mean_lag_s": 0.156, "max_lag_s": 0.184}
+    assert found["ratio_to_published"]["mean_lag_s"] == pytest.approx(found["mean_lag_s"] / 0.156)
+    assert len(content["kpis"]["bare"]) == 7
+    assert "total" in content["round_trips_s"]["bare"]["egm_loop"]
+
+
+def test_explanation_names_the_figures_it_rests_on(results: Results) -> None:
+    told = Results(runs=list(results.runs), variants={Variant.SHIPPED_ROBOT: 0.78, Variant.GUARDED_FIT: 0.88})
+    told.add(System.SHIPPED, run_virtually(step(proportional(1.2))))
+    (guard,) = [text for text in explanations(told) if text.startswith("Steps, guard")]
+    assert "takes 0.89 s, without a guard 0.77 s" in guard
+    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard
+
+
+def test_nothing_is_explained_that_was_not_run() -> None:
+    assert explanations(Results()) == []
+
+
+def test_real_time_stands_beside_virtual_time(results: Results) -> None:
+    (bare, *_) = results.runs
+    both = Results(runs=[replace(bare, system=system) for system in (System.SHIPPED, System.WIRE)])
+    table = real_time_table(both)
+    assert table is not None
+    assert table.rows == (("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "1.00"),)
+    assert document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]["ratio_to_virtual"] == 1.0
+
+
+def test_same_experiment_gives_the_same_figures(results: Results) -> None:
+    again = figures_of(run_virtually(step(proportional(1.2)), System.BARE))
+    assert again == results.runs[0].figures
+
+
+def test_command_reports_what_was_done_when_it_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import os
+    import signal
+
+    def interrupted(results: Results, on_step: evaluation_results.OnStep) -> None:
+        results.add(System.BARE, run_virtually(step(proportional(1.6)), System.BARE))
+        os.kill(os.getpid(), signal.SIGINT)
+        on_step("never begins")
+
+    monkeypatch.setattr(evaluation_results, "evaluate_virtually", interrupted)
+    result = CliRunner().invoke(main, ["evaluate", "--virtual-time", "--output", str(tmp_path)])
+    assert result.exit_code == 130
+    assert "Ended early" in result.output
+    assert (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("evaluate", "--virtual-time", "--robot", "1.2.3.4"), "A real robot knows no virtual time"),
+        (("tune", "--from", "2", "--to", "1"), "--from must be below --to"),
+    ],
+)
+def test_command_refuses_what_makes_no_sense(arguments: tuple[str, ...], sentence: str) -> None:
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 1
+    assert sentence in result.output
+
+
+def test_tune_recommends_a_gain_with_a_picture(tmp_path: Path) -> None:
+    picture = tmp_path / "tune.svg"
+    result = CliRunner().invoke(main, ["tune", "--from", "1.5", "--to", "1.7", "--picture", str(picture)])
+    assert result.exit_code == 0
+    assert "Recommended: P = " in result.output
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")

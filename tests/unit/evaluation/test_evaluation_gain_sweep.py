@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+import pytest
+
+from yumi.evaluation.evaluation_screen import recommendation_text
+from yumi.evaluation.experiment import Trace, proportional, step
+from yumi.evaluation.gain_sweep import GainPoint, Recommendation, Task, onset_of, recommend
+from yumi.evaluation.tracking_figures import StepFigures
+
+
+def point(gain: float, overshoot_deg: float) -> GainPoint:
+    return GainPoint(gain, StepFigures(0.5, overshoot_deg, 0, 0.0), Trace(step(proportional(gain)), (), {}))
+
+
+@pytest.mark.parametrize(
+    ("overshoots", "onset"),
+    [((0.0, 0.0, 0.5), 3.0), ((0.0, 0.5, 0.5), 2.0), ((0.5, 0.0, 0.5), 3.0), ((0.0, 0.0, 0.0), None)],
+)
+def test_onset_is_the_gain_from_which_on_all_oscillate(overshoots: tuple[float, ...], onset: float | None) -> None:
+    points = [point(gain, overshoot) for gain, overshoot in zip((1.0, 2.0, 3.0), overshoots, strict=True)]
+    assert onset_of(points) == onset
+
+
+def test_recommended_gain_is_the_quickest_that_swings_with_neither_robot() -> None:
+    found = recommend((1.6, 2.4), Task())
+    assert found.gain == 1.6
+    assert found.settling_s == pytest.approx(0.66, abs=0.03)
+    assert found.onset == 2.4
+    assert "Recommended: P = 1.6" in recommendation_text(found)
+
+
+def test_text_says_that_no_gain_does() -> None:
+    text = recommendation_text(Recommendation(None, None, 1.0, (), ()))
+    assert text == "No gain up to 2 settles without overshoot; oscillation is seen from P = 1."
