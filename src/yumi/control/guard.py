@@ -88,6 +88,7 @@ class Guard:
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
+        self._feed_forward.note(state.planned, self._shaper.position)
         if not self._is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
             self._shaper.look_ahead(min(state.dt, self.longest_step))
 
