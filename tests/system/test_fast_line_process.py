@@ -121,7 +121,9 @@ def test_fast_line_lists_its_controllers(fast_lines: FastLines) -> None:
 
 
 def test_fast_line_loads_what_it_knows_and_lists_its_parameters(fast_lines: FastLines) -> None:
-    (kind,) = (kind for kind in fast_lines.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("PositionController"))
+    (kind,) = (
+        kind for kind in fast_lines.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("/JointPositionController")
+    )
     fast_lines.ask(LoadController(RIGHT, "second", kind, {"p": 0.5}))
     fast_lines.ask(ConfigureController(RIGHT, "second"))
     (info,) = (

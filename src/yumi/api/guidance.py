@@ -111,6 +111,7 @@ class Guidance:
             RobotNotReady: an arm does not follow.
         """
         checked = {side: checked_goal(side, goal) for side, goal in goals.items()}
+        speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
         self._lead(checked)
         motions = {side: self._book.begin(side) for side in checked}
         orders = [
@@ -251,3 +252,17 @@ def checked_goal(side: Side, goal: Position) -> Joints:
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
         check_position(name, index, value)
     return joints(values)
+
+
+def checked_scale(name: str, value: object) -> float | None:
+    """A share of the joints' limits as a plain number, which another process can read; None stays.
+
+    Raises:
+        CommandRefused: no number.
+    """
+    if value is None:
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error

@@ -114,12 +114,15 @@ class FastLineProcess:
         """Have the process end when the arm stands; :meth:`join` follows."""
         self._is_wanted = False
         try:
-            self._child.pipe.send(Stop())
+            with self._lock:
+                self._child.pipe.send(Stop())
         except PipeClosed:
             return  # it has ended by itself, which is what we want
 
     def join(self) -> None:
         """Wait for the end of the process, which comes by force when it takes too long."""
+        if not self._child.is_started:
+            return
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
         if self._reader.ident is not None:
@@ -180,9 +183,9 @@ class FastLines:
         Raises:
             NoConnection: one cannot listen for the robot; none runs any more.
         """
-        for line in self._lines.values():
-            line.start()
         try:
+            for line in self._lines.values():
+                line.start()
             for line in self._lines.values():
                 line.wait_until_it_listens()
         except BaseException:
