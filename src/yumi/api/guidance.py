@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol, SupportsFloat
 
 from yumi.api.motions import LAST_STOP, Motion, MotionBook
@@ -128,22 +129,20 @@ class Guidance:
             RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        wanted = {side: _timed_points(points) for side, points in trajectories.items()}
-        for side, points in wanted.items():
-            self._plan(side, points, None)
-        for side in wanted:
+        plans = {side: self._plan(side, _timed_points(points)) for side, points in trajectories.items()}
+        for side in plans:
             self._check_follows(side)
-        for side in wanted:
+        for side in plans:
             self._take_over(side, TRAJECTORY_CONTROLLER)
-        start = self._clock.now() + COMMON_START if len(wanted) > 1 else None
-        motions = {side: self._book.begin(side) for side in wanted}
+        start = self._clock.now() + COMMON_START if len(plans) > 1 else None
+        motions = {side: self._book.begin(side) for side in plans}
         orders = [
             Order(
                 side,
                 TRAJECTORY_CONTROLLER,
-                FollowTrajectory(self._plan(side, points, start), motions[side].identity, ARRIVAL),
+                FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
             )
-            for side, points in wanted.items()
+            for side, plan in plans.items()
         ]
         return self._send(orders, tuple(motions.values()))
 
@@ -175,8 +174,8 @@ class Guidance:
             self._streaming[side] = (snapshot.session, snapshot.activation)
         put_goal(self._goals[side], snapshot.session, checked)
 
-    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...], start: float | None) -> ArmPlan:
-        return plan_trajectory(JointTrajectory(joint_names(side), points, start), (side,), self._limits)[side]
+    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...]) -> ArmPlan:
+        return plan_trajectory(JointTrajectory(joint_names(side), points), (side,), self._limits)[side]
 
     def _take_over(self, side: Side, name: str) -> None:
         """From standstill: the controllers lead an arm by different laws."""

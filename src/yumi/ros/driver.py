@@ -47,14 +47,12 @@ from yumi.robot.limits import JointLimits
 from yumi.ros.arm_manager import ArmManager
 from yumi.ros.command_topics import (
     CommandTopic,
-    ForwardPositionTopic,
-    ForwardVelocityTopic,
     JointCommandTopic,
     JointVelocityTopic,
 )
-from yumi.ros.controller_interfaces import CONTROLLER_INTERFACES
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
+from yumi.ros.forward_controllers import forward_interfaces
 from yumi.ros.gripper_action import GripperAction
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.robot_manager import RobotManagerServices
@@ -110,13 +108,16 @@ class RosDriver:
             clock,
             limits,
         )
-        interfaces = {**CONTROLLER_INTERFACES, **self._trajectories.interfaces}
+        self._stream_node = stream_node()
+        self._stream_nodes = {side: stream_node(side.value) for side in Side}
+        interfaces = {
+            **self._trajectories.interfaces,
+            **forward_interfaces(self._stream_nodes, fast_lines, clock.now),
+        }
         self._arms = {
             side: ArmManager(side, fast_lines, controllers[side], self._executor, interfaces, clock) for side in Side
         }
         self._gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
-        self._stream_node = stream_node()
-        self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._states = [
             JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
         ]
@@ -130,8 +131,8 @@ class RosDriver:
             for topic, box in _command_topics(self._boxes[side])
         ]
         self._services = RobotManagerServices(self._manager_node, manager, MutuallyExclusiveCallbackGroup(), self._look)
-        self._merged = MergedJointStates(self._stream_node, self._boxes, lambda: dict(self._fingers), merged_rate)
-        self._descriptions = publish_descriptions(self._manager_node)
+        self._merged = MergedJointStates(self._stream_node, self._boxes, self._fingers.copy, merged_rate, clock)
+        self._descriptions = publish_descriptions(self._manager_node, limits)
         self._publish_health()
         self._threads = [
             Thread(target=self._spin, args=(self._executor,), name="executor"),
@@ -244,8 +245,6 @@ def _command_topics(boxes: ArmBoxes) -> tuple[tuple[type[CommandTopic], Mailbox]
     return (
         (JointCommandTopic, boxes.goals),
         (JointVelocityTopic, boxes.speeds),
-        (ForwardPositionTopic, boxes.forward_positions),
-        (ForwardVelocityTopic, boxes.forward_speeds),
     )
 
 
