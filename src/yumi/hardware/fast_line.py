@@ -91,6 +91,10 @@ class Question(NamedTuple):
     request: Request
 
 
+UNREADABLE = 0
+"""Stands for the number of a request that could not be read."""
+
+
 class Answer(NamedTuple):
     """What became of the request of that number."""
 
@@ -193,8 +197,8 @@ class FastLine:
         except PipeClosed:
             self._begin_to_end()
             return
-        except Exception as error:  # cannot be unpickled; it was read whole, the next one is sound
-            self._note_failure(error)
+        except Exception as error:  # it was read whole: the next one is sound
+            self._send(Answer(UNREADABLE, Refusal(f"The request cannot be read: {type(error).__name__}: {error}.")))
         self._poller.watch(self._pipe, self._note_mail)
 
     def _serve(self, mail: Question | Stop) -> None:

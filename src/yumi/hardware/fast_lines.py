@@ -21,7 +21,7 @@ from yumi.control.requests import (
 )
 from yumi.control.snapshot import Snapshot, peek_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.hardware.fast_line import LAST_HOLD, Answer, ArmBoxes, Build, Question, run_fast_line
+from yumi.hardware.fast_line import LAST_HOLD, UNREADABLE, Answer, ArmBoxes, Build, Question, run_fast_line
 from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
 from yumi.robot.joints import Side
@@ -154,7 +154,7 @@ class FastLineProcess:
                 self._on_event(value)
 
     def _take_answer(self, answer: Answer) -> None:
-        if answer.number == self._number:
+        if answer.number in (self._number, UNREADABLE):
             self._answers.append(answer.reply)
             self._answered.set()
 
