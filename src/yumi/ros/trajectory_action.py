@@ -38,6 +38,7 @@ from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.trajectory_query import TrajectoryQuery
 
 TOGETHER = 0.1
 """Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
@@ -74,7 +75,10 @@ class _OpenGoal:
 
 
 class TrajectoryAction:
-    """Serves ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``.
+    """Serves all topics, services and actions that a trajectory controller has.
+
+    ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``,
+    ``~/query_state``.
 
     For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
     on the trajectory they were told to be at [s].
@@ -118,6 +122,7 @@ class TrajectoryAction:
         node.create_subscription(
             SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
         )
+        self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
         node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
@@ -183,6 +188,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open.pop(number, None)
             raise
+        self._query.note(number, plans)
 
     def _start(self, message: Any) -> float | None:
         """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
