@@ -215,8 +215,9 @@ def query(client: Client, seconds: float) -> Any:
 
 
 def test_query_tells_where_the_trajectory_will_be(right: Goals, egm: Client) -> None:
-    begin = position(egm)
-    handle = right.send(swing(egm, 0.5, 4.0))
+    begin, trajectory = position(egm), swing(egm, 0.5, 4.0)
+    trajectory.points.insert(0, point(begin, 0.0))
+    handle = right.send(trajectory)
     egm.until(lambda: bool(query(egm, 2.0).success))
     answer = query(egm, 1.0)
     assert list(answer.name) == NAMES

@@ -41,8 +41,8 @@ class ManagerParameters:
         Raises:
             CommandRefused: nobody has said.
         """
-        kinds = self._texts(f"{name}.type")
-        if len(kinds) != 1 or not kinds[0]:
+        kinds = tuple(text for text in self._texts(f"{name}.type") if text)
+        if len(kinds) != 1:
             raise CommandRefused(
                 f"Controller {name!r} has {'no type' if not kinds else f'the types {kinds}'}; set the parameter "
                 f"{name}.type of {self._node.get_name()} to one first."

@@ -25,7 +25,7 @@ class TrajectoryQuery:
     """Serves ``~/query_state`` as upstream.
 
     ``success`` is false when the controller is inactive or, with the present values, when nothing is followed or the
-    time is before the first point or after the last.
+    time is before the first point, to which the controller plans the way itself, or after the last.
 
     Args:
         node: the controller's node.
