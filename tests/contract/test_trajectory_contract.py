@@ -199,6 +199,15 @@ def test_speed_scaling_of_zero_lets_the_arm_stand_until_it_goes_on(arm: Trajecto
     assert arm.end().outcome is Outcome.SUCCEEDED
 
 
+def test_parameter_that_is_set_leaves_the_speed_scale_alone(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 1.0, 2.0), tolerances=CLOSE)
+    arm.order(ScaleSpeed(0.0))
+    arm.run(1.0)
+    arm.set({"constraints.goal_time": 5.0})
+    place = arm.position
+    assert arm.run(0.5)[-1].state.position == pytest.approx(place, abs=1e-4)
+
+
 def test_stamp_in_the_future_is_waited_for(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 0.5, 1.0, start=arm.now + 0.5))
     assert arm.run(0.4)[-1].state.position == pytest.approx(HOME, abs=1e-6)

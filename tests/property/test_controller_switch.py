@@ -9,19 +9,34 @@ from random import Random
 import pytest
 
 from egm_loop import EgmLoop
+from trajectories import planned
 from yumi.control.controller import Controller
-from yumi.control.goals import put_goal
+from yumi.control.goals import put_goal, put_speeds
 from yumi.control.lifecycle import State
 from yumi.control.mailbox import Mailbox, MemoryMailbox
 from yumi.control.parameter import Values
+from yumi.control.spline import TrajectoryPoint
+from yumi.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.controllers.joint_goal import JointGoalController
 from yumi.controllers.joint_position import JointPositionController
-from yumi.robot.joints import joints
+from yumi.controllers.joint_trajectory import JointTrajectoryController
+from yumi.controllers.joint_velocity import JointVelocityController
+from yumi.controllers.trajectory_orders import FollowTrajectory
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 
 SWITCHES = 1000
-MAKERS: Mapping[str, tuple[Callable[[Mailbox], Controller], Values]] = {
-    "gentle": (JointPositionController, {"p": 0.6}),
-    "strong": (JointPositionController, {"p": 2.0}),
+TRAJECTORY = "trajectory"
+MAKERS: Mapping[str, tuple[Callable[[Mailbox, Mailbox], Controller], Values]] = {
+    "gentle": (lambda goals, speeds: JointPositionController(goals), {"p": 0.6}),
+    "strong": (lambda goals, speeds: JointPositionController(goals), {"p": 2.0}),
+    "stream": (lambda goals, speeds: JointPositionController(goals), {"tracking.feed_forward": True}),
+    "velocity": (lambda goals, speeds: JointVelocityController(speeds), {}),
+    "forward_position": (JointGroupPositionController, {}),
+    "forward_velocity": (JointGroupVelocityController, {}),
+    "goal": (lambda goals, speeds: JointGoalController(goals), {"speed_scale": 1.0, "acceleration_scale": 1.0}),
+    TRAJECTORY: (lambda goals, speeds: JointTrajectoryController(Side.LEFT, MemoryMailbox()), {}),
 }
 """Every controller that may be switched to: how it is made, given where its goals arrive, and its parameters."""
 
@@ -31,10 +46,11 @@ class SwitchedLoop(EgmLoop):
 
     def __init__(self) -> None:
         super().__init__()
-        self.goals = MemoryMailbox()
+        self.goals, self.speeds = MemoryMailbox(), MemoryMailbox()
         self.active: str | None = None
+        self.followed = 0
         for name, (make, values) in MAKERS.items():
-            self.manager.load(name, make(self.goals))
+            self.manager.load(name, make(self.goals, self.speeds))
             self.manager.configure(name, values)
 
     def switch(self, name: str | None) -> None:
@@ -43,10 +59,25 @@ class SwitchedLoop(EgmLoop):
         self.active = name
 
     def send_goal(self, random: Random) -> None:
-        """Somewhere in the middle half of every joint's range."""
+        """Somewhere in the middle half of every joint's range, at any speed; however the active controller takes it."""
         ranges = zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)
         goal = joints([low + (high - low) * random.uniform(0.25, 0.75) for low, high in ranges])
         put_goal(self.goals, self.snapshot.session, goal)
+        put_speeds(
+            self.speeds, self.snapshot.session, joints([random.uniform(-top, top) for top in YUMI_LIMITS.velocity])
+        )
+        if self.active == TRAJECTORY:
+            self._follow(goal, random.uniform(0.5, 2.0))
+
+    def _follow(self, goal: Joints, seconds: float) -> None:
+        """On a line; refused while the arm comes to rest from what another controller had it do."""
+        assert self.line.state is not None
+        points = (TrajectoryPoint(0.0, self.line.state.planned), TrajectoryPoint(seconds, goal))
+        try:
+            self.manager.receive(TRAJECTORY, FollowTrajectory(planned(points), self.followed + 1), self.line.state)
+        except CommandRefused:
+            return
+        self.followed += 1
 
 
 def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
@@ -58,16 +89,20 @@ def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
         for _ in range(random.randint(0, 5)):
             loop.cycle()
         loop.send_goal(random)
-        for _ in range(random.randint(1, 20)):
+        for _ in range(random.choice([1, 5, 20, 60])):
             loop.cycle()
 
 
 def assert_within_limits(loop: SwitchedLoop) -> None:
+    """Neither the admitted command nor what the robot makes of it and of the speeds beside it moves too fast."""
     for before, after in pairwise(loop.cycles):
-        room = after.state.dt * 1.001
-        steps = zip(before.admitted.position, after.admitted.position, YUMI_LIMITS.velocity, strict=True)
-        assert all(abs(new - old) <= speed * room + 1e-9 for old, new, speed in steps)
-        assert all(map(float.__le__, map(abs, after.admitted.velocity), YUMI_LIMITS.velocity))
+        assert_step(before.admitted.position, after.admitted.position, after.state.dt)
+        assert_step(before.state.planned, after.state.planned, after.state.dt)
+
+
+def assert_step(before: Joints, after: Joints, dt: float) -> None:
+    steps = zip(before, after, YUMI_LIMITS.velocity, strict=True)
+    assert all(abs(new - old) <= speed * dt * 1.001 + 1e-9 for old, new, speed in steps)
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +113,7 @@ def loop() -> SwitchedLoop:
     loop.deactivate()
     speeds = list(speeds_at_switches(loop, Random(4)))
     assert sum(speed > 0.1 for speed in speeds) > SWITCHES / 2  # in mid-motion
+    assert loop.followed > 10
     return loop
 
 

@@ -13,10 +13,10 @@ from yumi.control.goals import GoalKind, peek_goal
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.values import ZERO
 from yumi.ros.command_topics import (
     CommandTopic,
-    ForwardPositionTopic,
-    ForwardVelocityTopic,
+    ForwardTopic,
     JointCommandTopic,
     JointVelocityTopic,
 )
@@ -35,6 +35,7 @@ class Boxes:
     def __init__(self) -> None:
         self.snapshots = MemoryMailbox()
         self.goals = MemoryMailbox()
+        self.speeds = MemoryMailbox()
 
 
 class Clock:
@@ -228,13 +229,52 @@ def test_velocity_topic_stops_joints_that_are_not_named(node: Node, boxes: Boxes
     assert taken.velocity == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
 
 
-def test_forward_topics_pass_seven_values_on(node: Node, boxes: Boxes, middle: Joints) -> None:
-    commanding(ForwardPositionTopic, node, boxes, middle).take(Float64MultiArray(data=list(middle)))
+def forwarding(node: Node, boxes: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:
+    """The topic of the controller ``mine`` on an arm that the ``active`` ones command."""
+    put_snapshot(boxes.snapshots, commanded(ZERO, goal_kind=kind))
+    both = (boxes.goals, boxes.speeds)
+    return ForwardTopic(
+        node, Side.RIGHT, both, lambda: peek_snapshot(boxes.snapshots), lambda: 1.0, "mine", lambda: active
+    )
+
+
+def test_forward_topic_passes_seven_positions_on(node: Node, boxes: Boxes, middle: Joints) -> None:
+    topic = forwarding(node, boxes, GoalKind.FORWARD_POSITION, {"mine"})
+    topic.take(Float64MultiArray(data=list(middle)))
+    assert topic.name == "mine/commands"
     assert newest(boxes, 3) == (1, middle)
-    commanding(ForwardVelocityTopic, node, boxes, middle).take(Float64MultiArray(data=[0.1] * 7))
-    _, taken = peek_goal(boxes.goals, 3)
+
+
+def test_forward_topic_passes_seven_speeds_on(node: Node, boxes: Boxes) -> None:
+    forwarding(node, boxes, GoalKind.FORWARD_VELOCITY, {"mine"}).take(Float64MultiArray(data=[0.1] * 7))
+    _, taken = peek_goal(boxes.speeds, 3)
     assert taken is not None
     assert taken.velocity == (0.1,) * 7
+
+
+@pytest.mark.parametrize(
+    ("kind", "active", "values", "sentence"),
+    [
+        (GoalKind.FORWARD_POSITION, {"mine"}, [0.0] * 6, "Goal refused: it has 6 values; an arm has 7 joints."),
+        (
+            GoalKind.FORWARD_POSITION,
+            {"mine"},
+            [9.0] * 7,
+            "Goal refused: yumi_joint_1_r is 515.7°; its range is -168.5°",
+        ),
+        (GoalKind.FORWARD_VELOCITY, {"mine"}, [0.0] * 14, "Speed refused: it has 14 values; an arm has 7 joints."),
+        (GoalKind.FORWARD_VELOCITY, {"mine"}, [inf] * 7, "Speed refused: yumi_joint_1_r is inf; a speed is a finite"),
+        (GoalKind.POSITION, {"other"}, [0.0] * 7, "Command refused: no forward controller is active on the right arm;"),
+        (GoalKind.FORWARD_POSITION, {"other"}, [0.0] * 7, "Command refused: mine is not active on the right arm;"),
+    ],
+)
+def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
+    kind: GoalKind, active: set[str], values: list[float], sentence: str, node: Node, boxes: Boxes
+) -> None:
+    forwarding(node, boxes, kind, active).take(Float64MultiArray(data=values))
+    assert boxes.goals.peek() is boxes.speeds.peek() is None
+    (warning,) = node.warnings
+    assert warning.startswith(sentence)
 
 
 @pytest.mark.parametrize(
@@ -243,10 +283,6 @@ def test_forward_topics_pass_seven_values_on(node: Node, boxes: Boxes, middle: J
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[nan]), "yumi_joint_1_r is nan; a speed is a finite"),
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; it reaches 180°/s."),
         (JointVelocityTopic, JointState(name=[NAMES[0]]), "it names 1 joints and has 0 velocities; give one each."),
-        (ForwardPositionTopic, Float64MultiArray(data=[0.0] * 6), "it has 6 values; an arm has 7 joints."),
-        (ForwardPositionTopic, Float64MultiArray(data=[9.0] * 7), "yumi_joint_1_r is 515.7°; its range is -168.5°"),
-        (ForwardVelocityTopic, Float64MultiArray(data=[0.0] * 14), "it has 14 values; an arm has 7 joints."),
-        (ForwardVelocityTopic, Float64MultiArray(data=[inf] * 7), "yumi_joint_1_r is inf; a speed is a finite number"),
     ],
 )
 def test_other_topics_refuse_with_a_sentence_and_change_nothing(
@@ -263,8 +299,6 @@ def test_other_topics_refuse_with_a_sentence_and_change_nothing(
     ("kind", "sentence"),
     [
         (JointVelocityTopic, "Speed refused: no velocity controller is active on the right arm; activate one first."),
-        (ForwardPositionTopic, "Goal refused: no forward position controller is active on the right arm; "),
-        (ForwardVelocityTopic, "Speed refused: no forward velocity controller is active on the right arm; "),
     ],
 )
 def test_topics_refuse_what_no_active_controller_takes(

@@ -273,9 +273,13 @@ def test_controller_without_a_known_type_is_not_loaded(
     assert manager.state(spare) == "not loaded"
 
 
-def test_controller_whose_file_breaks_a_rule_is_not_loaded(manager: Manager, spare: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("entry", ["p: 1000.0", "p: [1, 2.0]", "update_rate: 248.0"])
+def test_controller_whose_file_breaks_a_rule_is_not_loaded(
+    manager: Manager, spare: str, entry: str, tmp_path: Path
+) -> None:
+    """A rule of the controller, of ROS's parser, and of the parameters that every controller has."""
     file = tmp_path / "spare.yaml"
-    file.write_text("/**:\n  ros__parameters:\n    p: 1000.0\n")
+    file.write_text(f"/**:\n  ros__parameters:\n    {entry}\n")
     assert manager.set_parameter(f"{spare}.params_file", texts([str(file)])).successful
     assert manager.set_parameter(f"{spare}.type", text(POSITION_KIND)).successful
     assert not manager.call("load_controller", name=spare).ok

@@ -10,6 +10,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
+from control_msgs.srv import QueryTrajectoryState
 from controller_manager_bench import BEST_EFFORT, STRICT, Manager
 from rclpy.action import ActionClient
 from ros_bench import Client
@@ -203,6 +204,28 @@ def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals,
     assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
     assert end.result.error_string == "The controller was deactivated; the arm holds."
     assert not right.send(swing(egm, 0.5, 4.0)).accepted
+
+
+def query(client: Client, seconds: float) -> Any:
+    """The state of the trajectory in some seconds."""
+    later = client.node.get_clock().now().nanoseconds + int(seconds * 1e9)
+    request = QueryTrajectoryState.Request()
+    request.time.sec, request.time.nanosec = later // 10**9, later % 10**9
+    return client.call(QueryTrajectoryState, f"r/{SINGLE}/query_state", request)
+
+
+def test_query_tells_where_the_trajectory_will_be(right: Goals, egm: Client) -> None:
+    begin, trajectory = position(egm), swing(egm, 0.5, 4.0)
+    trajectory.points.insert(0, point(begin, 0.0))
+    handle = right.send(trajectory)
+    egm.until(lambda: bool(query(egm, 2.0).success))
+    answer = query(egm, 1.0)
+    assert list(answer.name) == NAMES
+    assert begin[6] < answer.position[6] < begin[6] + 0.5
+    assert answer.velocity[6] > 0.0
+    right.wait(handle.cancel_goal_async())
+    right.result(handle)
+    egm.until(lambda: not query(egm, 0.0).success)
 
 
 def test_controller_state_tells_joints_and_where_they_are(right: Goals, egm: Client) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -114,6 +116,25 @@ def test_fast_line_answers_with_the_measured_position_then_follows_goals(fast_li
     assert 0.0 < (reply.position[0] or 0.0) < 0.2
 
 
+class Unreadable:
+    """Cannot be unpickled."""
+
+    def __reduce__(self) -> tuple[type, tuple[str]]:
+        return int, ("no number",)
+
+
+def test_fast_line_refuses_a_request_that_cannot_be_read_and_goes_on(fast_lines: FastLines) -> None:
+    with pytest.raises(CommandRefused, match=r"The request cannot be read: ValueError: .*no number"):
+        fast_lines.ask(SendOrders((Order(RIGHT, POSITION, Unreadable()),)))
+    assert fast_lines.ask(ListControllers(RIGHT)).controllers
+
+
+def test_fast_line_goes_on_when_the_terminal_stops_its_programs(fast_lines: FastLines, robot: Robot) -> None:
+    for child in active_children():
+        os.kill(child.pid or 0, signal.SIGTSTP)
+    assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
+
+
 def test_fast_line_lists_its_controllers(fast_lines: FastLines) -> None:
     infos = fast_lines.ask(ListControllers(RIGHT)).controllers
     states = {info.name: info.state for info in infos}
@@ -123,7 +144,9 @@ def test_fast_line_lists_its_controllers(fast_lines: FastLines) -> None:
 
 
 def test_fast_line_loads_what_it_knows_and_lists_its_parameters(fast_lines: FastLines) -> None:
-    (kind,) = (kind for kind in fast_lines.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("PositionController"))
+    (kind,) = (
+        kind for kind in fast_lines.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("/JointPositionController")
+    )
     fast_lines.ask(LoadController(RIGHT, "second", kind, {"p": 0.5}))
     fast_lines.ask(ConfigureController(RIGHT, "second"))
     (info,) = (

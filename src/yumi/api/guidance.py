@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol, SupportsFloat
 
 from yumi.api.motions import LAST_STOP, Motion, MotionBook
@@ -111,6 +112,7 @@ class Guidance:
             RobotNotReady: an arm does not follow.
         """
         checked = {side: checked_goal(side, goal) for side, goal in goals.items()}
+        speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
         self._lead(checked)
         motions = {side: self._book.begin(side) for side in checked}
         orders = [
@@ -127,22 +129,20 @@ class Guidance:
             RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        wanted = {side: _timed_points(points) for side, points in trajectories.items()}
-        for side, points in wanted.items():
-            self._plan(side, points, None)
-        for side in wanted:
+        plans = {side: self._plan(side, _timed_points(points)) for side, points in trajectories.items()}
+        for side in plans:
             self._check_follows(side)
-        for side in wanted:
+        for side in plans:
             self._take_over(side, TRAJECTORY_CONTROLLER)
-        start = self._clock.now() + COMMON_START if len(wanted) > 1 else None
-        motions = {side: self._book.begin(side) for side in wanted}
+        start = self._clock.now() + COMMON_START if len(plans) > 1 else None
+        motions = {side: self._book.begin(side) for side in plans}
         orders = [
             Order(
                 side,
                 TRAJECTORY_CONTROLLER,
-                FollowTrajectory(self._plan(side, points, start), motions[side].identity, ARRIVAL),
+                FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
             )
-            for side, points in wanted.items()
+            for side, plan in plans.items()
         ]
         return self._send(orders, tuple(motions.values()))
 
@@ -174,8 +174,8 @@ class Guidance:
             self._streaming[side] = (snapshot.session, snapshot.activation)
         put_goal(self._goals[side], snapshot.session, checked)
 
-    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...], start: float | None) -> ArmPlan:
-        return plan_trajectory(JointTrajectory(joint_names(side), points, start), (side,), self._limits)[side]
+    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...]) -> ArmPlan:
+        return plan_trajectory(JointTrajectory(joint_names(side), points), (side,), self._limits)[side]
 
     def _take_over(self, side: Side, name: str) -> None:
         """From standstill: the controllers lead an arm by different laws."""
@@ -251,3 +251,17 @@ def checked_goal(side: Side, goal: Position) -> Joints:
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
         check_position(name, index, value)
     return joints(values)
+
+
+def checked_scale(name: str, value: object) -> float | None:
+    """A share of the joints' limits as a plain number, which another process can read; None stays.
+
+    Raises:
+        CommandRefused: no number.
+    """
+    if value is None:
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error

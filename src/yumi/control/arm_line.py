@@ -84,8 +84,13 @@ class ArmLine:
 
     @property
     def is_still(self) -> bool:
-        """Whether the arm stands, as far as its last datagram tells, or cannot be heard any more."""
-        return self._last is None or max(map(abs, self._last.state.velocity)) < STANDING
+        """Whether the arm stands and is told to, or cannot be heard any more.
+
+        What is measured alone would not tell: it is behind the command, and the last command stays in force.
+        """
+        if self._last is None:
+            return True
+        return self._guard.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
 
     def is_datagram_due(self, now: float) -> bool:
         """Whether the next datagram may come any moment: what takes time waits until it is answered."""

@@ -41,10 +41,19 @@ class FeedForward:
         self._is_feeding = False
         self._speeds = [0.0] * JOINT_COUNT
         self._rates = [0.0] * JOINT_COUNT
+        self._planned: Joints | None = None
+        self._position: Joints = ZERO
 
     def end(self) -> None:
         """Forget; the robot is told no speed from now on."""
-        self.velocity, self._is_feeding = ZERO, False
+        self.velocity, self._is_feeding, self._planned = ZERO, False, None
+
+    def note(self, planned: Joints, position: Joints) -> None:
+        """Note where the robot planned to be and the position reference it was told then, both [rad], (7,).
+
+        What it makes of them is the motion that a speed sets in upon.
+        """
+        self._planned, self._position = planned, position
 
     def admit(self, planned: Joints, position: Joints, velocity: Joints, dt: float) -> Joints:
         """The speed that may be fed forward [rad/s], (7,), next to ``velocity``.
@@ -61,8 +70,7 @@ class FeedForward:
             return ZERO
         if not self._is_feeding:
             self._is_feeding = True
-            self._speeds = [self._gain * (ahead - now) for ahead, now in zip(position, planned, strict=True)]
-            self._rates = [0.0] * JOINT_COUNT
+            self._begin(planned, dt)
         admitted = [
             self._admit_joint(index, now + last * dt, ahead, speed, last, dt)
             for index, (now, ahead, speed, last) in enumerate(
@@ -72,6 +80,15 @@ class FeedForward:
         is_over = velocity is ZERO and max(map(abs, admitted)) < _REST
         self.velocity = ZERO if is_over else joints(admitted)
         return self.velocity
+
+    def _begin(self, planned: Joints, dt: float) -> None:
+        """Set in upon the motion that the position references before made."""
+        if self._planned is None:
+            self._speeds, self._rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
+            return
+        self._speeds = [self._gain * (ahead - now) for ahead, now in zip(self._position, planned, strict=True)]
+        steps = zip(self._speeds, planned, self._planned, strict=True)
+        self._rates = [(speed - (now - before) / dt) / dt for speed, now, before in steps]
 
     def _admit_joint(self, index: int, now: float, ahead: float, speed: float, last: float, dt: float) -> float:
         """The share of one joint; ``now`` is where it will be when the robot takes the command."""

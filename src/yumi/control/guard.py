@@ -46,6 +46,7 @@ class Guard:
     Attributes:
         counters: what it changed so far.
         longest_step: no command moves further than the joints may within this time [s].
+        is_at_rest: whether the robot is told to stand, and no command leads it any more.
 
     Args:
         limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves, and how
@@ -61,7 +62,7 @@ class Guard:
         self._session = 0
         self._shaper = MotionShaper(limits)
         self._feed_forward = FeedForward(limits, gain)
-        self._is_at_rest = True
+        self.is_at_rest = True
 
     def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
         """The command that may leave, next to ``wanted``; None holds.
@@ -79,7 +80,7 @@ class Guard:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if wanted is None or not self._may_go_on(state, wanted):
             return self._hold(state, dt)
-        self._is_at_rest = False
+        self.is_at_rest = False
         position = self._shape(self._inside(wanted.position), dt)
         velocity = self._feed_forward.admit(state.planned, position, wanted.velocity, dt)
         if self._feed_forward.is_bounded and position == wanted.position:  # else it is counted already
@@ -88,13 +89,14 @@ class Guard:
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
-        if not self._is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
+        self._feed_forward.note(state.planned, self._shaper.position)
+        if not self.is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
             self._shaper.look_ahead(min(state.dt, self.longest_step))
 
     def _passes_at_once(self, state: ArmState, wanted: ArmCommand) -> bool:
         """Whether there is nothing to do about ``wanted``: what most commands are."""
         return (
-            not self._is_at_rest
+            not self.is_at_rest
             and state.session == self._session
             and state.is_running
             and wanted.velocity is ZERO
@@ -105,7 +107,7 @@ class Guard:
     def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)
         self._feed_forward.end()
-        self._is_at_rest = True
+        self.is_at_rest = True
         return ArmCommand(position)
 
     def _hold(self, state: ArmState, dt: float) -> ArmCommand:
@@ -114,7 +116,7 @@ class Guard:
         A command runs ahead of the robot by its speed over the loop gain; taking this lead back at the rate the
         acceleration allows brings the robot to rest on its way, not where the lead points.
         """
-        if not self._is_at_rest:
+        if not self.is_at_rest:
             self._shaper.rest_at(self._with_less_lead(state, dt))
         position = self._shaper.position
         return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
@@ -122,7 +124,7 @@ class Guard:
     def _with_less_lead(self, state: ArmState, dt: float) -> Joints:
         last, planned = self._shaper.position, state.planned
         leads = [ahead - now for ahead, now in zip(last, planned, strict=True)]
-        self._is_at_rest = max(map(abs, leads)) < _NO_LEAD and self._feed_forward.velocity is ZERO
+        self.is_at_rest = max(map(abs, leads)) < _NO_LEAD and self._feed_forward.velocity is ZERO
         limits = zip(leads, state.velocity, self._limits.acceleration, strict=True)
         less = [_less_lead(lead, speed, gain, dt) for lead, speed, gain in limits]
         steps = zip(last, planned, less, self._limits.velocity, strict=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from yumi.control.requests import CheckOrders, Done, HoldArm, Order, SendOrders
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 
 Ask = Callable[[Side, CheckOrders | SendOrders | HoldArm], Done]
@@ -36,7 +36,7 @@ def send_orders(orders: Sequence[Order], ask: Ask) -> Done:
     for side, own in _by_side(orders).items():
         try:
             ask(side, SendOrders(own))
-        except CommandRefused as refusal:
+        except YumiError as refusal:
             for other in told:
                 ask(other, HoldArm(other))
             held = "".join(f" The {other.word} arm had taken its order and holds." for other in told)

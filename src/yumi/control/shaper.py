@@ -135,10 +135,10 @@ class MotionShaper:
         if self._generator.update(self._input, self._output) not in (Result.Working, Result.Finished):
             self.rest_at(self.position)
             return self.position
-        self.position = joints(self._output.new_position)
+        before, self.position = self.position, joints(self._output.new_position)
         self._velocity = joints([new + speed for new, speed in zip(self._output.new_velocity, frame, strict=True)])
         self._acceleration = joints(self._output.new_acceleration)
-        self._keep_in_range()
+        self._keep_in_range(before)
         return self.position
 
     def _settle(self) -> None:
@@ -201,15 +201,17 @@ class MotionShaper:
                 return False
         return True
 
-    def _keep_in_range(self) -> None:
-        """The last resort, should the way to a target lead past the end of the range."""
-        outside = self._limits.outside(self.position)
-        while outside is not None:
-            low, high = self._limits.lower[outside], self._limits.upper[outside]
-            self.position = _replaced(self.position, outside, max(low, min(high, self.position[outside])))
-            self._velocity = _replaced(self._velocity, outside, 0.0)
-            self._acceleration = _replaced(self._acceleration, outside, 0.0)
-            outside = self._limits.outside(self.position)
+    def _keep_in_range(self, before: Joints) -> None:
+        """The last resort, should the way to a target lead past the end of the range, or further away from it."""
+        if self._limits.outside(self.position) is None:
+            return
+        rows = zip(self._limits.lower, self._limits.upper, before, self.position, strict=True)
+        for index, (low, high, old, new) in enumerate(rows):
+            kept = max(min(low, old), min(max(high, old), new))
+            if kept != new:
+                self.position = _replaced(self.position, index, kept)
+                self._velocity = _replaced(self._velocity, index, 0.0)
+                self._acceleration = _replaced(self._acceleration, index, 0.0)
 
 
 def _way_to_stop(speed: float, acceleration: float, jerk: float) -> float:

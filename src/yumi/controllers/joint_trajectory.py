@@ -102,7 +102,6 @@ class JointTrajectoryController(Controller):
 
     def configure(self, values: Values) -> None:
         self._settings = TrajectorySettings.of(values, self._names, self._limits.acceleration)
-        self._scale = self._settings.scale
 
     def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))

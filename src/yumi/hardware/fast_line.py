@@ -91,6 +91,10 @@ class Question(NamedTuple):
     request: Request
 
 
+UNREADABLE = 0
+"""Stands for the number of a request that could not be read."""
+
+
 class Answer(NamedTuple):
     """What became of the request of that number."""
 
@@ -104,7 +108,7 @@ Build = Callable[[Side, Mapping[Side, ArmBoxes]], WiredArm]
 
 def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: Mapping[Side, ArmBoxes], wake: WakeMode) -> None:
     """Main function of the process."""
-    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
         signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
     try:
         arm = build(side, boxes)
@@ -130,21 +134,22 @@ class FastLine:
         self._wait = wait
         self._stop_at: float | None = None
         self._desk = RequestDesk({side: arm.line})
-        self._questions: list[Question] = []
+        self._has_mail = False
         self._failures: dict[str, float] = {}
         self._poller = Poller()
         self._poller.watch(arm.socket, self._answer)
-        self._poller.watch(pipe, self._receive)
+        self._poller.watch(pipe, self._note_mail)
         wait.prepare(self._rehearse)
 
     def run(self) -> None:
         """Serve datagrams and requests until told to stop, and until the arm stands."""
         line = self._line
         while not self._may_end():
+            looked = self._clock.now()  # what comes later may lie in the socket while we do something else
             self._wait.wait(self._poller, line.state is not None)
-            if self._questions and not line.is_datagram_due(self._clock.now()):
-                self._answer_questions()
-            line.watch_silence(self._clock.now())
+            if self._has_mail and not line.is_datagram_due(self._clock.now()):
+                self._read_mail()
+            line.watch_silence(looked)
             for event in line.take_events():
                 self._tell(event)
         self._wait.close()
@@ -156,6 +161,7 @@ class FastLine:
             if self._line.run(arrival) is None:
                 return
         except Exception as error:
+            self._line.manager.deactivate_commanding()  # the next reply holds
             self._note_failure(error)
             return
         self._bell.release()
@@ -179,23 +185,27 @@ class FastLine:
             return False
         return self._clock.now() > self._stop_at or self._line.is_still
 
-    def _receive(self) -> None:
+    def _note_mail(self) -> None:
+        """To read a long trajectory takes longer than a reply: no datagram should have to wait for it."""
+        self._has_mail = True
+        self._poller.forget(self._pipe)
+
+    def _read_mail(self) -> None:
+        self._has_mail = False
         try:
-            question = self._pipe.receive()
+            self._serve(self._pipe.receive())
         except PipeClosed:
-            self._poller.forget(self._pipe)
             self._begin_to_end()
             return
-        if isinstance(question, Stop):
+        except Exception as error:  # it was read whole: the next one is sound
+            self._send(Answer(UNREADABLE, Refusal(f"The request cannot be read: {type(error).__name__}: {error}.")))
+        self._poller.watch(self._pipe, self._note_mail)
+
+    def _serve(self, mail: Question | Stop) -> None:
+        if isinstance(mail, Stop):
             self._begin_to_end()
         else:
-            self._questions.append(question)
-
-    def _answer_questions(self) -> None:
-        """A list of many controllers takes as long as a reply: no datagram should have to wait for it."""
-        for number, request in self._questions:
-            self._send(Answer(number, self._desk.serve(request, self._clock.now())))
-        self._questions.clear()
+            self._send(Answer(mail.number, self._desk.serve(mail.request, self._clock.now())))
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD

@@ -21,7 +21,7 @@ from yumi.control.requests import (
 )
 from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.hardware.fast_line import LAST_HOLD, Answer, ArmBoxes, Build, Question, run_fast_line
+from yumi.hardware.fast_line import LAST_HOLD, UNREADABLE, Answer, ArmBoxes, Build, Question, run_fast_line
 from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
 from yumi.robot.joints import Side
@@ -114,12 +114,15 @@ class FastLineProcess:
         """Have the process end when the arm stands; :meth:`join` follows."""
         self._is_wanted = False
         try:
-            self._child.pipe.send(Stop())
+            with self._lock:
+                self._child.pipe.send(Stop())
         except PipeClosed:
             return  # it has ended by itself, which is what we want
 
     def join(self) -> None:
         """Wait for the end of the process, which comes by force when it takes too long."""
+        if not self._child.is_started:
+            return
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
         if self._reader.ident is not None:
@@ -151,7 +154,7 @@ class FastLineProcess:
                 self._on_event(value)
 
     def _take_answer(self, answer: Answer) -> None:
-        if answer.number == self._number:
+        if answer.number in (self._number, UNREADABLE):
             self._answers.append(answer.reply)
             self._answered.set()
 
@@ -184,9 +187,9 @@ class FastLines:
         Raises:
             NoConnection: one cannot listen for the robot; none runs any more.
         """
-        for line in self._lines.values():
-            line.start()
         try:
+            for line in self._lines.values():
+                line.start()
             for line in self._lines.values():
                 line.wait_until_it_listens()
         except BaseException:

@@ -27,6 +27,7 @@ GLANCE = 0.010
 """How often the silence of the robot is looked at when nothing arrives [s]."""
 
 _STEADINESS = 1.0 / 16.0  # weight of one rehearsal in what the next is expected to take
+_LONGEST_REHEARSAL = 0.001  # [s]; one that took longer was interrupted, and tells nothing about the next
 
 
 class WakeMode(Enum):
@@ -87,7 +88,8 @@ class Wait(ABC):
     def _rehearse(self) -> None:
         begin = self._clock.now()
         self._rehearsal()
-        self._rehearsal_time += _STEADINESS * (self._clock.now() - begin - self._rehearsal_time)
+        took = min(self._clock.now() - begin, _LONGEST_REHEARSAL)
+        self._rehearsal_time += _STEADINESS * (took - self._rehearsal_time)
 
 
 class BlockingWait(Wait):

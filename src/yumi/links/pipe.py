@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import struct
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from types import ModuleType
 from typing import Any
 
 from yumi.links.realtime import release_process
 from yumi.links.shared_memory import PROCESSES
+
+_LENGTH = struct.Struct("!i")  # what a Connection expects before each value
 
 
 class PipeClosed(Exception):
@@ -27,13 +32,19 @@ class PipeEnd:
         return self._connection.fileno()
 
     def send(self, value: object) -> None:
-        """Pass ``value`` on.
+        """Pass ``value`` on, at one go.
+
+        A :class:`Connection` would write the length of what is long first, and give the interpreter away before the
+        rest: who reads would wait for it in between.
 
         Raises:
             PipeClosed: nobody is left to read it.
         """
+        payload = ForkingPickler.dumps(value)
+        data = memoryview(_LENGTH.pack(len(payload)) + bytes(payload))
         try:
-            self._connection.send(value)
+            while data:
+                data = data[os.write(self.fileno(), data) :]
         except OSError as error:
             raise PipeClosed(str(error)) from error
 
@@ -74,6 +85,10 @@ class ChildProcess:
     @property
     def exit_code(self) -> int | None:
         return self._process.exitcode
+
+    @property
+    def is_started(self) -> bool:
+        return self._process.pid is not None
 
     def start(self) -> None:
         with _without_main_module():

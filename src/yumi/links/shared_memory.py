@@ -15,7 +15,7 @@ from typing import Protocol
 PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 """How processes are made: spawned, since a fork would copy threads and locks of ROS."""
 
-_LOOKS = 1000  # a letter takes some microseconds to write, a look as long to read
+_LOOKS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _HEAD = 2  # begun, finished: equal and not 0 when the letter is whole
 
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 from yumi.robot.joints import Side, finger_names, joint_names
 from yumi.robot.kinematics import compose, euler_zyx, foot_to_body
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import Pose, Vector
 
 FINGER_TRAVEL = 0.025
@@ -146,8 +146,12 @@ MATERIALS = {
 }
 
 
-def robot_description() -> str:
-    """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``."""
+def robot_description(limits: JointLimits = YUMI_LIMITS) -> str:
+    """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
+
+    Args:
+        limits: what the joints may do; tools take the speeds they plan with from here.
+    """
     robot = ET.Element("robot", name="yumi")
     for name, rgba in MATERIALS.items():
         ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
@@ -155,7 +159,7 @@ def robot_description() -> str:
     _add_link(robot, "yumi_body", BODY_MASS, BODY_SHAPES, "abb_grey")
     _add_joint(robot, "yumi_base_link_to_body", "fixed", ("yumi_base_link", "yumi_body"), Origin())
     for side in (Side.LEFT, Side.RIGHT):
-        _add_arm(robot, side)
+        _add_arm(robot, side, limits)
         _add_gripper(robot, side)
     ET.indent(robot)
     # No encoding in the declaration: lxml refuses a decoded string that names one.
@@ -175,7 +179,7 @@ def link_mass(index: int) -> Mass:
     return Mass(mass, centre, (xx * scale, xy * scale, xz * scale, yy * scale, yz * scale, zz * scale))
 
 
-def _add_arm(robot: ET.Element, side: Side) -> None:
+def _add_arm(robot: ET.Element, side: Side, limits: JointLimits) -> None:
     parent = "yumi_body"
     origins = (joint_1_origin(side), *JOINT_ORIGINS)
     for index, (name, origin) in enumerate(zip(joint_names(side), origins, strict=True)):
@@ -185,10 +189,10 @@ def _add_arm(robot: ET.Element, side: Side) -> None:
         ET.SubElement(joint, "axis", xyz="0 0 1")
         _add_limit(
             joint,
-            YUMI_LIMITS.lower[index],
-            YUMI_LIMITS.upper[index],
+            limits.lower[index],
+            limits.upper[index],
             JOINT_EFFORT,
-            YUMI_LIMITS.velocity[index],
+            limits.velocity[index],
         )
         friction = _number(JOINT_FRICTION[index])
         ET.SubElement(joint, "dynamics", damping=_number(JOINT_DAMPING), friction=friction)

@@ -10,7 +10,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 
 from yumi.clock import Clock
-from yumi.control.requests import ControllerNotice, Event, is_fault
+from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
@@ -78,6 +78,8 @@ class ArmManager:
         if isinstance(event, ControllerNotice):
             self._nodes.tell(event.controller, event.notice)
             return
+        if isinstance(event, FastLineEnded):
+            self._nodes.tell_all(event)
         log = self.node.get_logger()
         if is_fault(event):
             log.error(str(event))

@@ -5,15 +5,14 @@ topic                            type                       for
 ================================ ========================== ===================================================
 joint_commands                   sensor_msgs/JointState     joint_position_controller: positions, speeds if known
 joint_velocity_commands          sensor_msgs/JointState     joint_velocity_controller: velocities
-forward_position_controller/…    std_msgs/Float64MultiArray ``commands``: 7 positions by index
-forward_velocity_controller/…    std_msgs/Float64MultiArray ``commands``: 7 velocities by index
+<controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
 ================================ ========================== ===================================================
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from math import nan
 from typing import Any
 
@@ -70,7 +69,11 @@ class CommandTopic(ABC):
         self._snapshot = snapshot
         self._now = now
         self._given_in = (0, 0)  # session and activation
-        node.create_subscription(self.type, self.name, self.take, _QOS)
+        self._subscription = node.create_subscription(self.type, self.name, self.take, _QOS)
+
+    def destroy(self) -> None:
+        """Take no more commands."""
+        self._node.destroy_subscription(self._subscription)
 
     def take(self, message: Any) -> None:
         """Pass a command on, or say why not."""
@@ -94,6 +97,10 @@ class CommandTopic(ABC):
             CommandRefused: it breaks a rule.
         """
 
+    def is_for(self, kind: GoalKind) -> bool:
+        """Whether a controller that takes goals of ``kind`` takes these."""
+        return self.kind in kind
+
     def _age(self, message: Any) -> float:
         """How long ago the sender made ``message`` [s]; 0 where its stamp does not tell."""
         return 0.0
@@ -102,7 +109,7 @@ class CommandTopic(ABC):
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
             raise CommandRefused(f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.")
-        if self.kind not in snapshot.goal_kind:
+        if not self.is_for(snapshot.goal_kind):
             raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
         now = (snapshot.session, snapshot.activation)
         self.put(message, snapshot, time, is_new=self._given_in != now)
@@ -144,21 +151,56 @@ class JointVelocityTopic(CommandTopic):
         put_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
 
 
-class ForwardPositionTopic(CommandTopic):
-    """Positions by index."""
+class ForwardTopic(CommandTopic):
+    """Values by index for one controller, on ``<controller>/commands``: positions or velocities, as it forwards.
 
-    name, type, noun = "forward_position_controller/commands", Float64MultiArray, "Goal"
-    kind, taker = GoalKind.FORWARD_POSITION, "forward position controller"
+    Args:
+        node: the arm's node for topics alone.
+        side: which arm.
+        boxes: where positions go, and where velocities.
+        snapshot: what is known of the arm.
+        now: tells the time on the machine's monotonic clock [s].
+        controller: its name.
+        active: which controllers command the arm; asked after each activation.
+    """
+
+    type, noun, taker = Float64MultiArray, "Command", "forward controller"
+    kind = GoalKind.NONE
+
+    def __init__(
+        self,
+        node: Any,
+        side: Side,
+        boxes: tuple[Mailbox, Mailbox],
+        snapshot: Callable[[], Snapshot],
+        now: Callable[[], float],
+        controller: str,
+        active: Callable[[], Container[str]],
+    ) -> None:
+        self.name = self._controller = controller
+        self.name += "/commands"
+        self._positions, self._speeds = boxes
+        self._active = active
+        self._known = (0, False)  # the activation, and whether the controller commands in it
+        super().__init__(node, side, boxes[0], snapshot, now)
+
+    def is_for(self, kind: GoalKind) -> bool:
+        return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        put_goal(self._box, snapshot.session, positions_of(message, self._side), time=time)
+        self._check_active(snapshot.activation)
+        if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
+            put_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
+        else:
+            put_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
 
+    def tell(self, notice: object) -> None:
+        """A forward controller has nothing to tell."""
 
-class ForwardVelocityTopic(CommandTopic):
-    """Velocities by index."""
-
-    name, type, noun = "forward_velocity_controller/commands", Float64MultiArray, "Speed"
-    kind, taker = GoalKind.FORWARD_VELOCITY, "forward velocity controller"
-
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        put_speeds(self._box, snapshot.session, speeds_of(message, self._side), time)
+    def _check_active(self, activation: int) -> None:
+        if activation != self._known[0]:
+            self._known = (activation, self._controller in self._active())
+        if not self._known[1]:
+            raise CommandRefused(
+                f"Command refused: {self._controller} is not active on the {self._side.word} arm; activate it first."
+            )

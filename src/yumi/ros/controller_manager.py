@@ -19,7 +19,6 @@ from controller_manager_msgs.srv import (
 )
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
-from yumi.errors import YumiError
 from yumi.ros.arm_controllers import ArmControllers
 from yumi.ros.arm_hardware import ArmHardware
 from yumi.ros.controller_messages import (
@@ -116,7 +115,7 @@ class ControllerManagerServices:
         def answer(_: Any, response: Any) -> Any:
             try:
                 fill(response)
-            except YumiError as error:
+            except Exception as error:
                 self._log.error(f"{name}: {error}")
             return response
 
@@ -125,7 +124,7 @@ class ControllerManagerServices:
     def _try(self, name: str, carry: Callable[[], object]) -> bool:
         try:
             carry()
-        except YumiError as error:
+        except Exception as error:  # of ROS, too: a parameter file that it cannot read; a service always answers
             self._log.error(f"{name}: {error}")
             return False
         finally:
@@ -142,7 +141,7 @@ class ControllerManagerServices:
         try:
             sentence = self._repeats.once(("switch_controller", request), carry)
             return filled(response, ok=True, message=sentence)
-        except YumiError as error:
+        except Exception as error:
             self._log.error(f"switch_controller: {error}")
             return filled(response, ok=False, message=str(error))
         finally:

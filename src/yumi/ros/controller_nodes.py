@@ -10,7 +10,7 @@ from rclpy.executors import Executor
 
 from yumi.control.inventory import ControllerInfo, ParameterInfo
 from yumi.control.parameter import Values
-from yumi.control.requests import Done, ListParameters, Request, SetParameters
+from yumi.control.requests import Done, FastLineEnded, ListParameters, Request, SetParameters
 from yumi.robot.joints import Side
 from yumi.ros.controller_parameters import Presets, declare, declare_common, pass_on_changes
 
@@ -56,7 +56,7 @@ class ControllerNode:
             cli_args=["--ros-args", *arguments] if arguments else None,
             use_global_arguments=False,
         )
-        declare_common(self.node, rate)
+        self._rate = rate
 
     def take_parameters(self, line: Line, presets: Presets) -> None:
         """Declare the parameters, give the controller those that its files set, and pass on what is set later.
@@ -69,6 +69,7 @@ class ControllerNode:
             CommandRefused: a value in a file is not allowed.
             RobotNotReady: the fast line is gone.
         """
+        declare_common(self.node, self._rate)
         infos: tuple[ParameterInfo, ...] = line.ask(ListParameters(self._side, self._name)).parameters
 
         def change(values: Values) -> None:
@@ -87,7 +88,7 @@ class ControllerNode:
         """Pass a notice of the controller on to what it offers; without that it stands in the log."""
         if self._interface is not None:
             self._interface.tell(notice)
-        else:
+        elif not isinstance(notice, FastLineEnded):
             self.node.get_logger().info(str(notice))
 
     def destroy(self) -> None:
@@ -151,6 +152,11 @@ class ControllerNodes:
         """Pass a controller's notice on; from any thread."""
         node = self._nodes.get(name)
         if node is not None:
+            node.tell(notice)
+
+    def tell_all(self, notice: object) -> None:
+        """Pass on what concerns all controllers; from any thread."""
+        for node in tuple(self._nodes.values()):
             node.tell(notice)
 
     def destroy(self) -> None:

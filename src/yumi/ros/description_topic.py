@@ -10,15 +10,21 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from yumi.robot.joints import Side, joint_names
+from yumi.robot.limits import JointLimits
 from yumi.robot.model import robot_description
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REMINDER = 1.0  # [s]
 
 
-def publish_descriptions(node: Any) -> list[Any]:
-    """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers."""
-    message = String(data=robot_description())
+def publish_descriptions(node: Any, limits: JointLimits) -> list[Any]:
+    """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers.
+
+    Args:
+        node: whose publishers they are.
+        limits: what trajectories may ask of the joints: tools plan with the speeds of the description.
+    """
+    message = String(data=robot_description(limits))
     topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
     publishers = [node.create_publisher(String, topic, LATCHED) for topic in topics]
     for publisher in publishers:

@@ -50,14 +50,12 @@ from yumi.robot.limits import JointLimits
 from yumi.ros.arm_manager import ArmManager
 from yumi.ros.command_topics import (
     CommandTopic,
-    ForwardPositionTopic,
-    ForwardVelocityTopic,
     JointCommandTopic,
     JointVelocityTopic,
 )
-from yumi.ros.controller_interfaces import CONTROLLER_INTERFACES
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
+from yumi.ros.forward_controllers import forward_interfaces
 from yumi.ros.hands import HandParts, Hands
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.lives import Connection
@@ -117,7 +115,12 @@ class RosDriver:
             clock,
             limits,
         )
-        interfaces = {**CONTROLLER_INTERFACES, **self._trajectories.interfaces}
+        self._stream_node = stream_node()
+        self._stream_nodes = {side: stream_node(side.value) for side in Side}
+        interfaces = {
+            **self._trajectories.interfaces,
+            **forward_interfaces(self._stream_nodes, fast_lines, clock.now),
+        }
         self._arms = {
             side: ArmManager(
                 side,
@@ -131,8 +134,6 @@ class RosDriver:
             for side in Side
         }
         self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
-        self._stream_node = stream_node()
-        self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._states = [
             JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
         ]
@@ -153,8 +154,8 @@ class RosDriver:
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
         self._state = RobotStateTopic(self._manager_node, manager.watch.state, clock)
-        self._merged = MergedJointStates(self._stream_node, self._boxes, self._hands.fingers, merged_rate)
-        self._descriptions = publish_descriptions(self._manager_node)
+        self._merged = MergedJointStates(self._stream_node, self._boxes, self._hands.fingers, merged_rate, clock)
+        self._descriptions = publish_descriptions(self._manager_node, limits)
         self._publish_health()
         self._threads = [
             Thread(target=self._spin, args=(self._executor,), name="executor"),
@@ -276,8 +277,6 @@ def _command_topics(boxes: ArmBoxes) -> tuple[tuple[type[CommandTopic], Mailbox]
     return (
         (JointCommandTopic, boxes.goals),
         (JointVelocityTopic, boxes.speeds),
-        (ForwardPositionTopic, boxes.forward_positions),
-        (ForwardVelocityTopic, boxes.forward_speeds),
     )
 
 

@@ -13,6 +13,9 @@ from yumi.hardware.fast_line import ArmBoxes
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.conversions import joint_state
 
+SILENCE = 0.25
+"""An arm whose last state is older is not where it was [s]."""
+
 _DEPTH = 10
 _SLEW = 1e-3  # the system's clock is slewed by at most half of this
 _CLOCK_SET_NS = 50_000_000
@@ -94,11 +97,14 @@ class JointStatePublisher:
 class MergedJointStates:
     """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
 
+    An arm that has not been heard for :data:`SILENCE` is left out: nobody shall plan from where it was once.
+
     Args:
         node: any node without namespace.
         boxes: what the fast line shares, per arm.
         fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
         rate: [Hz].
+        clock: the clock of the states' times.
     """
 
     def __init__(
@@ -107,9 +113,12 @@ class MergedJointStates:
         boxes: Mapping[Side, ArmBoxes],
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
+        clock: Clock,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        self._ros_clock = node.get_clock()
+        ros_clock = node.get_clock()
+        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
         node.create_timer(1.0 / rate, self._publish)
@@ -118,9 +127,11 @@ class MergedJointStates:
         names: list[str] = []
         position: list[float] = []
         velocity: list[float] = []
+        oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
             letter = boxes.states.peek()
-            if letter is not None:
+            if letter is not None and now - letter[1][0] < SILENCE:
+                oldest = min(oldest, letter[1][0])
                 names += joint_names(side)
                 position += letter[1][1 : 1 + JOINT_COUNT]
                 velocity += letter[1][1 + JOINT_COUNT :]
@@ -129,4 +140,4 @@ class MergedJointStates:
             position += (place, place)
             velocity += (speed, speed)
         if names:
-            self._publisher.publish(joint_state(names, position, velocity, self._ros_clock.now().nanoseconds))
+            self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest)))

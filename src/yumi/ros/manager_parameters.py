@@ -41,12 +41,13 @@ class ManagerParameters:
         Raises:
             CommandRefused: nobody has said.
         """
-        (kind,) = self._texts(f"{name}.type") or ("",)
-        if not kind:
+        kinds = tuple(text for text in self._texts(f"{name}.type") if text)
+        if len(kinds) != 1:
             raise CommandRefused(
-                f"Controller {name!r} has no type; set the parameter {name}.type of {self._node.get_name()} first."
+                f"Controller {name!r} has {'no type' if not kinds else f'the types {kinds}'}; set the parameter "
+                f"{name}.type of {self._node.get_name()} to one first."
             )
-        return kind
+        return kinds[0]
 
     def arguments_of(self, name: str) -> tuple[str, ...]:
         """The ROS arguments of the controller's node: its parameter files, then its own options."""

@@ -7,6 +7,7 @@ the controller tells, and the goal ends with it: a newer goal, a trajectory on t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
 from threading import Lock
@@ -22,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import Done, Order, Request, SendOrders
+from yumi.control.requests import Done, FastLineEnded, Order, Request, SendOrders
 from yumi.control.trajectory import ResultCode, plan_trajectory
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.trajectory_orders import (
@@ -37,6 +38,7 @@ from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.trajectory_query import TrajectoryQuery
 
 TOGETHER = 0.1
 """Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
@@ -73,7 +75,10 @@ class _OpenGoal:
 
 
 class TrajectoryAction:
-    """Serves ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``.
+    """Serves all topics, services and actions that a trajectory controller has.
+
+    ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``,
+    ``~/query_state``.
 
     For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
     on the trajectory they were told to be at [s].
@@ -117,6 +122,7 @@ class TrajectoryAction:
         node.create_subscription(
             SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
         )
+        self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
         node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
@@ -127,6 +133,8 @@ class TrajectoryAction:
 
     def take_notice(self, side: Side, notice: object) -> None:
         """Take what an arm's controller has told; from any thread."""
+        if isinstance(notice, FastLineEnded):
+            self._give_up()
         if not isinstance(notice, TrajectoryEnded):
             return
         with self._lock:
@@ -140,10 +148,14 @@ class TrajectoryAction:
 
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
+        self._give_up()
+        self._server.destroy()
+
+    def _give_up(self) -> None:
+        """Nobody will tell any more how the open goals end."""
         with self._lock:
             for goal in self._open.values():
                 goal.is_over.set()
-        self._server.destroy()
 
     def _consider(self, request: Any) -> Any:
         tolerances, reason = tolerances_of(request, self._sides)
@@ -162,9 +174,11 @@ class TrajectoryAction:
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
         """
-        plans = plan_trajectory(trajectory_of(message, self._start(message)), self._sides, self._limits)
-        number = next(self._numbers)
-        orders = {side: FollowTrajectory(plans[side], number, tolerances[side]) for side in self._sides}
+        plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
+        number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
+        orders = {
+            side: FollowTrajectory(replace(plans[side], start=start), number, tolerances[side]) for side in self._sides
+        }
         if goal is not None:
             with self._lock:
                 self._open[number] = goal  # its end may be told before the answer comes
@@ -174,6 +188,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open.pop(number, None)
             raise
+        self._query.note(number, plans)
 
     def _start(self, message: Any) -> float | None:
         """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
@@ -186,16 +201,20 @@ class TrajectoryAction:
         self._ask(SendOrders(tuple(Order(side, self._name, order) for side, order in orders.items())))
 
     def _cancel(self, handle: Any) -> Any:
-        number, _ = self._find(handle)
-        self._try(lambda: self._order({side: CancelTrajectory(number) for side in self._sides}))
+        found = self._find(handle)
+        if found is None:
+            return CancelResponse.REJECT  # it has just ended
+        self._try(lambda: self._order({side: CancelTrajectory(found[0]) for side in self._sides}))
         return CancelResponse.ACCEPT
 
-    def _find(self, handle: Any) -> tuple[int, _OpenGoal]:
+    def _find(self, handle: Any) -> tuple[int, _OpenGoal] | None:
         with self._lock:
-            return next(item for item in self._open.items() if item[1].request is handle.request)
+            return next((item for item in self._open.items() if item[1].request is handle.request), None)
 
     def _execute(self, handle: Any) -> Any:
-        number, goal = self._find(handle)
+        found = self._find(handle)
+        assert found is not None  # it was put there before it was accepted
+        number, goal = found
         goal.handle = handle
         try:
             goal.is_over.wait()
@@ -207,7 +226,8 @@ class TrajectoryAction:
     def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
-            result.error_code, result.error_string = int(ResultCode.INVALID_GOAL), "The driver has ended."
+            result.error_code = int(ResultCode.INVALID_GOAL)
+            result.error_string = "The fast line has ended; restart the driver."
             handle.abort()
             return result
         end = goal.end

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from egm_loop import EgmLoop
 from yumi.control.arm_line import ArmLine
 from yumi.control.controller import Controller
 from yumi.control.guard import Guard
@@ -211,3 +212,15 @@ def test_line_holds_and_tells_when_a_controller_fails(line: ArmLine, arm: Script
     assert isinstance(event, ControllerFailed)
     assert "Left arm: Controller 'pusher' failed with RuntimeError: broken" in str(event)
     assert arm.told[-1] == ArmCommand(middle)
+
+
+def test_line_is_not_still_while_a_command_leads_the_robot() -> None:
+    """What is measured is behind what was commanded, and a command stays in force when nobody answers any more."""
+    loop = EgmLoop()
+    loop.begin()
+    loop.go(YUMI_LIMITS.upper)
+    loop.run(0.02)
+    loop.deactivate()
+    assert not loop.line.is_still
+    loop.run(1.0)
+    assert loop.line.is_still

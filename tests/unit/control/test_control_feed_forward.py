@@ -87,8 +87,7 @@ def test_robot_stays_within_its_limits_whatever_position_and_speed_are_wanted(
 ) -> None:
     arm = dictated(lambda time: orders[int(time / 0.08) % len(orders)])
     for top, strength, rush in shares(planned_speeds(arm, 0.08 * len(orders) + 0.4)):
-        assert max(top, strength) <= 1.02
-        assert rush <= 4.0  # a speed that sets in while the position catches up changes the law in one step
+        assert max(top, strength, rush) <= 1.02
     assert arm.robot.arm.overload is None
 
 

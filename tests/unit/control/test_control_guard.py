@@ -104,6 +104,14 @@ def test_guard_lets_an_arm_outside_its_range_come_back_but_not_go_further(guard:
     assert all(after[1] <= before[1] + 1e-12 for before, after in pairwise(path))
 
 
+def test_guard_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(guard: Guard) -> None:
+    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.1)
+    guard.admit(state(outside), None)
+    path = [outside, *follow(guard, [ZERO] * 300, outside)]
+    assert path[-1][1] < YUMI_LIMITS.upper[1]
+    assert max(before[1] - after[1] for before, after in pairwise(path)) <= YUMI_LIMITS.velocity[1] * DT * 1.001
+
+
 def rates(path: list[Joints], dt: float) -> list[Joints]:
     return [joints([(new - old) / dt for old, new in zip(*pair, strict=True)]) for pair in pairwise(path)]
 

@@ -83,6 +83,18 @@ def test_rehearsal_is_left_out_when_something_came_already(ahead: AheadWait, clo
     assert not rehearsed
 
 
+def test_rehearsals_go_on_after_one_that_was_interrupted_for_long(ahead: AheadWait, clock: ManualClock) -> None:
+    rehearsed: list[float] = []
+
+    def rehearse() -> None:
+        rehearsed.append(clock.now())
+        clock.advance(0.2 if len(rehearsed) == 10 else 1e-4)
+
+    ahead.prepare(rehearse)
+    run(ahead, clock, [count * CYCLE for count in range(1, 201)], 200 * CYCLE)
+    assert len(rehearsed) > 100
+
+
 @pytest.mark.parametrize(
     ("mode", "is_permitted", "kind"),
     [

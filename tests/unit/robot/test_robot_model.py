@@ -98,3 +98,10 @@ def test_shapes_show_and_collide_alike(robot):
         seen = [visual.find("geometry")[0] for visual in link.findall("visual")]
         solid = [collision.find("geometry")[0] for collision in link.findall("collision")]
         assert [(shape.tag, shape.attrib) for shape in seen] == [(shape.tag, shape.attrib) for shape in solid]
+
+
+def test_description_has_the_speeds_that_the_robot_is_slowed_to() -> None:
+    slow = YUMI_LIMITS.slowed_to(0.5)
+    joints = ET.fromstring(robot_description(slow)).iter("joint")
+    limits = [joint.find("limit") for joint in joints if joint.get("type") == "revolute"]
+    assert {float(limit.get("velocity", "")) for limit in limits if limit is not None} == {0.5}

@@ -1,0 +1,82 @@
+"""The joint states of the whole robot are those of arms that are heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.control.mailbox import MemoryMailbox
+from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
+from yumi.ros.joint_state_topics import SILENCE, MergedJointStates
+
+pytestmark = pytest.mark.ros
+
+
+class Node:
+    """Its timer is the test's; what it publishes is kept."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.published: list[Any] = []
+        self.tick: Callable[[], None] = lambda: None
+        self._clock = clock
+
+    def create_publisher(self, *_: Any) -> Any:
+        return SimpleNamespace(publish=self.published.append)
+
+    def create_timer(self, period: float, callback: Callable[[], None]) -> None:
+        self.tick = callback
+
+    def get_clock(self) -> Any:
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=int((1e9 + self._clock.now()) * 1e9)))
+
+
+@pytest.fixture
+def states() -> dict[Side, MemoryMailbox]:
+    return {side: MemoryMailbox() for side in Side}
+
+
+@pytest.fixture
+def node(clock: ManualClock, states: dict[Side, MemoryMailbox]) -> Node:
+    node = Node(clock)
+    boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
+    MergedJointStates(node, boxes, lambda: {Side.LEFT: 0.01}, 100.0, clock)
+    return node
+
+
+def hear(box: MemoryMailbox, time: float) -> None:
+    box.put((time, *[0.1] * JOINT_COUNT, *[0.2] * JOINT_COUNT))
+
+
+def test_merged_states_have_both_arms_and_the_fingers_that_are_known(
+    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+) -> None:
+    for box in states.values():
+        hear(box, clock.now())
+    node.tick()
+    arms = [name for side in states for name in joint_names(side)]
+    assert list(node.published[-1].name) == [*arms, *finger_names(Side.LEFT)]
+
+
+def test_merged_states_leave_out_an_arm_that_fell_silent(
+    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+) -> None:
+    hear(states[Side.RIGHT], clock.now())
+    clock.advance(SILENCE)
+    hear(states[Side.LEFT], clock.now())
+    node.tick()
+    assert list(node.published[-1].name) == [*joint_names(Side.LEFT), *finger_names(Side.LEFT)]
+
+
+def test_merged_states_bear_the_time_of_the_oldest_of_them(
+    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+) -> None:
+    hear(states[Side.RIGHT], clock.now())
+    clock.advance(0.1)
+    hear(states[Side.LEFT], clock.now())
+    node.tick()
+    stamp = node.published[-1].header.stamp
+    assert stamp.sec + stamp.nanosec * 1e-9 == pytest.approx(1e9 + clock.now() - 0.1, abs=1e-3)
