@@ -26,6 +26,8 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 
+pytestmark = pytest.mark.timeout(180)  # a thousand switches take their time
+
 SWITCHES = 1000
 TRAJECTORY = "trajectory"
 MAKERS: Mapping[str, tuple[Callable[[Mailbox, Mailbox], Controller], Values]] = {

@@ -9,7 +9,9 @@ from yumi.app import CONTROLLER_KINDS, Place
 from yumi.control.goals import GoalKind, put_goal
 from yumi.evaluation.guided_arm import GuidedArm
 from yumi.hardware.fast_line import ArmBoxes
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
+from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO
 from yumi.settings import read_controllers
 
@@ -28,7 +30,7 @@ SIDE = Side.LEFT
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
     boxes = ArmBoxes()
-    arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](Place(name, SIDE, boxes, ArmBoxes()))}, side=SIDE)
+    arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE))}, side=SIDE)
     arm.start()
     arm.switch_to(name)
     start = arm.robot.arm.planned
