@@ -30,7 +30,8 @@ SIDE = Side.LEFT
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
     boxes = ArmBoxes()
-    arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE))}, side=SIDE)
+    place = Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE)
+    arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)
     start = arm.robot.arm.planned
