@@ -236,6 +236,9 @@ def run_driver(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
     with ExitStack() as stack:
+        for only in (_only_in_ros_domain(), only_at_robot(settings)):
+            only.claim()
+            stack.callback(only.release)
         stack.callback(client.close)
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
         plan = plan_egm(settings, controllers)
@@ -251,9 +254,6 @@ def run_driver(
         if settings.ros.autostart:
             connection.check()
         grippers = build_grippers(client, clock, settings)
-        for only in (_only_in_ros_domain(), only_at_robot(settings)):
-            only.claim()
-            stack.callback(only.release)
         open_ros()
         stack.callback(close_ros)
         force, rate = settings.gripper.force, settings.ros.merged_rate
