@@ -50,13 +50,11 @@ MODULE TRobRAPID(SYSMODULE)
         ENDIF
         routine_name_input:="";
         current_state:=STATE_IDLE;
-    ERROR
-        IF ERRNO=ERR_REFUNKPRC OR ERRNO=ERR_CALLPROC THEN
-            TPWrite MSG_RAPID+inQuotes(routine_name_input)+" is unknown!";
-            is_routine_unknown:=TRUE;
-            TRYNEXT;
-        ENDIF
-        RAISE;
+    ERROR(ERR_REFUNKPRC,ERR_CALLPROC)
+        ! Any other error stops the program where it happens.
+        TPWrite MSG_RAPID+inQuotes(routine_name_input)+" is unknown!";
+        is_routine_unknown:=TRUE;
+        TRYNEXT;
     ENDPROC
 
     LOCAL TRAP handleRunRAPIDRoutine

@@ -88,7 +88,7 @@ class RobotWatch:
         self._state = RobotState()
         self._told = RobotState()
         self._subscription: Subscription | None = None
-        self._is_lost = self._is_hinted = False
+        self._is_following = self._is_lost = self._is_hinted = False
         self._changes: deque[Change] = deque()
         self._looked_at = self._glanced_at = -RECONNECT
         self._bell, self._is_over = Flag(), Flag()
@@ -128,8 +128,9 @@ class RobotWatch:
     # The thread
 
     def start(self) -> None:
-        """Keep it fresh from now on."""
+        """Keep it fresh from now on; what is known at first is read here."""
         self._is_over.clear()
+        self.look()
         self._thread = Thread(target=self._run, name="robot-watch", daemon=True)
         self._thread.start()
 
@@ -146,7 +147,7 @@ class RobotWatch:
         """Take what was told, read what is due, tell what has changed; returns how soon the next step is due [s]."""
         now = self._clock.now()
         try:
-            delay = self._follow(now) if self._state.is_connected else self._connect(now)
+            delay = self._follow(now) if self._is_following else self._connect(now)
         except YumiError:  # a controller that is starting refuses everything
             delay = RECONNECT
             self._lose()
@@ -171,14 +172,16 @@ class RobotWatch:
         self._subscribe()
         self._keep(self._read())
         self._looked_at = self._glanced_at = now
+        self._is_following = True
         return self._next_look()
 
     def _follow(self, now: float) -> float:
-        if self._is_lost:
+        is_whole = now - self._looked_at >= WHOLE_LOOK
+        if self._is_lost or (is_whole and self._subscription is None):
             self._unsubscribe()
             return self._connect(now)
         is_hinted, self._is_hinted = self._is_hinted, False
-        if now - self._looked_at >= WHOLE_LOOK or (self._subscription is None and self._has_news()):
+        if is_whole or (self._subscription is None and self._has_news()):
             self._keep(self._read())
             self._looked_at = self._glanced_at = now
         elif self._take_changes() or is_hinted or (self._is_busy and now - self._glanced_at >= BUSY_LOOK):
@@ -202,6 +205,7 @@ class RobotWatch:
         )
 
     def _lose(self) -> None:
+        self._is_following = False
         self._unsubscribe()
         self._keep(RobotState())
 

@@ -1,0 +1,88 @@
+"""What the driver checks before it uses a controller, against the virtual one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from system.virtual_time_bench import System
+from yumi.errors import ControllerRefused, RobotNotReady
+from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
+from yumi.robot.joints import Joints, Side
+from yumi.rws.replies import CfgInstance
+
+HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
+
+
+@pytest.fixture
+def system() -> System:
+    return System()
+
+
+def without(system: System, start: str) -> None:
+    controller = system.world.controller
+    options = tuple(option for option in controller.identity.options if not option.startswith(start))
+    controller.identity = replace(controller.identity, options=options)
+
+
+def remarks(system: System, addresses: dict[Side, EgmAddress]) -> list[str]:
+    checks = LaunchChecks(system.client, addresses)
+    checks.run()
+    return checks.remarks
+
+
+def test_controller_that_has_everything_passes_without_remarks(system: System) -> None:
+    assert remarks(system, HERE) == []
+
+
+def test_controller_without_multitasking_is_refused(system: System) -> None:
+    without(system, "623-1")
+    with pytest.raises(RobotNotReady, match="lacks the option '623-1 Multitasking'; without it the two arms cannot"):
+        remarks(system, HERE)
+
+
+def test_controller_without_grippers_is_used_with_a_remark(system: System) -> None:
+    without(system, "SmartGripper")
+    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
+
+
+def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    def joint_target(unit: str) -> Joints:
+        raise ControllerRefused(f"there is no {unit}", status=400)
+
+    monkeypatch.setattr(system.client, "joint_target", joint_target)
+    with pytest.raises(RobotNotReady, match="no mechanical unit ROB_R; it does not move a YuMi's right arm"):
+        remarks(system, HERE)
+
+
+def test_program_of_another_version_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(system.client, "symbol", lambda *_: "1")
+    with pytest.raises(RobotNotReady, match=r"Task T_ROB_R has version 1\.0 of the state machine, not 1\.1; load"):
+        remarks(system, HERE)
+
+
+def test_datagrams_that_go_elsewhere_are_told(system: System) -> None:
+    elsewhere = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("0.0.0.0", 7000)}
+    assert remarks(system, elsewhere) == [
+        "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.168.125.50:6511; make the UDPUC "
+        "device ROB_L or the settings fit",
+        "the right arm's datagrams go to 127.0.0.1:6512, here they are awaited at 0.0.0.0:7000; make the UDPUC "
+        "device ROB_R or the settings fit",
+    ]
+
+
+def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    serial = CfgInstance("ROB_L", {"Type": "SIO"})
+    monkeypatch.setattr(system.client, "cfg", lambda *_: (serial,))
+    with pytest.raises(RobotNotReady, match=r"The controller has no UDPUC device ROB_L .*; load SIO\.cfg of this"):
+        remarks(system, HERE)
+
+
+def test_remarks_are_told_once_with_the_next_steps(system: System) -> None:
+    without(system, "SmartGripper")
+    for _ in range(2):
+        system.bringup.check_controller(HERE)
+        system.bringup.make_ready()
+    told = [step for step in system.steps if "SmartGripper" in step]
+    assert told == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
