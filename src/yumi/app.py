@@ -240,6 +240,9 @@ def run_driver(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
     with ExitStack() as stack:
+        for only in (_only_in_ros_domain(), only_at_robot(settings)):
+            only.claim()
+            stack.callback(only.release)
         stack.callback(client.close)
         bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
         plan = plan_egm(settings, controllers)
@@ -257,9 +260,6 @@ def run_driver(
         if settings.ros.autostart:
             connection.check()
         hands = HandParts(build_grippers(client, clock, settings, signals), signals, settings.gripper)
-        for only in (_only_in_ros_domain(), only_at_robot(settings)):
-            only.claim()
-            stack.callback(only.release)
         open_ros()
         stack.callback(close_ros)
         rate = settings.ros.merged_rate
