@@ -12,6 +12,7 @@ from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState
 from yumi.virtual.arm_model import ArmModel
+from yumi.virtual.fault_names import Fault
 
 TIMEOUT = 1.5
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s
@@ -124,6 +125,19 @@ def test_robot_without_a_watchdog_is_guided_all_the_same(system: MovingSystem) -
         assert remark.arm().startswith("no watchdog, the robot will not notice when this program dies")
     finally:
         remark.stop()
+
+
+def test_driver_that_goes_disarms_the_watchdog_also_when_egm_has_ended_by_itself() -> None:
+    system = System()
+    system.manager.watchdog.start()
+    try:
+        system.manager.start_egm()
+        system.faults.happen(Fault.EGM_CONVERGENCE)
+        system.wait(0.5)
+        system.manager.end_motion()
+        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+    finally:
+        system.manager.watchdog.stop()
 
 
 def test_egm_arms_the_watchdog_and_its_end_disarms_it() -> None:

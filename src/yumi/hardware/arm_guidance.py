@@ -111,10 +111,12 @@ class ArmGuidance:
             self._watchdog.disarm()
 
     def end_if_begun(self) -> None:
-        """The same, if the robot is in EGM."""
+        """The same, if the robot is in EGM; where it has ended by itself, the watchdog still has to be told."""
         self.wanted = ()
         if any(self._bringup.state(side) is MachineState.RUN_EGM_ROUTINE for side in Side):
             self.end()
+        else:
+            self._watchdog.disarm()
 
     def _start_egm(self, arms: tuple[Side, ...]) -> None:
         """An arm that EGM guides goes on where only the other one has to begin."""
