@@ -37,19 +37,18 @@ def guided() -> System:
 
 @pytest.fixture
 def desk(system: System) -> FaultDesk:
-    return FaultDesk(system.world, system.http.adapter)
+    return system.faults
 
 
 @pytest.fixture
 def guided_desk(guided: System) -> FaultDesk:
-    return FaultDesk(guided.world, guided.http.adapter)
+    return guided.faults
 
 
 @pytest.fixture(scope="module")
 def idle_desk() -> FaultDesk:
     """Of a robot that stands with its motors off; shared by tests that change nothing."""
-    system = System()
-    return FaultDesk(system.world, system.http.adapter)
+    return System().faults
 
 
 @pytest.fixture(scope="module")
