@@ -86,9 +86,9 @@ class EvaluationNode:
         """Raises RobotNotReady with the driver's sentence."""
         self._call(Trigger, "yumi_robot_manager/stop_egm", Trigger.Request())
 
-    def is_ready(self) -> None:
+    def is_ready(self) -> bool:
         """Ask the robot manager, which answers at once while EGM runs."""
-        self._call(Trigger, "yumi_robot_manager/robot_is_ready", Trigger.Request())
+        return bool(self._ask(Trigger, "yumi_robot_manager/robot_is_ready", Trigger.Request()).success)
 
     def set_law(self, values: Values) -> None:
         """Parameters of the arm's joint position controller.
@@ -191,16 +191,19 @@ class EvaluationNode:
             self._executor.spin_once(timeout_sec=0.05)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
+        answer = self._ask(kind, name, request)
+        if not getattr(answer, "success", True):
+            raise RobotNotReady(answer.message)
+        return answer
+
+    def _ask(self, kind: Any, name: str, request: Any) -> Any:
         if name not in self._callers:
             self._callers[name] = self._node.create_client(kind, name)
         caller = self._callers[name]
         self.until(caller.service_is_ready, f"finding {name}")
         future = caller.call_async(request)
         self.until(future.done, name)
-        answer = future.result()
-        if not getattr(answer, "success", True):
-            raise RobotNotReady(answer.message)
-        return answer
+        return future.result()
 
     def _take(self, message: Any) -> None:
         stamp = message.header.stamp
