@@ -43,7 +43,7 @@ def states() -> dict[Side, MemoryMailbox]:
 def node(clock: ManualClock, states: dict[Side, MemoryMailbox]) -> Node:
     node = Node(clock)
     boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, boxes, lambda: {Side.LEFT: 0.01}, 100.0, clock)
+    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 100.0, clock)
     return node
 
 
