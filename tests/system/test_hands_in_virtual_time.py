@@ -88,6 +88,17 @@ def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs
     assert len(positions) >= int(20 * 60 * 6 * CYCLE)
 
 
+def test_hands_are_told_again_beside_a_watch_however_often_the_web_socket_breaks(calibrated: System) -> None:
+    """The controller allows two groups of subscriptions; what is lost must not count as one."""
+    calibrated.manager.watch.look()
+    for _ in range(3):
+        calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
+        calibrated.wait(0.1)
+        assert calibrated.signals.reading(Side.RIGHT) is None
+        calibrated.signals.keep_open()
+        assert calibrated.signals.reading(Side.RIGHT) is not None
+
+
 def test_hand_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
     calibrated.wait(0.1)
@@ -263,7 +274,7 @@ def test_vacuum_that_no_hand_has_is_refused(left: Gripper, channel: int) -> None
 
 def guided_motion(commands: Callable[[System], None]) -> DriverArm:
     """The left arm on its way for six seconds, with ``commands`` beside it."""
-    system = System()
+    system = System(are_calibrated=True)
     system.start_egm()
     system.signals.keep_open()
     arm, begin = system.arms[Side.LEFT], system.now()
@@ -277,11 +288,17 @@ def guided_motion(commands: Callable[[System], None]) -> DriverArm:
 
 def use_both_hands(system: System) -> None:
     for gripper in system.grippers.values():
-        gripper.calibrate()
         done(gripper, grip(Direction.OUTWARDS, 5.0))
+        done(gripper, OPEN)
     left = system.grippers[Side.LEFT]
     left.begin(CLOSE)
     left.vacuum.switch(1, is_on=True)
+
+
+def test_gripper_is_not_calibrated_while_its_arm_is_guided(calibrated: System, left: Gripper) -> None:
+    calibrated.start_egm()
+    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated while its arm is guided"):
+        left.calibrate()
 
 
 def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Thread
+
 import pytest
 
 from system.virtual_time_bench import System
@@ -10,6 +12,7 @@ from yumi.hardware.manager_state import Mode
 from yumi.hardware.state_machine import MachineState
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.virtual.fault_names import Fault
 
 
 @pytest.fixture
@@ -177,3 +180,29 @@ def test_manager_says_that_a_routine_is_unknown(system: System) -> None:
     with pytest.raises(CommandRefused, match="Task T_ROB_R has no routine nothing; load a module that has it"):
         system.manager.run_routine(Side.RIGHT, "nothing")
     assert system.client.execution() is ExecutionState.RUNNING
+
+
+def test_motors_go_off_also_when_the_arms_cannot_come_to_rest_gently(system: System) -> None:
+    system.manager.start_egm()
+    system.faults.happen(Fault.WRONG_PROGRAM)
+    system.manager.motors_on()
+    assert system.manager.motors_off() == "The motors are off"
+    assert system.client.controller_state() is ControllerState.MOTORS_OFF
+    assert any("do not come to rest gently" in step for step in system.steps)
+
+
+def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> None:
+    """Asked from another thread; it waits for its turn, which comes at once."""
+    stops: list[Thread] = []
+
+    def told(step: str) -> None:
+        if step == "start the RAPID program":
+            stops.append(Thread(target=system.manager.stop_rapid))
+            stops[0].start()
+            while not system.manager._stops:  # until the thread waits for its turn
+                pass
+
+    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+        system.manager.go_to(Mode.EGM_BOTH, told)
+    stops[0].join()
+    assert system.client.execution() is ExecutionState.STOPPED

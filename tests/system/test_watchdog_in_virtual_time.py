@@ -7,9 +7,10 @@ import pytest
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.errors import ControllerRefused
-from yumi.hardware.state_machine import WATCHDOG
+from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, WATCHDOG, SgCommand
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
+from yumi.rws import rapid_values
 from yumi.rws.states import ControllerState, ExecutionState
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.fault_names import Fault
@@ -102,9 +103,12 @@ def test_watchdog_that_was_disarmed_stops_nothing(system: MovingSystem) -> None:
 
 
 def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: MovingSystem) -> None:
+    """We refuse to calibrate then; another client may ask the task itself."""
     system.gives_signs = True
-    assert system.grippers[Side.LEFT].calibrate_if_needed()
-    system.wait(0.5)
+    system.client.set_symbol("T_ROB_L", GRIPPER, "command_input", rapid_values.encode(float(SgCommand.CALIBRATE)))
+    system.client.pulse_signal(RUN_GRIPPER)
+    system.wait(8.0)
+    assert system.grippers[Side.LEFT].is_calibrated()
     assert execution(system) is ExecutionState.RUNNING
 
 

@@ -121,6 +121,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
+        self._is_stopped = False
         self._check_ready()
         # Each time: whatever was written before, the controller may have been restarted since.
         self._io.write("hand_MaxSpeed", speed_count(order.speed or self._usual_speed))
@@ -130,7 +131,8 @@ class Gripper:
             command = SgCommand.GRIP_IN if order.direction is Direction.INWARDS else SgCommand.GRIP_OUT
             self._routines.run(self.side, command, self._timeout, force=order.force)
         self._stands_since, self._stood = self._clock.now(), 0.0
-        self._is_stopped = False
+        if self._is_stopped:  # while the command was on its way
+            self.stop()
 
     def wait(
         self,

@@ -7,7 +7,7 @@ from threading import Lock
 from yumi.clock import Clock
 from yumi.errors import RobotNotReady
 from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, SgCommand
+from yumi.hardware.state_machine import GRIPPER, MAIN, RUN_GRIPPER, MachineState, SgCommand
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
 
@@ -50,9 +50,11 @@ class GripperRoutines:
             force: holding force [N] for ``GRIP_IN`` and ``GRIP_OUT``.
 
         Raises:
-            RobotNotReady: the task did not take the command.
+            RobotNotReady: the task did not take the command, or shall calibrate while its arm moves.
         """
         with self._lock:
+            if command is SgCommand.CALIBRATE:
+                self._check_idle(side)
             if not self._are_empty:
                 for each in Side:
                     self._write(each, "command_input", float(SgCommand.NONE))
@@ -65,6 +67,14 @@ class GripperRoutines:
             self._client.pulse_signal(RUN_GRIPPER)
             self._wait_until_taken(side, timeout)
             self._are_empty = True
+
+    def _check_idle(self, side: Side) -> None:
+        """The task calibrates in a trap, which would hold back every stop of an arm that moves."""
+        state = rapid_values.decode(self._client.symbol(side.task, MAIN, "current_state"))
+        if state != MachineState.IDLE:
+            raise RobotNotReady(
+                f"The {side.word} gripper is not calibrated while its arm is guided or runs a routine; stop that first."
+            )
 
     def _wait_until_taken(self, side: Side, timeout: float) -> None:
         end = self._clock.now() + timeout

@@ -49,6 +49,7 @@ class HandSignals:
         self._lock = Lock()
         self._values: dict[SignalName, float] = {}
         self._subscription: Closable | None = None
+        self._lost: Closable | None = None  # its group still counts at the controller, which allows two
         self._number = 0  # of the subscription that counts: one that has ended may still have something to tell
 
     @property
@@ -64,16 +65,26 @@ class HandSignals:
         """
         if self._subscription is not None:
             return
+        self._forget_lost()
         subscription, number = self._subscribed()
         with self._lock:
-            if number == self._number:  # not lost meanwhile
+            if number == self._number:
                 self._subscription = subscription
+            else:  # lost meanwhile
+                self._lost = subscription
 
     def close(self) -> None:
         """End the subscription; nothing is known any more."""
+        self._forget_lost()
         subscription = self._end(self._number)
         if subscription is not None:
             subscription.close()
+
+    def _forget_lost(self) -> None:
+        with self._lock:
+            lost, self._lost = self._lost, None
+        if lost is not None:
+            lost.close()
 
     def value(self, side: Side, name: str) -> float | None:
         """A signal of a hand by its name without the arm's suffix, or None while it is not known."""
@@ -130,7 +141,7 @@ class HandSignals:
                 self._values[name] = value
 
     def _lose(self, number: int, sentence: str) -> None:
-        self._end(number)
+        self._lost = self._end(number) or self._lost
 
     def _end(self, number: int) -> Closable | None:
         with self._lock:

@@ -8,7 +8,7 @@ from threading import Lock
 
 from yumi.clock import Clock
 from yumi.control.requests import Event
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.controller_data import ControllerData
@@ -21,6 +21,8 @@ from yumi.robot.joints import Side
 
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
+
+_GLANCE = 0.1  # [s] a stop that waits for its turn looks so often whether a routine runs meanwhile
 
 
 class RobotManager:
@@ -62,6 +64,7 @@ class RobotManager:
         self._fast_lines = fast_lines
         self._arms = arms
         self._lock = Lock()  # one at a time; the robot has one state
+        self._stops = 0  # how many were asked for
 
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
@@ -129,7 +132,7 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        with self._changing():
+        with self._stopping():
             self._guidance.end()
         return "EGM has ended on both arms"
 
@@ -143,13 +146,14 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        with self._changing(), self._bringup.telling(report):
+        with self._changing(), self._bringup.telling(self._until_stopped(report)):
             if mode.arms:
                 return self._guidance.begin(mode.arms)
-            self._guidance.end_if_begun()
             if mode is Mode.READY:
+                self._guidance.end_if_begun()
                 self._bringup.make_ready()
                 return "The robot is ready, EGM does not run"
+            self._come_to_rest()
             self._switch_motors_off()
             return "The motors are off"
 
@@ -162,7 +166,7 @@ class RobotManager:
         Raises:
             YumiError: somebody has to do something at the robot first; the message says what stopped it and what.
         """
-        with self._changing(), self._bringup.telling(report):
+        with self._changing(), self._bringup.telling(self._until_stopped(report)):
             return self._recovery.run()
 
     def end_motion(self) -> None:
@@ -171,9 +175,13 @@ class RobotManager:
         Raises:
             YumiError: the robot could not be told.
         """
-        self._stop_routine()
-        with self._changing():
+        with self._stopping():
             self._guidance.end_if_begun()
+
+    @property
+    def wanted(self) -> tuple[Side, ...]:
+        """The arms that recovery would guide."""
+        return self._guidance.wanted
 
     # Single steps
 
@@ -184,10 +192,9 @@ class RobotManager:
         return "The motors are on"
 
     def motors_off(self) -> str:
-        """Motors off; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
-        self._stop_routine()
-        with self._changing():
-            self._guidance.end_if_begun()
+        """Motors off; EGM is ended before, so that the arms come to rest gently where they can. Raises YumiError."""
+        with self._stopping():
+            self._come_to_rest()
             self._switch_motors_off()
         return "The motors are off"
 
@@ -198,10 +205,9 @@ class RobotManager:
         return "The RAPID program runs"
 
     def stop_rapid(self) -> str:
-        """Stop the program; EGM is ended before, so that the arms come to rest gently. Raises YumiError."""
-        self._stop_routine()
-        with self._changing():
-            self._guidance.end_if_begun()
+        """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
+        with self._stopping():
+            self._come_to_rest()
             self._cabinet.stop_rapid()
         return "The RAPID program is stopped"
 
@@ -256,12 +262,47 @@ class RobotManager:
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """One at a time; who looks afterwards sees what has changed."""
+        """One at a time; who looks afterwards sees what has changed. Who waited while a stop came loses his turn."""
+        stops = self._stops
         with self._lock:
+            self._check_not_stopped(stops)
             try:
                 yield
             finally:
                 self.watch.refresh()
+
+    @contextmanager
+    def _stopping(self) -> Iterator[None]:
+        """What stops the robot waits for no routine, and for no more than one step of anything else."""
+        self._stops += 1
+        while not self._lock.acquire(timeout=_GLANCE):
+            self._stop_routine()
+        try:
+            yield
+        finally:
+            self._lock.release()
+            self.watch.refresh()
+
+    def _until_stopped(self, report: Report) -> Report:
+        """``report``, which ends what it is told of before its next step when a stop has come."""
+        stops = self._stops
+
+        def told(step: str) -> None:
+            self._check_not_stopped(stops)
+            report(step)
+
+        return told
+
+    def _check_not_stopped(self, stops: int) -> None:
+        if self._stops != stops:
+            raise RobotNotReady("A stop was asked for meanwhile; ask again if it shall be done all the same.")
+
+    def _come_to_rest(self) -> None:
+        """Gently where that goes; the stop that was asked for follows in any case."""
+        try:
+            self._guidance.end_if_begun()
+        except YumiError as error:
+            self._bringup.report(f"the arms do not come to rest gently: {error}")
 
     def _stop_routine(self) -> None:
         """A routine may take minutes; what stops the robot does not wait for its turn."""

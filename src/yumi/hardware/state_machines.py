@@ -82,7 +82,7 @@ class StateMachines:
             RobotNotReady: an arm did not become idle.
         """
         self._client.pulse_signal(STOP)
-        self.wait_for_idle(_STOP_DEADLINE)
+        self.wait_for_idle(_STOP_DEADLINE + self._motion.ramp_out_time)
 
     def wait_for_idle(self, deadline: float) -> None:
         """Wait until both machines are idle, at most ``deadline`` [s]; raises RobotNotReady."""

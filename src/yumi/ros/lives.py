@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Protocol
 
 from yumi.control.lifecycle import State
 from yumi.control.requests import HoldArm
+from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.ros.arm_hardware import ArmHardware
 from yumi.ros.controller_nodes import Line
@@ -58,7 +60,8 @@ class RobotLife:
 
     def deactivate(self) -> str:
         for side in Side:
-            self._line.ask(HoldArm(side))
+            with suppress(YumiError):  # of a fast line that is gone: the other arm is held, and EGM ended, all the same
+                self._line.ask(HoldArm(side))
         self._manager.end_motion()
         return "The robot holds, and may not move."
 

@@ -21,8 +21,8 @@ from yumi.ros.permission import Permission
 from yumi.ros.robot_messages import mode_of, robot_state
 
 
-class _Cancelled(YumiError):
-    """Somebody has cancelled the goal; the step that was to come has not begun."""
+class _Cancelled(Exception):
+    """Somebody has cancelled the goal; the step that was to come has not begun. Nobody explains it as a failure."""
 
 
 class RobotManagerActions:
@@ -64,7 +64,7 @@ class RobotManagerActions:
         return self._manager.go_to(mode, report)
 
     def _recover(self, _: Any, report: Report) -> str:
-        demand(self._permission.to_move())
+        demand(self._permission.to_move(self._manager.wanted))
         return self._manager.recover(report)
 
     def _executing(self, name: str, kind: Any, carry: Callable[[Any, Report], str]) -> Callable[[Any], Any]:
