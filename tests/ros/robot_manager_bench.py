@@ -44,6 +44,8 @@ READY = RobotState(
 class FakeManager:
     """Notes each call; what stands in ``refusals`` by its name is refused with that sentence."""
 
+    wanted = ()
+
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
         self.refusals: dict[str, str] = {}

@@ -54,7 +54,7 @@ class Connection:
         self._stack = ExitStack()
 
     def open(self) -> None:
-        """Connect, bring the robot to ready, start EGM on its arms and calibrate hands that need it.
+        """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
 
         Raises:
             YumiError: a step failed, the message says which; everything is as before.
@@ -68,8 +68,11 @@ class Connection:
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
+            self.manager.make_ready()
+            calibrate(
+                self.grippers, log.info, log.warning
+            )  # before EGM: hands are not calibrated while arms are guided
             self.manager.start_egm()
-            calibrate(self.grippers, log.info, log.warning)
             self._stack = stack.pop_all()
 
     def recover(self) -> None:
