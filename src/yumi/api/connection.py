@@ -71,7 +71,7 @@ class Connection:
             self.manager.make_ready()
             calibrate(
                 self.grippers, log.info, log.warning
-            )  # before EGM: hands are not calibrated while arms are guided
+            )  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
