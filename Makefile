@@ -31,10 +31,10 @@ check: setup
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 
-# Two processes each. What runs in real time comes afterwards: it has the machine to itself.
+# What runs in virtual time runs on two processes; what runs in real time has the machine to itself, one by one.
 test: check
 	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile -m 'not ros and not real_time' $(ARGS)
-	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile -m 'ros or real_time' $(ARGS)
+	.venv/bin/python -m pytest -m 'ros or real_time' $(ARGS)
 
 constraints: setup
 	@.venv/bin/python -m venv build/uv
