@@ -5,6 +5,7 @@ Three processes besides this one, as a user has them: ``yumi controller``, ``yum
 
 from __future__ import annotations
 
+import gc
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -54,6 +55,7 @@ class _Streamer:
         self._until(lambda: bool(self._heard) and self._goals.get_subscription_count() > 0)
         names, start = list(self._heard[-1].name), list(self._heard[-1].position)
         self._heard.clear()
+        gc.disable()  # a pause of this collector is nothing that the driver could do anything about
         begin = due = time.time()
         while due < begin + duration:
             self._executor.spin_once(timeout_sec=max(0.0, due - time.time()))
@@ -65,6 +67,7 @@ class _Streamer:
                 goal.header.stamp = Time(sec=int(now), nanosec=int(now % 1.0 * 1e9))
                 self._goals.publish(goal)
                 due += PERIOD
+        gc.enable()
         self._call("yumi_robot_manager/stop_egm")
         return Run(reference, tuple(self._samples(reference, begin, duration, start[JOINT])), 0)
 

@@ -57,6 +57,7 @@ from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
+from yumi.links.realtime import settle_memory
 from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
@@ -277,6 +278,7 @@ def run_driver(
         ros.say(fast_lines.started_as)
         if settings.ros.autostart:
             ros.bring_up()
+        settle_memory()
         on_ready()
         is_over.wait()
 

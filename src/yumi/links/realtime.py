@@ -65,13 +65,15 @@ def release_process() -> None:
 
 
 def prefer_process() -> None:
-    """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace.
+    """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace."""
+    _raise_nice()
+    settle_memory()
 
-    What there is already stays: the collector need not look at it again, which would take longer than a cycle.
-    """
+
+def settle_memory() -> None:
+    """What there is by now stays: the collector need not look at it again, which would take longer than a cycle."""
     gc.collect()
     gc.freeze()
-    _raise_nice()
 
 
 def _raise_priority() -> str:
