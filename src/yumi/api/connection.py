@@ -69,9 +69,7 @@ class Connection:
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             self.manager.make_ready()
-            calibrate(
-                self.grippers, log.info, log.warning
-            )  # not while arms are guided
+            calibrate(self.grippers, log.info, log.warning)  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 

@@ -107,6 +107,8 @@ class RosDriver:
         self._streams = SingleThreadedExecutor()
         self._manager_node = rclpy.create_node("yumi_robot_manager")
         self._dual_node = rclpy.create_node(DUAL_ARM)
+        self._stream_node = stream_node()
+        self._stream_nodes = {side: stream_node(side.value) for side in Side}
         self._trajectories = TrajectoryControllers(
             self._dual_node,
             {side: boxes.trajectory for side, boxes in self._boxes.items()},
@@ -114,9 +116,8 @@ class RosDriver:
             fast_lines.ask,
             clock,
             limits,
+            self._stream_node,
         )
-        self._stream_node = stream_node()
-        self._stream_nodes = {side: stream_node(side.value) for side in Side}
         interfaces = {
             **self._trajectories.interfaces,
             **forward_interfaces(self._stream_nodes, fast_lines, clock.now),

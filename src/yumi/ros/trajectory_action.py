@@ -90,10 +90,18 @@ class TrajectoryAction:
         ask: has a request served by the fast line.
         clock: the machine's clock.
         limits: what the joints may do.
+        ticker: the node whose timer passes feedback on, fifty times a second: one that a lean executor spins.
     """
 
     def __init__(
-        self, node: Any, name: str, feedback: Mapping[Side, Mailbox], ask: Ask, clock: Clock, limits: JointLimits
+        self,
+        node: Any,
+        name: str,
+        feedback: Mapping[Side, Mailbox],
+        ask: Ask,
+        clock: Clock,
+        limits: JointLimits,
+        ticker: Any = None,
     ) -> None:
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
@@ -125,7 +133,8 @@ class TrajectoryAction:
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        node.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
+        self._ticker = ticker or node
+        self._timer = self._ticker.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
 
     def tell(self, notice: Any) -> None:
         """Take what the only arm's controller has told; from any thread."""
@@ -149,6 +158,7 @@ class TrajectoryAction:
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
         self._give_up()
+        self._ticker.destroy_timer(self._timer)
         self._server.destroy()
 
     def _give_up(self) -> None:

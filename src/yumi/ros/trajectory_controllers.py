@@ -28,6 +28,7 @@ class TrajectoryControllers:
         ask: has a request served by the fast line.
         clock: the machine's clock.
         limits: what the joints may do.
+        ticker: a node that a lean executor spins, for timers.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
@@ -41,11 +42,12 @@ class TrajectoryControllers:
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
+        ticker: Any,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits)
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {
