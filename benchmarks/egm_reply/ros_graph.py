@@ -9,6 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
@@ -21,6 +22,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from yumi.clock import SystemClock
 from yumi.errors import RobotNotReady
+from yumi.hardware.manager_state import RobotState
 from yumi.robot.joints import Side
 from yumi.ros.driver import RosDriver, close_ros, open_ros
 from yumi.ros.hands import HandParts
@@ -33,12 +35,23 @@ BURST_PERIOD = BURST / 0.3
 
 
 class AbsentRobot:
-    """Stands where a robot manager or a gripper would be."""
+    """Stands where a robot manager, its watch, a connection or a gripper would be."""
 
-    def refuse(self) -> NoReturn:
+    wanted = ()
+
+    def __getattr__(self, name: str) -> Callable[..., NoReturn]:
+        return self.refuse
+
+    def refuse(self, *_: object) -> NoReturn:
         raise RobotNotReady("There is no controller in this benchmark; only EGM is spoken.")
 
-    make_ready = start_egm = stop_egm = check_ready = describe = state = calibrate_if_needed = keep_open = refuse
+    @property
+    def watch(self) -> AbsentRobot:
+        return self
+
+    def state(self) -> RobotState:
+        """Nothing is known of it."""
+        return RobotState()
 
     def reading(self, side: Side) -> None:
         """Nothing is known of its hands."""
@@ -100,7 +113,7 @@ def main() -> None:
     absent = AbsentRobot()
     hands = HandParts(dict.fromkeys(Side, absent), absent, settings.gripper)
     rate = settings.ros.merged_rate
-    driver = RosDriver(line.lines, plan.controllers, absent, hands, rate, SystemClock(), plan.limits)
+    driver = RosDriver(line.lines, plan.controllers, absent, absent, hands, rate, SystemClock(), plan.limits)
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None
