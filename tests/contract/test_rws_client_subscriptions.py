@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -189,14 +189,15 @@ class Wire:
         self.losses.append(sentence)
         self.arrived.set()
 
-    def news(self) -> None:
-        """Let the controller look until something has arrived."""
+    def until(self, has_come: Callable[[], object]) -> None:
+        """Let the controller look until what is waited for has come: something older may arrive before it."""
         for _ in range(500):
+            if has_come():
+                break
             self.clock.advance(GLANCE)
             self.adapter.advance(self.clock.now())
-            if self.arrived.wait(0.01):
-                break
-        self.arrived.clear()
+            self.arrived.wait(0.01)
+            self.arrived.clear()
 
 
 @pytest.fixture
@@ -210,31 +211,31 @@ def wire() -> Iterator[Wire]:
 def client(wire: Wire) -> Iterator[RwsClient]:
     with RwsClient(wire.server.address) as client:
         client.subscribe([rws.SPEED_RATIO], wire.on_change, wire.on_lost)
-        wire.arrived.clear()
         yield client
 
 
 def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
+    known = len(wire.changes)
     wire.controller.set_speed_ratio(30)
-    wire.news()
+    wire.until(lambda: len(wire.changes) > known)
     assert wire.changes[-1] == Change(rws.SPEED_RATIO.path, {"speedratio": "30"})
 
 
 def test_broken_web_socket_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.drop_web_sockets()
-    wire.news()
+    wire.until(lambda: wire.losses)
     assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
 
 
 def test_web_socket_that_the_controller_closes_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.expire_sessions()
-    wire.news()
+    wire.until(lambda: wire.losses)
     assert wire.losses == [f"{wire.server.address} has closed the WebSocket (code 1000)."]
 
 
 def test_broken_connections_are_told_and_made_again(wire: Wire, client: RwsClient) -> None:
     wire.adapter.reset_connections()
-    wire.news()
+    wire.until(lambda: wire.losses)
     assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
     assert client.speed_ratio() == 100
 
