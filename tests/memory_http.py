@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused
+from yumi.errors import ControllerRefused, NoConnection
 from yumi.links.channel import Upgrade
 from yumi.links.http import ConnectionLost, HttpReply, HttpRequest, Listener
 from yumi.virtual.rws_adapter import RwsAdapter
@@ -46,12 +46,20 @@ class MemorySocket:
 
 
 class MemoryHttp:
-    """A link to ``controller``; call ``advance`` whenever time has passed."""
+    """A link to ``controller``; call ``advance`` whenever time has passed.
+
+    Attributes:
+        adapter: the controller's end of it.
+        is_there: whether there is a controller at all.
+        resets: so many exchanges from now on end with a reset connection.
+    """
 
     address = "memory"
 
     def __init__(self, controller: Controller, clock: Clock) -> None:
         self.adapter = RwsAdapter(controller, user="Default User", password=PASSWORD, hang_up=self._hang_up)
+        self.is_there = True
+        self.resets = 0
         self._clock = clock
         self._channels: list[MemoryChannel] = []
 
@@ -59,7 +67,7 @@ class MemoryHttp:
         self.adapter.advance(self._clock.now())
 
     def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        reply = self.adapter.handle(request, self._clock.now())
+        reply = self._handled(request)
         if reply is None:
             raise ConnectionLost("memory closed the connection without an HTTP answer.")
         assert isinstance(reply, HttpReply)
@@ -67,7 +75,7 @@ class MemoryHttp:
 
     def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> MemorySocket:
         headers = (*request.headers, ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
-        reply = self.adapter.handle(HttpRequest("GET", request.target, headers, peer="socket"), self._clock.now())
+        reply = self._handled(HttpRequest("GET", request.target, headers, peer="socket"))
         if not isinstance(reply, Upgrade):
             raise ControllerRefused("memory does not open a WebSocket.", status=reply.status if reply else 0)
         channel = MemoryChannel(listener)
@@ -77,6 +85,14 @@ class MemoryHttp:
 
     def close(self) -> None:
         """Nothing to close."""
+
+    def _handled(self, request: HttpRequest) -> HttpReply | Upgrade | None:
+        if not self.is_there:
+            raise NoConnection("Nothing answers in this memory.")
+        if self.resets:
+            self.resets -= 1
+            raise ConnectionLost("The connection was reset.")
+        return self.adapter.handle(request, self._clock.now())
 
     def _hang_up(self) -> None:
         for channel in self._channels:

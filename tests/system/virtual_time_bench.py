@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
+from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.control.arm_line import ArmLine
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
@@ -19,7 +19,7 @@ from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection
+from yumi.errors import CommandRefused
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.egm_arm import EgmArm
 from yumi.hardware.gripper import Gripper
@@ -29,83 +29,16 @@ from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.channel import Upgrade
-from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.links.memory import MemoryLink, memory_links
-from yumi.links.web_socket import Listener
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.fault_desk import FaultDesk
 from yumi.virtual.gripper import Workpiece
-from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
-
-
-class MemoryHttp:
-    """Carries requests straight to the virtual controller.
-
-    Attributes:
-        is_there: whether there is a controller at all.
-        resets: so many exchanges from now on end with a reset connection.
-    """
-
-    address = "memory"
-
-    def __init__(self, adapter: RwsAdapter, clock: ManualClock) -> None:
-        self.is_there = True
-        self.resets = 0
-        self._adapter = adapter
-        self._clock = clock
-
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        reply = self._handled(request)
-        assert isinstance(reply, HttpReply)
-        return reply
-
-    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> MemoryChannel:
-        upgrade = (("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
-        reply = self._handled(replace(request, headers=(*request.headers, *upgrade)))
-        if isinstance(reply, HttpReply):
-            raise ControllerRefused("No WebSocket is opened.", status=reply.status)
-        channel = MemoryChannel(listener)
-        reply.attach(channel)
-        return channel
-
-    def _handled(self, request: HttpRequest) -> HttpReply | Upgrade:
-        if self.resets:
-            self.resets -= 1
-            raise ConnectionLost("The connection was reset.")
-        reply = self._adapter.handle(request, self._clock.now()) if self.is_there else None
-        if reply is None:
-            raise NoConnection("Nothing answers in this memory.")
-        return reply
-
-    def close(self) -> None:
-        """Nothing to close."""
-
-
-class MemoryChannel:
-    """A WebSocket without a wire, both ends of it."""
-
-    has_left = False
-
-    def __init__(self, listener: Listener) -> None:
-        self.is_open = True
-        self._listener = listener
-
-    def send(self, text: str) -> None:
-        self._listener.on_text(text)
-
-    def close(self) -> None:
-        self.is_open, self.has_left = False, True
-
-    def abort(self) -> None:
-        self.is_open = False
-        self._listener.on_lost("The WebSocket in this memory broke.")
 
 
 class DriverArm:
@@ -202,9 +135,9 @@ class System(ManualClock):
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self._driver_ends = {side: ends[side][0] for side in Side}
-        self.adapter = RwsAdapter(self.world.controller, user="Default User", password="robotics")
+        self.http = MemoryHttp(self.world.controller, self)
+        self.adapter = self.http.adapter
         self.faults = FaultDesk(self.world, self.adapter)
-        self.http = MemoryHttp(self.adapter, self)
         self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self._motion = motion or EgmMotionSettings()

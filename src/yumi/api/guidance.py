@@ -14,7 +14,7 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import ArmPlan, JointTrajectory, plan_trajectory
+from yumi.control.trajectory import TOGETHER, ArmPlan, JointTrajectory, plan_trajectory
 from yumi.controllers.joint_goal import JointGoal, StopMotion
 from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
@@ -29,9 +29,6 @@ STREAM_CONTROLLER = "joint_position_controller"
 
 TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 """Follows points with times."""
-
-COMMON_START = 0.1
-"""Both arms begin a trajectory so long after it was ordered [s]: each has its order by then."""
 
 ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
@@ -134,7 +131,7 @@ class Guidance:
             self._check_follows(side)
         for side in plans:
             self._take_over(side, TRAJECTORY_CONTROLLER)
-        start = self._clock.now() + COMMON_START if len(plans) > 1 else None
+        start = self._clock.now() + TOGETHER if len(plans) > 1 else None
         motions = {side: self._book.begin(side) for side in plans}
         orders = [
             Order(

@@ -18,6 +18,9 @@ from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import JointLimits
 
+TOGETHER = 0.1
+"""Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
+
 _ROUNDING = 1.0 + 1e-6  # a spline that uses a limit fully is not refused for its last digit
 _RANGE_ROUNDING = 1e-9  # [rad]
 _AT_REST = 1e-7  # [rad/s] upstream's: the resolution of a float32

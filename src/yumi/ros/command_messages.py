@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import degrees, isfinite
 from typing import Any
 
-from yumi.control.goals import UNKNOWN
+from yumi.control.goals import UNKNOWN, check_position
 from yumi.errors import CommandRefused
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS
@@ -22,7 +22,7 @@ def goal_of(message: Any, side: Side, base: Joints) -> Joints:
     indices = _indices(message.name, message.position, side, "Goal", "positions")
     goal = list(base)
     for index, position in zip(indices, message.position, strict=True):
-        _check_position(joint_names(side)[index], index, position)
+        check_position(joint_names(side)[index], index, position)
         goal[index] = position
     return joints(goal)
 
@@ -55,7 +55,7 @@ def positions_of(message: Any, side: Side) -> Joints:
     """
     values = _seven(message, "Goal")
     for index, (name, position) in enumerate(zip(joint_names(side), values, strict=True)):
-        _check_position(name, index, position)
+        check_position(name, index, position)
     return values
 
 
@@ -101,15 +101,6 @@ def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: st
                 f"{noun} refused: {name!r} is no joint of the {side.word} arm; it has {', '.join(known)}."
             )
     return [known[name] for name in names]
-
-
-def _check_position(name: str, index: int, position: float) -> None:
-    if not isfinite(position):
-        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
-    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
-        raise CommandRefused(
-            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
-        )
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:

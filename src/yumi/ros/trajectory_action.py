@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, FastLineEnded, Order, Request, SendOrders
-from yumi.control.trajectory import ResultCode, plan_trajectory
+from yumi.control.trajectory import TOGETHER, ResultCode, plan_trajectory
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.trajectory_orders import (
     CancelTrajectory,
@@ -39,9 +39,6 @@ from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 from yumi.ros.trajectory_query import TrajectoryQuery
-
-TOGETHER = 0.1
-"""Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
 
 _GLANCE = 0.02  # [s] how soon new feedback is passed on
 _CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
