@@ -18,7 +18,7 @@ EGM_GAIN = 5.0
 """Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
 
 _ROUNDING = 1.0 + 1e-3  # a speed at a limit is not refused for the last digits of the planned position
-_REST = 1e-6  # [rad/s] slower than this is no motion
+_REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
 
 class FeedForward:
@@ -43,6 +43,7 @@ class FeedForward:
         self._rates = [0.0] * JOINT_COUNT
         self._planned: Joints | None = None
         self._position: Joints = ZERO
+        self._position_before: Joints = ZERO
 
     def end(self) -> None:
         """Forget; the robot is told no speed from now on."""
@@ -53,6 +54,7 @@ class FeedForward:
 
         What it makes of them is the motion that a speed sets in upon.
         """
+        self._position_before = position if self._planned is None else self._position
         self._planned, self._position = planned, position
 
     def admit(self, planned: Joints, position: Joints, velocity: Joints, dt: float) -> Joints:
@@ -65,11 +67,9 @@ class FeedForward:
             dt: time since the last command [s] > 0.
         """
         self.is_bounded = False
-        if velocity is ZERO and self.velocity is ZERO:
-            self._is_feeding = False
+        if velocity is ZERO and not self._is_feeding:
             return ZERO
         if not self._is_feeding:
-            self._is_feeding = True
             self._begin(planned, dt)
         admitted = [
             self._admit_joint(index, now + last * dt, ahead, speed, last, dt)
@@ -77,8 +77,8 @@ class FeedForward:
                 zip(planned, position, velocity, tuple(self._speeds), strict=True)
             )
         ]
-        is_over = velocity is ZERO and max(map(abs, admitted)) < _REST
-        self.velocity = ZERO if is_over else joints(admitted)
+        is_over = velocity is ZERO and not self.is_bounded and max(map(abs, (*admitted, *self.velocity))) < _REST
+        self.velocity, self._is_feeding = (ZERO, False) if is_over else (joints(admitted), True)
         return self.velocity
 
     def _begin(self, planned: Joints, dt: float) -> None:
@@ -86,9 +86,15 @@ class FeedForward:
         if self._planned is None:
             self._speeds, self._rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
             return
-        self._speeds = [self._gain * (ahead - now) for ahead, now in zip(self._position, planned, strict=True)]
-        steps = zip(self._speeds, planned, self._planned, strict=True)
-        self._rates = [(speed - (now - before) / dt) / dt for speed, now, before in steps]
+        self._speeds = self._led(self._position, planned)
+        rates = zip(
+            self._speeds, self._led(self._position_before, self._planned), self._limits.acceleration, strict=True
+        )
+        self._rates = [max(-top, min(top, (new - old) / dt)) for new, old, top in rates]
+
+    def _led(self, position: Joints, planned: Joints) -> list[float]:
+        """How fast the robot sets out towards a position reference [rad/s]."""
+        return [self._gain * (ahead - now) for ahead, now in zip(position, planned, strict=True)]
 
     def _admit_joint(self, index: int, now: float, ahead: float, speed: float, last: float, dt: float) -> float:
         """The share of one joint; ``now`` is where it will be when the robot takes the command."""

@@ -81,7 +81,7 @@ class Guard:
         if wanted is None or not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self.is_at_rest = False
-        position = self._shape(self._inside(wanted.position), dt)
+        position = self._shape(self._inside(wanted.position), dt, state.dt)
         velocity = self._feed_forward.admit(state.planned, position, wanted.velocity, dt)
         if self._feed_forward.is_bounded and position == wanted.position:  # else it is counted already
             self.counters.slowed += 1
@@ -130,11 +130,11 @@ class Guard:
         steps = zip(last, planned, less, self._limits.velocity, strict=True)
         return joints([old + max(-top * dt, min(top * dt, now + lead - old)) for old, now, lead, top in steps])
 
-    def _shape(self, position: Joints, dt: float) -> Joints:
+    def _shape(self, position: Joints, dt: float, elapsed: float) -> Joints:
         if self._shaper.passes(position, dt):
             return position
         self.counters.slowed += 1
-        return self._shaper.approach(position, dt)
+        return self._shaper.approach(position, dt, elapsed)
 
     def _may_go_on(self, state: ArmState, wanted: ArmCommand) -> bool:
         if not isfinite(sum(wanted.position) + sum(wanted.velocity)):
