@@ -50,7 +50,6 @@ static const long RECOVERY = 50;          /* cycles after an unanswered one in w
 static const int64_t SECOND = 1000000000;
 static const int64_t ANSWER_TIMEOUT = 100000000;  /* ping-pong: after this the reply counts as missed [ns] */
 static const int64_t STRAGGLERS = 50000000;       /* how long replies are still read after the last cycle [ns] */
-static const int64_t AHEAD = 40000;               /* stop waiting for a reply this long before the next tick [ns] */
 
 /* ---- options ---- */
 
@@ -207,8 +206,8 @@ static void send_all(uint32_t seqno, long cycle)
     }
 }
 
-/* Read replies until all arms have answered `cycle` or the deadline; returns how many have not. */
-static int wait_for_replies(long cycle, int64_t deadline)
+/* Ping-pong: read replies until all arms have answered `cycle` or the deadline. */
+static void wait_for_replies(long cycle, int64_t deadline)
 {
     int missing = set.arms;
     int64_t left;
@@ -219,7 +218,12 @@ static int wait_for_replies(long cycle, int64_t deadline)
             for (long answered = 0; readable[i].revents && answered != -2;)
                 if ((answered = take_reply(&arms[i], cycle)) == cycle && cycle >= 0) missing--;
     }
-    return missing;
+}
+
+static int is_unanswered(long cycle)
+{
+    for (int i = 0; i < set.arms; ++i) if (!arms[i].latency[cycle]) return 1;
+    return 0;
 }
 
 /* ---- the three phases ---- */
@@ -240,6 +244,14 @@ static void next_tick(void)
     if (late > latest) latest = late;
 }
 
+/* Paced: the kernel notes when each reply came, nobody has to be awake for it. A robot shares no processor with who guides
+ * it; a generator that read the first arm's reply at once would take time from the second arm, on the same processor. */
+static void sleep_and_read(long cycle)
+{
+    sleep_until(due + set.period / 2);
+    drain(cycle);
+}
+
 static int lead_in(void)
 {
     int64_t end_at = clock_ns(CLOCK_MONOTONIC) + set.lead_in;
@@ -250,7 +262,7 @@ static int lead_in(void)
         if (ready) return 1;
         next_tick();
         send_all(seqno++, -1);
-        wait_for_replies(-1, due + set.period - AHEAD);
+        sleep_and_read(-1);
     }
     return 0;
 }
@@ -268,10 +280,10 @@ static long guide(long cycles)
         int is_paced = !set.is_ping_pong;
         if (cycle == set.warm_up) begin_counting();
         if (is_paced) { next_tick(); drain(cycle ? cycle - 1 : 0); }
+        if (cycle) lost = is_unanswered(cycle - 1) ? lost + 1 : 0;
         send_all(seqno++, cycle);
-        int64_t now = clock_ns(CLOCK_MONOTONIC);
-        int missing = wait_for_replies(cycle, is_paced ? due + set.period - AHEAD : now + ANSWER_TIMEOUT);
-        lost = missing ? lost + 1 : 0;
+        if (is_paced) sleep_and_read(cycle);
+        else wait_for_replies(cycle, clock_ns(CLOCK_MONOTONIC) + ANSWER_TIMEOUT);
     }
     return cycle;
 }

@@ -1,9 +1,9 @@
-"""Who takes part in the reply benchmark, and in which order: all cases of a round, shuffled anew in every round."""
+"""Who takes part in the reply benchmark, and in which order: shuffled anew in every round."""
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -114,6 +114,17 @@ def cases_of(chosen: Iterable[Contender]) -> list[Case]:
 
 
 def schedule(cases: Sequence[Case], rounds: int, seed: int) -> list[tuple[int, Case]]:
-    """All runs with the number of their round, from 1; the order within a round is drawn from ``seed``."""
+    """All runs with the number of their round, from 1; the order within a round is drawn from ``seed``.
+
+    A contender's own runs follow each other: two arms are compared with one, and a machine changes by the minute.
+    """
     draw = random.Random(seed)
-    return [(number, case) for number in range(1, rounds + 1) for case in draw.sample(cases, len(cases))]
+    return [(number, case) for number in range(1, rounds + 1) for case in _round(cases, draw)]
+
+
+def _round(cases: Sequence[Case], draw: random.Random) -> Iterator[Case]:
+    chosen = list(dict.fromkeys(case.contender for case in cases))
+    for contender in draw.sample(chosen, len(chosen)):
+        for mode in draw.sample(tuple(Mode), len(Mode)):
+            own = [case for case in cases if (case.contender, case.mode) == (contender, mode)]
+            yield from draw.sample(own, len(own))
