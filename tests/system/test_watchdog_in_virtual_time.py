@@ -79,6 +79,19 @@ def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
 
 
+def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: MovingSystem) -> None:
+    """A signal that is up already has no edge."""
+    driver = watchdog(system)
+    system.faults.happen(Fault.PROGRAM_STOP)
+    driver.give_sign()
+    system.recover()
+    driver.have_robot_watch()
+    for _ in range(4):
+        system.wait(TIMEOUT / 2)
+        driver.give_sign()
+    assert execution(system) is ExecutionState.RUNNING
+
+
 def test_stop_request_stops_the_robot_at_once(system: MovingSystem) -> None:
     system.manager.write_signal("WD_STOP_REQUEST", 1)
     system.wait(0.1)
