@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import copysign, radians
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import Log
@@ -21,9 +21,11 @@ from yumi_interfaces.msg import RobotState
 
 from yumi.cli_fault import fault as fault_command
 from yumi.clock import SystemClock
+from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.command import Command
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
 from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.virtual.fault_names import Fault
@@ -64,6 +66,26 @@ class Scenario:
     def sides(self) -> tuple[Side, ...]:
         """The arms that it stops."""
         return tuple(Side) if self.side is None else (self.side,)
+
+
+class Tracking(NamedTuple):
+    """How an arm followed in some of its cycles.
+
+    Attributes:
+        missed: cycles of the robot without an answer, as a share.
+        lead: how far a command was ahead of its joint, at most [rad].
+    """
+
+    missed: float
+    lead: float
+
+
+def tracking(frames: Sequence[Frame], begin: float, end: float) -> Tracking:
+    """That of the cycles between two times [s]."""
+    followed = [frame for frame in frames if frame.is_running and frame.dt > 0.0 and begin <= frame.time <= end]
+    missed = sum(round(frame.dt / CYCLE) - 1 for frame in followed) / len(followed)
+    leads = (abs(a - b) for frame in followed for a, b in zip(frame.admitted, frame.position, strict=True))
+    return Tracking(missed, max(leads))
 
 
 class Ear:
@@ -159,6 +181,8 @@ class Stage:
         if number:
             self.application.close()
         self.application = Application()
+        # A service of a driver that was killed is found for some time yet: only what it sends shows the new one.
+        self.until(lambda: self.application.ear.has("EGM: "), "A state of the robot")
 
     def stop_driver(self) -> None:
         """In order: its recording is complete then."""
@@ -188,13 +212,13 @@ class Stage:
     # What happens
 
     @contextmanager
-    def scene(self, name: str) -> Iterator[None]:
-        """Something that happens while both arms move; no process is another one afterwards, and nothing broken."""
+    def scene(self, name: str) -> Iterator[dict[Side, Joints]]:
+        """Something that happens while both arms move to their goals; no process is another one afterwards."""
         with self.span(name):
-            self.begin_to_move()
+            goals = self.begin_to_move()
             processes = self.processes()
             try:
-                yield
+                yield goals
                 assert self.processes() == processes
             finally:
                 self.mend()
