@@ -11,7 +11,7 @@ from math import copysign, radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import TIMEOUT, Robot, rclpy
@@ -101,6 +101,7 @@ class Ear:
         self.interruptions = dict.fromkeys(Side, 0)
         node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, EVERY_CHANGE)
         node.create_subscription(Log, "/rosout", lambda message: self.heard.append(message.msg), 100)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
         for side in Side:
             node.create_subscription(DiagnosticStatus, f"{side.value}/egm_state", partial(self._count, side), 1)
             node.create_subscription(DiagnosticStatus, f"{side.value}/gripper/state", self._take_status, 10)
@@ -118,6 +119,10 @@ class Ear:
             f"programs: right {state.right_state_machine}, left {state.left_state_machine}",
             f"speed ratio {state.speed_ratio} %",
         ]
+
+    def _take_diagnostics(self, array: Any) -> None:
+        for status in array.status:
+            self._take_status(status)
 
     def _take_status(self, status: Any) -> None:
         self.heard.append(f"{status.name}: {status.message}")

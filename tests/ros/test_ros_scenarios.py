@@ -2,7 +2,7 @@
 
 Each is let happen by ``yumi fault`` on a virtual controller with a driver, all of them processes of their own. That a
 second driver refuses is in ``test_ros_command_line``, a power cut in ``test_ros_driver`` and ``test_ros_records``; and
-all of it again, cycle by cycle in virtual time, in ``system/test_recovery_scenarios``.
+all of it again, cycle by cycle in virtual time, in ``system/test_recovery_scenarios``, where a restart takes its 20 s.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STOPS = [
     Scenario(Fault.EGM_SILENCE, SILENT, BACK, duration=1.0),
     Scenario(
         Fault.EGM_SILENCE,
-        SILENT,
+        "not ready: the state machines are not idle (right arm: RUN_EGM_ROUTINE, left arm: RUN_EGM_ROUTINE)",
         BACK,
         "no datagram came for the right and left arm; check the remote address",
         Fault.EGM_REPAIR,
@@ -69,7 +69,7 @@ STOPS = [
         r"Task T_ROB_R has no state machine \(TRobMain\); load the RAPID modules",
         Fault.RIGHT_PROGRAM,
     ),
-    Scenario(Fault.WARM_RESTART, "not ready: the controller does not answer", BACK),
+    Scenario(Fault.WARM_RESTART, "not ready: the controller does not answer", BACK, duration=4.0),
 ]
 DISTURBANCES = [Fault.RWS_RESET, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP]
 SHORT, BUSY, LOST, UNCALIBRATED = "egm-silence-0.05s", "rws-busy", "object-lost", "gripper-not-calibrated"
@@ -99,6 +99,7 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
         if scenario.mended:
             with pytest.raises(RobotNotReady, match=scenario.refused):
                 manager.recover()
+            stage.until_heard(f"yumi: robot: {scenario.says}")  # in /diagnostics
             stage.mend()
         assert scenario.recovered in manager.recover()
         stage.reach_new_goals()
