@@ -176,6 +176,10 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
         (Snapshot(), "EGM is not running on the right arm; call start_egm first."),
         (Snapshot(is_streaming=True), "EGM is not running on the right arm; call start_egm first."),
         (Snapshot(is_running=True), "no position controller is active on the right arm; activate one first."),
+        (
+            Snapshot(is_running=True, activation=1, goal_kind=GoalKind.POSITION),
+            "the right arm has no reference yet; send the goal again.",
+        ),
     ],
 )
 def test_topic_refuses_goals_before_the_arm_can_take_them(

@@ -226,6 +226,7 @@ def test_query_tells_where_the_trajectory_will_be(right: Goals, egm: Client) -> 
     right.wait(handle.cancel_goal_async())
     right.result(handle)
     egm.until(lambda: not query(egm, 0.0).success)
+    assert query(egm, 0.0).message == "No trajectory is followed at that time; ask for a time within one."
 
 
 def test_controller_state_tells_joints_and_where_they_are(right: Goals, egm: Client) -> None:

@@ -76,5 +76,6 @@ def test_goal_is_aborted_when_the_fast_line_ends(lone: Lone, caller: Client) -> 
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED
-    assert ended.result().result.error_string == "The fast line has ended; restart the driver."
+    sentence = "The fast line has ended; call recover, which starts another one."
+    assert ended.result().result.error_string == sentence
     goals.destroy()

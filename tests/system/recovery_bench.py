@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import inf, radians
 
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import Frame
@@ -67,17 +67,17 @@ class MovingSystem(System):
         return max(largest_jump(arm.recorder.frames()) for arm in self.arms.values())
 
 
-def largest_jump(frames: tuple[Frame, ...]) -> float:
+def largest_jump(frames: tuple[Frame, ...], begin: float = -inf, end: float = inf) -> float:
     """Largest step of a command that the robot follows, from the one before it, or, when the robot begins to follow,
-    from the arm; in shares of a joint's speed times a cycle.
+    from the arm; in shares of a joint's speed times a cycle. 0 where it follows none between ``begin`` and ``end`` [s].
     """
-    steps = [
+    steps = (
         abs(new - old) / (speed * CYCLE)
         for before, frame in zip((None, *frames), frames, strict=False)
-        if frame.is_running
+        if frame.is_running and begin <= frame.time <= end
         for old, new, speed in zip(_origin(before, frame), frame.admitted, YUMI_LIMITS.velocity, strict=True)
-    ]
-    return max(steps)
+    )
+    return max(steps, default=0.0)
 
 
 def _origin(before: Frame | None, frame: Frame) -> Joints:

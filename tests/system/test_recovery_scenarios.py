@@ -159,6 +159,7 @@ def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> 
     system.recover()
     assert "activate joint_position_controller on the right arm" in system.told
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+    assert system.largest_jump < NO_JUMP
 
 
 def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
@@ -178,18 +179,24 @@ def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> No
         system.recover()
 
 
-def test_session_that_expired_is_opened_again(system: MovingSystem) -> None:
+@pytest.mark.parametrize("fault", [Fault.RWS_RESET, Fault.RWS_BUSY, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP])
+def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: MovingSystem, fault: Fault) -> None:
+    system.manager.watch.step()  # it subscribes
+    system.faults.happen(fault)
+    system.wait(0.3)
+    assert all(arm.snapshot.is_commanded for arm in system.arms.values())
     system.faults.happen(Fault.PROGRAM_STOP)
-    system.faults.happen(Fault.RWS_SESSIONS_EXPIRED)
-    system.recover()
+    assert system.recover().startswith("The robot was stopped by 10125 Program stopped")
     assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
 
 
-def test_connection_that_is_reset_does_not_stop_recovery(system: MovingSystem) -> None:
+def test_connection_that_is_reset_in_the_middle_of_a_request_does_not_stop_recovery(system: MovingSystem) -> None:
     system.faults.happen(Fault.PROGRAM_STOP)
     system.http.resets = 1
     system.recover()
     assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
 
 
 def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_first(system: MovingSystem) -> None:
@@ -209,3 +216,4 @@ def test_controller_that_is_busy_is_waited_for(system: MovingSystem) -> None:
     system.recover()
     assert system.told[0] == "wait for the controller, which does not answer"
     assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP

@@ -7,7 +7,7 @@ import pytest
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.errors import ControllerRefused
-from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, WATCHDOG, SgCommand
+from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
@@ -70,6 +70,31 @@ def test_robot_that_stopped_itself_is_brought_back_by_the_next_driver(system: Mo
     assert system.is_moving_again()
 
 
+def test_driver_that_follows_at_once_ends_what_its_predecessor_has_left_behind(system: MovingSystem) -> None:
+    system.start_driver()
+    system.wait(0.1)
+    assert all(arm.snapshot.is_running for arm in system.arms.values())
+    system.steps.clear()
+    system.manager.make_ready()
+    assert system.steps == ["stop EGM"]
+    system.wait(TIMEOUT + 0.5)
+    assert execution(system) is ExecutionState.RUNNING
+
+
+def test_egm_that_another_program_has_begun_is_begun_anew_and_watched() -> None:
+    system = System()
+    system.manager.watchdog.start()
+    try:
+        system.manager.make_ready()
+        system.client.pulse_signal(START_JOINT)
+        system.wait(0.5)
+        system.manager.start_egm()
+        assert system.steps[-4:-2] == ["stop EGM", "start EGM on both arms"]
+        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+    finally:
+        system.manager.watchdog.stop()
+
+
 def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
     driver = watchdog(system)
     for _ in range(6):
@@ -77,6 +102,19 @@ def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+
+
+def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: MovingSystem) -> None:
+    """A signal that is up already has no edge."""
+    driver = watchdog(system)
+    system.faults.happen(Fault.PROGRAM_STOP)
+    driver.give_sign()
+    system.recover()
+    driver.have_robot_watch()
+    for _ in range(4):
+        system.wait(TIMEOUT / 2)
+        driver.give_sign()
+    assert execution(system) is ExecutionState.RUNNING
 
 
 def test_stop_request_stops_the_robot_at_once(system: MovingSystem) -> None:

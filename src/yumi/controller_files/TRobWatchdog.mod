@@ -38,6 +38,8 @@ MODULE TRobWatchdog(SYSMODULE)
     LOCAL TRAP handleTick
         VAR bool was_held;
 
+        ! A 1 that came while the program stood raised no interrupt, and hides the edges of those that follow.
+        IF DOutput(WD_EXTERNAL_STATUS)=1 Reset WD_EXTERNAL_STATUS;
         was_held:=ClkRead(since_tick)>LATE;
         restartClock since_tick;
         IF was_held OR NOT (active AND check_external_status) THEN

@@ -80,11 +80,15 @@ class ArmGuidance:
     def begin(self, arms: tuple[Side, ...]) -> str:
         """EGM and controllers on exactly these arms; tells in a sentence what commands them.
 
+        EGM that somebody else has begun, an earlier driver or another program, is ended first: it has other settings,
+        and no watchdog that knows us.
+
         Raises:
             YumiError: a step failed; the message says which.
         """
         self._fast_lines.check()
-        if any(self._snapshot(side).is_running for side in Side if side not in arms):
+        ours = arms if self.wanted else ()
+        if any(self._snapshot(side).is_running for side in Side if side not in ours):
             self.end()  # the signal that ends EGM ends it on both
         self.wanted = arms
         if not self.are_guided(arms):

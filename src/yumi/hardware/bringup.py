@@ -71,6 +71,14 @@ class Bringup:
         self._is_checked = True
         self._remarks = [remark for remark in checks.remarks if remark not in self._told_remarks]
 
+    def check_program(self) -> None:
+        """Check what somebody may have changed since at the pendant: the program in both tasks.
+
+        Raises:
+            RobotNotReady: it is not there, or in another version.
+        """
+        LaunchChecks(self.client).check_tasks()
+
     def make_ready(self) -> None:
         """Motors on, program running, both state machines idle.
 

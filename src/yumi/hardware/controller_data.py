@@ -12,7 +12,7 @@ from yumi.rws import rapid_values
 
 _NAME = re.compile(r"[A-Za-z]\w{0,31}")
 _SIGNAL = re.compile(r"[A-Za-z][\w/]{0,95}")
-_UNKNOWN = 404
+_BAD_VALUE, _FORBIDDEN, _UNKNOWN = 400, 403, 404
 
 
 class ControllerData:
@@ -40,11 +40,12 @@ class ControllerData:
 
         Raises:
             CommandRefused: no such signal, or no such value; nothing was changed.
+            RobotNotReady: not in AUTO, where this controller takes none.
             ControllerRefused: the controller does not let remote clients write it.
         """
         wanted = _checked_number(name, value)
         self._signal(name)
-        self._client.set_signal(name, wanted)
+        self._set_signal(name, wanted)
         kept = self._signal(name)
         if kept != wanted:
             raise CommandRefused(
@@ -70,8 +71,9 @@ class ControllerData:
             value: as RAPID writes it: ``1.5``, ``TRUE``, ``"text"``, ``[1,[2,3]]``.
 
         Raises:
-            CommandRefused: there is none of that name, or ``value`` is no RAPID value; nothing was changed.
-            ControllerRefused: the value does not fit its type, or it is a constant.
+            CommandRefused: there is none of that name, ``value`` is no RAPID value or not of its type, or it is a
+                constant; nothing was changed.
+            RobotNotReady: not in AUTO.
         """
         self._cabinet.check_automatic()
         kind = self._type_of(task, module, name)
@@ -81,7 +83,28 @@ class ControllerData:
             raise CommandRefused(
                 f"{value!r} is no RAPID value; {module}/{name} of {task} takes a {kind}, such as {_example(kind)}."
             ) from error
-        self._client.set_symbol(task, module, name, value)
+        try:
+            self._client.set_symbol(task, module, name, value)
+        except ControllerRefused as error:
+            if error.status != _BAD_VALUE:
+                raise
+            raise CommandRefused(
+                f"The controller does not take {value} for {module}/{name} of {task}: it is a {kind}, such as "
+                f"{_example(kind)}, or a constant, which cannot be written."
+            ) from error
+
+    def _set_signal(self, name: str, value: float) -> None:
+        try:
+            self._client.set_signal(name, value)
+        except ControllerRefused as error:
+            if error.status == _FORBIDDEN:
+                self._cabinet.check_automatic()  # what may be written in AUTO may be forbidden in manual
+            if error.status != _BAD_VALUE:
+                raise
+            raise CommandRefused(
+                f"The controller does not take {_number(value)} for signal {name}; a digital signal is 0 or 1, another "
+                "one has the range of its configuration."
+            ) from error
 
     def _signal(self, name: str) -> float:
         if not _SIGNAL.fullmatch(name):

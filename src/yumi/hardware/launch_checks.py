@@ -78,6 +78,15 @@ class LaunchChecks:
         self._check_system(self._client.system())
         for side in Side:
             self._check_unit(side)
+        self.check_tasks()
+
+    def check_tasks(self) -> None:
+        """See that the robot-side program is in both tasks: of all that is checked, this changes without a restart.
+
+        Raises:
+            RobotNotReady: it is not there, or in another version.
+        """
+        for side in Side:
             self._check_task(side)
 
     def check_devices(self) -> None:
@@ -86,8 +95,10 @@ class LaunchChecks:
         Raises:
             RobotNotReady: an arm has no UDPUC device.
         """
-        for side, address in self._addresses.items():
-            self._check_device(side, address)
+        if self._addresses:
+            devices = {each.name: each.attributes for each in self._client.cfg("SIO", "COM_TRP")}
+            for side, address in self._addresses.items():
+                self._check_device(side, address, devices.get(side.unit, {}))
 
     def _check_system(self, system: SystemInfo) -> None:
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
@@ -127,9 +138,7 @@ class LaunchChecks:
         except ControllerRefused:
             return "unknown"
 
-    def _check_device(self, side: Side, address: EgmAddress) -> None:
-        devices = {each.name: each.attributes for each in self._client.cfg("SIO", "COM_TRP")}
-        device = devices.get(side.unit, {})
+    def _check_device(self, side: Side, address: EgmAddress, device: Mapping[str, str]) -> None:
         if device.get("Type") != "UDPUC":
             raise RobotNotReady(
                 f"The controller has no UDPUC device {side.unit} (Communication, Transmission Protocol); load "

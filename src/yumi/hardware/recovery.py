@@ -44,21 +44,24 @@ class Recovery:
         Raises:
             RobotNotReady: somebody has to do something at the robot first; the message says what stopped it and what.
         """
-        self._reach()
+        is_new = self._reach()
         for side in self._fast_lines.revive():
             self._bringup.report(f"start the fast-line process of the {side.word} arm again")
         why = self._why_stopped()
         self._bringup.report(why)
         try:
-            told = self._get_up()
+            told = self._get_up(is_new=is_new)
         except YumiError as error:
             raise RobotNotReady(f"{why}. {error}") from error
         self._seen = self._newest_number()
         return f"{why}. {told}."
 
-    def _get_up(self) -> str:
+    def _get_up(self, *, is_new: bool) -> str:
         wanted = self._guidance.wanted
-        self._bringup.check_controller()  # somebody may have loaded another program
+        if is_new:
+            self._bringup.check_controller()  # it may be another one, or have another configuration
+        else:
+            self._bringup.check_program()
         if wanted:
             return self._guidance.begin(wanted)
         self._guidance.end_if_begun()
@@ -75,8 +78,12 @@ class Recovery:
     def _events(self) -> tuple[Event, ...]:
         return self._client.events(count=_EVENTS)
 
-    def _reach(self) -> None:
-        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds."""
+    def _reach(self) -> bool:
+        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds.
+
+        Returns:
+            Whether it had to be waited for.
+        """
         end, is_told = self._clock.now() + RESTART, False
         while not self._answers():
             if self._clock.now() >= end:
@@ -88,6 +95,7 @@ class Recovery:
                 self._bringup.report("wait for the controller, which does not answer")
                 is_told = True
             self._clock.wait(_ATTEMPT)
+        return is_told
 
     def _answers(self) -> bool:
         try:

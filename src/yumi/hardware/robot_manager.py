@@ -108,10 +108,14 @@ class RobotManager:
     # Named states
 
     def make_ready(self) -> str:
-        """Motors on, program running, state machines idle; nothing when it is ready or EGM runs."""
+        """Motors on, program running, state machines idle; nothing when it is ready or we guide it.
+
+        What an earlier driver has left behind comes to an end.
+        """
         with self._changing():
-            if not self._guidance.are_guided(self._arms):
+            if not (self._guidance.wanted and self._guidance.are_guided(self._arms)):
                 self._bringup.make_ready()
+                self.watchdog.take_over()
         return "The robot is ready"
 
     def start_egm(self, arms: Sequence[Side] | None = None) -> str:

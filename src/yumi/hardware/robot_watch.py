@@ -235,14 +235,16 @@ class RobotWatch:
         self._bell.set()
 
     def _take_changes(self) -> bool:
-        """Whether anything was told."""
-        is_told = bool(self._changes)
+        """Whether anything was told; of several events only the newest is read."""
+        is_told, has_event = bool(self._changes), False
         while self._changes:
             change = self._changes.popleft()
             if change.path == EVENT_LOG.path:
-                self._keep(replace(self._state, last_event=self._newest_event()))
+                has_event = True
             else:
                 self._keep(changed(self._state, change))
+        if has_event:
+            self._keep(replace(self._state, last_event=self._newest_event()))
         return is_told
 
     def _has_news(self) -> bool:

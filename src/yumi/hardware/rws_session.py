@@ -76,7 +76,7 @@ class RwsSession:
         self._pace.wait()
         deadline = self._clock.now() + self._timeout
         if not self._lock.acquire(timeout=self._timeout):
-            raise NoConnection(f"{self.address} is busy with another request for {self._timeout:.1f} s.")
+            raise NoConnection(f"{self.address} is busy with another request for {self._timeout:.1f} s; ask again.")
         try:
             return self._repeated(request, deadline)
         finally:

@@ -7,6 +7,7 @@ guides the arm then.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Event as Flag
 from threading import Thread
@@ -91,6 +92,12 @@ class Watchdog:
             self._write(side, "check_external_status", True)
             self._write(side, "active", True)
         self.is_armed = True
+
+    def take_over(self) -> None:
+        """Disarm what an earlier driver has armed: it would stop a program that nobody guides."""
+        with suppress(ControllerRefused):  # the robot has none
+            for side in Side:
+                self._write(side, "active", False)
 
     def disarm(self) -> None:
         """Have the robot watch no longer; one without a program has stopped watching by itself."""

@@ -147,10 +147,12 @@ class ArmControllers:
         return settings.entries if settings is not None and settings.kind == kind else {}
 
     def _info(self, name: str) -> ControllerInfo:
-        for info in self.list():
+        controllers = self.list()
+        for info in controllers:
             if info.name == name:
                 return info
-        raise CommandRefused(f"There is no controller {name!r}.")
+        loaded = ", ".join(info.name for info in controllers) or "none"
+        raise CommandRefused(f"There is no controller {name!r}; loaded are: {loaded}.")
 
     def _strictness(self, number: int) -> Strictness:
         if number == 0:

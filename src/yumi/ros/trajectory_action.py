@@ -234,7 +234,7 @@ class TrajectoryAction:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
             result.error_code = int(ResultCode.INVALID_GOAL)
-            result.error_string = "The fast line has ended; restart the driver."
+            result.error_string = "The fast line has ended; call recover, which starts another one."
             handle.abort()
             return result
         end = goal.end

@@ -50,13 +50,13 @@ class TrajectoryQuery:
         feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
         now = self._clock.now()
         if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
-            response.message = "The controller is not active."
+            response.message = "The controller is not active; activate it first."
             return response
         stamp = request.time.sec * 1_000_000_000 + request.time.nanosec
         time = now + (stamp - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamp else now
         setpoints = self._sample(feedbacks, time)
         response.success = bool(setpoints)
-        response.message = "" if setpoints else "No trajectory is followed at that time."
+        response.message = "" if setpoints else "No trajectory is followed at that time; ask for a time within one."
         return _filled(response, feedbacks, setpoints)
 
     def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
