@@ -23,6 +23,8 @@ from yumi.virtual.vacuum_cup import CupObject
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)
 OPEN = go_to(TRAVEL)
+TOLD = 0.1
+"""By then the controller has told what became of a hand [s]."""
 
 
 @pytest.fixture
@@ -184,7 +186,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
 
 def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
-    calibrated.wait(CYCLE)
+    calibrated.wait(TOLD)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
         right.begin(OPEN)
     right.clear_error()
@@ -201,7 +203,7 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
-    calibrated.wait(CYCLE)
+    calibrated.wait(TOLD)
     with pytest.raises(RobotNotReady, match="The right gripper is not calibrated; calibrate it first"):
         right.begin(OPEN)
     assert right.calibrate_if_needed()
