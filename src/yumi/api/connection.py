@@ -17,7 +17,8 @@ from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import Gripper, calibrate
+from yumi.hardware.gripper import Gripper
+from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
@@ -69,7 +70,7 @@ class Connection:
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             self.manager.make_ready()
-            calibrate(self.grippers, log.info, log.warning)  # not while arms are guided
+            self._set_up_hands()  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
@@ -93,6 +94,9 @@ class Connection:
         """Let the arms come to rest, end EGM and give everything back; does nothing when that is done."""
         stack, self._stack = self._stack, ExitStack()
         stack.close()
+
+    def _set_up_hands(self) -> None:
+        set_up_hands(self.grippers, log.info, log.warning, is_tested=self._settings.gripper.test_at_start)
 
     def _client(self) -> RwsClient:
         robot = self._settings.robot

@@ -43,7 +43,7 @@ from yumi.control.requests import Event
 from yumi.errors import YumiError
 from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import calibrate
+from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
@@ -101,7 +101,7 @@ class RosDriver:
         self._boxes = fast_lines.boxes
         self._snapshot = fast_lines.snapshot
         self._manager = manager
-        self._grippers = hands.grippers
+        self._hand_parts = hands
         self._is_over = Flag()
         self._executor = MultiThreadedExecutor(num_threads=_THREADS)
         self._streams = SingleThreadedExecutor()
@@ -211,10 +211,14 @@ class RosDriver:
         try:
             demand(self._managed.permission.to_move())
             self._manager.make_ready()
-            calibrate(self._grippers, self.say, self._manager_node.get_logger().error)
+            self._set_up_hands()
             self.say("The robot is ready.")
         except YumiError as error:
             self._manager_node.get_logger().error(str(error))
+
+    def _set_up_hands(self) -> None:
+        complain = self._manager_node.get_logger().error
+        set_up_hands(self._hand_parts.grippers, self.say, complain, is_tested=self._hand_parts.settings.test_at_start)
 
     @property
     def is_connected(self) -> bool:
