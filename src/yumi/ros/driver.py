@@ -156,7 +156,9 @@ class RosDriver:
         self._manager_actions = RobotManagerActions(*offered)
         self._state = RobotStateTopic(self._manager_node, manager.watch.state, clock)
         self._merged = MergedJointStates(self._stream_node, self._boxes, self._hands.fingers, merged_rate, clock)
-        self._descriptions = publish_descriptions(self._manager_node, limits)
+        self._descriptions = publish_descriptions(
+            self._manager_node, limits, {side: hands.settings.modules(side) for side in Side}
+        )
         self._publish_health()
         self._threads = [
             Thread(target=self._spin, args=(self._executor,), name="executor"),
