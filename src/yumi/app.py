@@ -21,6 +21,7 @@ from functools import partial
 from math import radians
 from pathlib import Path
 from threading import Event as Flag
+from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.arm_line import ArmLine
@@ -53,7 +54,7 @@ from yumi.hardware.hand_io import HandIo
 from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
-from yumi.hardware.robot_manager import RobotManager
+from yumi.hardware.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
@@ -211,6 +212,62 @@ def _parts_of_arm(
     return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
 
 
+class DriverParts(NamedTuple):
+    """What drives one robot, made and not started.
+
+    Attributes:
+        client: the way to the controller; closed by who made it.
+        bringup: what is done over RWS.
+        plan: where the fast lines listen.
+        fast_lines: both arms'.
+        manager: the robot's state.
+        signals: what the controller tells of the hands.
+        grippers: the hands.
+    """
+
+    client: RwsClient
+    bringup: Bringup
+    plan: EgmPlan
+    fast_lines: FastLines
+    manager: RobotManager
+    signals: HandSignals
+    grippers: Mapping[Side, Gripper]
+
+
+def make_parts(
+    settings: Settings,
+    controllers: Controllers,
+    on_event: Callable[[Event], None],
+    report: Callable[[str], None],
+    leading: str = POSITION_CONTROLLER,
+    arms: tuple[Side, ...] = tuple(Side),
+) -> DriverParts:
+    """The parts for the robot of ``settings``.
+
+    Args:
+        settings: where it is, and how it shall move.
+        controllers: what runs on each arm.
+        on_event: told what happens in a fast line.
+        report: told each step of what is done to the robot.
+        leading: the controller that commands an arm after EGM has started.
+        arms: those that are guided; the others stand still.
+
+    Raises:
+        NoConnection: there is no way to the robot's address.
+        SettingsError: a controller has an unknown type, or parameters it cannot have.
+    """
+    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    client = RwsClient(
+        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
+    )
+    bringup = Bringup(client, settings.egm_motion, clock, report, arms)
+    fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
+    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog)
+    signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
+    grippers = build_grippers(client, clock, settings, signals)
+    return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)
+
+
 def run_driver(
     settings: Settings,
     controllers: Controllers,
@@ -236,35 +293,27 @@ def run_driver(
     from yumi.ros.hands import HandParts  # noqa: PLC0415
 
     clock = SystemClock()
-    robot = settings.robot
-    client = RwsClient(
-        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-    )
+
+    def on_event(event: Event) -> None:
+        records.note(event, clock.now(), time.time())
+        parts.manager.note(event)
+        ros.tell(event)
+
     with ExitStack() as stack:
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
-        stack.callback(client.close)
-        bringup = Bringup(client, settings.egm_motion, clock, lambda step: ros.say(f"Bring-up: {step}"))
-        plan = plan_egm(settings, controllers)
-
-        def on_event(event: Event) -> None:
-            records.note(event, clock.now(), time.time())
-            manager.note(event)
-            ros.tell(event)
-
-        fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-        manager = RobotManager(bringup, fast_lines, clock, watchdog=settings.watchdog)
-        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
-        check = partial(bringup.check_controller, plan.addresses)
-        connection = RobotConnection(client, check, manager, signals.close)
+        parts = make_parts(settings, controllers, on_event, lambda step: ros.say(f"Bring-up: {step}"))
+        stack.callback(parts.client.close)
+        connection = _connection_of(parts)
         if settings.ros.autostart:
             connection.check()
-        hands = HandParts(build_grippers(client, clock, settings, signals), signals, settings.gripper)
+        hands = HandParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
-        rate = settings.ros.merged_rate
-        ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
+        fast_lines, manager, rate = parts.fast_lines, parts.manager, settings.ros.merged_rate
+        limits = parts.plan.limits
+        ros = RosDriver(fast_lines, parts.plan.controllers, manager, connection, hands, rate, clock, limits)
         stack.callback(ros.stop)
         records = Records(settings.recorder, fast_lines.recorders, ros.say)
         stack.callback(records.close)
@@ -281,6 +330,11 @@ def run_driver(
         settle_memory()
         on_ready()
         is_over.wait()
+
+
+def _connection_of(parts: DriverParts) -> RobotConnection:
+    check = partial(parts.bringup.check_controller, parts.plan.addresses)
+    return RobotConnection(parts.client, check, parts.manager, parts.signals.close)
 
 
 def _only_in_ros_domain() -> Only:

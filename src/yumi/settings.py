@@ -85,6 +85,7 @@ class GripperSettings:
         speed: of each finger where a goal names none [m/s].
         timeout: a gripper that has not come to rest after this time has failed [s].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
+        test_at_start: whether each hand is closed once when the driver starts, to see that it does.
     """
 
     right: GripperModules = GripperModules.SERVO
@@ -93,6 +94,7 @@ class GripperSettings:
     speed: float = bounded(0.025, 0.003, 0.025, "m/s")
     timeout: float = bounded(10.0, 0.5, 60.0, "s")
     picked_pressure: float = bounded(70_000.0, 5_000.0, 95_000.0, "Pa")
+    test_at_start: bool = False
 
     def modules(self, side: Side) -> GripperModules:
         """What one hand is made of."""

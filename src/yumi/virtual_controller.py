@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from threading import Event as Flag
 from threading import Lock
 
 from yumi.clock import SystemClock
-from yumi.links.channel import Upgrade
+from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
 from yumi.links.realtime import prefer_process
@@ -113,4 +114,12 @@ class VirtualController:
         with self._lock:
             if request.target.startswith(PATH):
                 return self._faults.answer(request)
-            return self._adapter.handle(request, self._clock.now())
+            answer = self._adapter.handle(request, self._clock.now())
+        return answer if not isinstance(answer, Upgrade) else replace(answer, attach=self._locked(answer.attach))
+
+    def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
+        def attach_locked(channel: Channel) -> None:
+            with self._lock:
+                attach(channel)
+
+        return attach_locked

@@ -10,6 +10,7 @@ import pytest
 from contract.rws_bench import PlainController, serving
 from yumi.errors import CommandRefused, ControllerRefused
 from yumi.hardware.rws_client import RwsClient
+from yumi.rws import requests
 from yumi.rws.rapid_values import encode
 from yumi.rws.replies import Event, ModuleInfo, Signal, TaskInfo
 from yumi.rws.states import (
@@ -20,6 +21,8 @@ from yumi.rws.states import (
     SignalType,
     TaskExecution,
 )
+
+SIGNALS = "/rw/iosystem/signals"
 
 
 @pytest.fixture
@@ -91,6 +94,17 @@ def test_pulse_gives_one_rising_edge_each_time(client: RwsClient, controller: Pl
     client.pulse_signal("EGM_START_JOINT")
     edges = [(old, new) for _, old, new in controller.edges]
     assert edges == [(0.0, 1.0), (1.0, 0.0), (0.0, 1.0)]
+
+
+def test_all_signals_are_read(client: RwsClient) -> None:
+    values = client.signals()
+    assert (len(values), values["hand_MaxSpeed_R"], values["OUTPUT_STATIONARY_ROB_R"]) == (4, 200.0, 1.0)
+
+
+def test_all_signals_are_read_page_by_page(client: RwsClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = (("start", "0"), ("limit", "3"))  # which older controllers take for granted
+    monkeypatch.setattr(requests, "get_signals", lambda *query: requests.get(SIGNALS, *(query or first)))
+    assert list(client.signals()) == list(PlainController().signals.names)
 
 
 def test_pulse_is_refused_when_something_holds_the_signal(

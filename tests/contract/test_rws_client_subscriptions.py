@@ -214,7 +214,6 @@ def client(wire: Wire) -> Iterator[RwsClient]:
         yield client
 
 
-@pytest.mark.real_time
 def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
     known = len(wire.changes)
     wire.controller.set_speed_ratio(30)
@@ -222,21 +221,18 @@ def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
     assert wire.changes[-1] == Change(rws.SPEED_RATIO.path, {"speedratio": "30"})
 
 
-@pytest.mark.real_time
 def test_broken_web_socket_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.drop_web_sockets()
     wire.until(lambda: wire.losses)
     assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
 
 
-@pytest.mark.real_time
 def test_web_socket_that_the_controller_closes_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.expire_sessions()
     wire.until(lambda: wire.losses)
     assert wire.losses == [f"{wire.server.address} has closed the WebSocket (code 1000)."]
 
 
-@pytest.mark.real_time
 def test_broken_connections_are_told_and_made_again(wire: Wire, client: RwsClient) -> None:
     wire.adapter.reset_connections()
     wire.until(lambda: wire.losses)
@@ -244,7 +240,6 @@ def test_broken_connections_are_told_and_made_again(wire: Wire, client: RwsClien
     assert client.speed_ratio() == 100
 
 
-@pytest.mark.real_time
 def test_client_that_is_closed_hears_nothing(wire: Wire, client: RwsClient) -> None:
     client.close()
     wire.adapter.advance(0.0)

@@ -66,8 +66,10 @@ class FakeManager:
             assert self.may_go_on.wait(10.0)
         return self._note("go_to", mode)
 
-    def recover(self, report: Report) -> str:
+    def recover(self, report: Report, check: Callable[[], None]) -> str:
         report("read the event log")
+        while not self.may_go_on.wait(0.01):
+            check()
         return self._note("recover")
 
     def _note(self, name: str, *values: Any) -> str:
@@ -110,8 +112,19 @@ class FakeLine:
 
 
 class FakeGripper:
+    """Counts how often it was told to hold."""
+
+    def __init__(self) -> None:
+        self.holds = 0
+        self.refusal = ""
+
     def position(self) -> float:
         return 0.01
+
+    def hold(self) -> None:
+        self.holds += 1
+        if self.refusal:
+            raise RobotNotReady(self.refusal)
 
 
 class RobotManagerRig:
@@ -120,9 +133,8 @@ class RobotManagerRig:
     def __init__(self) -> None:
         self.manager, self.connection, self.line = FakeManager(), FakeConnection(), FakeLine()
         self.node = rclpy.create_node("yumi_robot_manager")
-        self.managed = ManagedNodes(
-            self.connection, self.manager, self.line, {side: FakeGripper() for side in Side}, lambda: None
-        )
+        self.grippers = {side: FakeGripper() for side in Side}
+        self.managed = ManagedNodes(self.connection, self.manager, self.line, self.grippers, lambda: None)
         offered = (self.node, self.manager, self.managed.permission, lambda: None)
         RobotManagerServices(*offered)
         self.actions = RobotManagerActions(*offered)
@@ -146,6 +158,8 @@ class RobotManagerRig:
         self.managed.bring_up()
         self.manager.calls.clear()
         self.line.held.clear()
+        for gripper in self.grippers.values():
+            gripper.holds, gripper.refusal = 0, ""
         self.client.sentences.clear()
 
     def call(self, kind: Any, service: str, /, **fields: Any) -> Any:

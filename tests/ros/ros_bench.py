@@ -62,11 +62,12 @@ class Client:
         self._callers: dict[str, Any] = {}
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
 
-    def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT) -> None:
+    def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT, what: str = "it") -> None:
+        """Spin until ``is_so``; with the words of a :class:`yumi.ros.spinner.Spinner`, whose place it can take."""
         clock = self.node.get_clock()
         end = clock.now().nanoseconds + int(timeout * 1e9)
         while not is_so():
-            assert clock.now().nanoseconds < end, f"did not happen within {timeout} s; heard: {self.sentences}"
+            assert clock.now().nanoseconds < end, f"{what} did not happen within {timeout} s; heard: {self.sentences}"
             self._executor.spin_once(timeout_sec=0.05)
 
     def call(self, kind: Any, name: str, request: Any = None, timeout: float = TIMEOUT) -> Any:

@@ -20,10 +20,12 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from system.virtual_time_bench import System
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.cycle import CYCLE
-from yumi.robot.gripper import TRAVEL, GripperModules
+from yumi.robot.gripper import TRAVEL, GripperModules, Outcome
 from yumi.robot.hand import HandReading, read_hand
 from yumi.robot.joints import Side, finger_names
+from yumi.ros.gripper_client import GripperClient
 from yumi.ros.hands import HandParts, Hands
 from yumi.settings import GripperSettings
 from yumi.virtual.fault_names import Fault
@@ -68,6 +70,7 @@ class Hand:
         self.client = client
         self.robot = robot
         self.refusals = refusals  # why nothing may move, when there is something in it
+        self.application = GripperClient(client, Side.LEFT)
         self._actions: list[Any] = []
 
     @property
@@ -300,3 +303,46 @@ def test_finger_joints_come_with_force_and_speed(hand: Hand) -> None:
     hand.client.until(lambda: bool(states) and list(states[-1].effort) == [12.0, 12.0])
     assert list(states[-1].position) == pytest.approx([0.010, 0.010])
     assert list(states[-1].name) == list(finger_names(Side.LEFT))
+
+
+def test_application_grips_both_ways_and_moves_with_speed(hand: Hand) -> None:
+    gripper = hand.application
+    hand.virtual.workpiece = Workpiece(0.02)
+    assert (gripper.grip_inwards(12.0).outcome, hand.robot.reading(Side.LEFT).force) == (Outcome.HOLDING, 12.0)
+    hand.virtual.workpiece = None
+    moved = gripper.move_to(0.010, speed=0.02)
+    assert (moved.word, moved.position) == ("in place", pytest.approx(0.010, abs=2e-4))
+    hand.virtual.workpiece = Workpiece(0.030, is_hollow=True)
+    assert gripper.grip_outwards(8.0).outcome is Outcome.HOLDING
+
+
+def test_application_calibrates_jogs_and_stops(hand: Hand) -> None:
+    gripper = hand.application
+    assert gripper.jog_close() == "The fingers close until stop is called."
+    hand.robot.wait(0.3)
+    gripper.jog_open()
+    assert gripper.stop() == "The fingers stand; what they held is free."
+    assert gripper.calibrate() == "The gripper is calibrated: closed is 0."
+    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    assert gripper.clear_error() == "The gripper reports no error."
+
+
+def test_application_switches_vacuum_and_blow_off(hand: Hand) -> None:
+    gripper = hand.application
+    assert gripper.switch_vacuum(1, is_on=True) == "Vacuum 1 is on."
+    assert gripper.switch_blow(1, is_on=True) == "Blow-off 1 is on."
+    assert gripper.switch_blow(1, is_on=False) == "Blow-off 1 is off."
+    with pytest.raises(RobotNotReady, match="The left gripper has vacuum 1 only"):
+        gripper.switch_vacuum(2, is_on=True)
+
+
+def test_application_is_told_what_was_refused_or_not_reached(hand: Hand) -> None:
+    gripper = hand.application
+    with pytest.raises(CommandRefused, match="The left gripper refused the goal; the driver's log says why"):
+        gripper.move_to(0.03)
+    hand.robot.gate.clear()
+    wait = gripper.begin(0.0)
+    gripper.cancel()
+    hand.robot.gate.set()
+    with pytest.raises(GoalNotReached, match="The left gripper did not do it; the driver's log says why"):
+        wait()

@@ -11,7 +11,9 @@ from yumi_interfaces.action import SetMode
 from yumi_interfaces.srv import ReadSignal
 
 from yumi.control.lifecycle import State
+from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
+from yumi.ros.managed_node_client import ManagedNodeClient
 
 pytestmark = pytest.mark.ros
 
@@ -119,6 +121,28 @@ def test_deactivating_the_robot_ends_an_action_before_its_next_step(rig: RobotMa
     rig.manager.may_go_on.set()
     _, result = goal.end()
     assert result.message == f"Given up before: start EGM; {INACTIVE[0].lower()}{INACTIVE[1:]}"
+
+
+def test_application_leads_a_managed_node(rig: RobotManagerRig) -> None:
+    gripper = ManagedNodeClient(rig.client, "l/gripper")
+    gripper.deactivate()
+    gripper.cleanup()
+    with pytest.raises(CommandRefused, match="l/gripper does not activate: it is unconfigured"):
+        gripper.activate()
+    gripper.configure()
+    gripper.activate()
+    assert gripper.state == "active"
+
+
+def test_hand_that_is_deactivated_holds(rig: RobotManagerRig) -> None:
+    assert rig.lead("/l/gripper", "deactivate")
+    assert [rig.grippers[side].holds for side in (Side.LEFT, Side.RIGHT)] == [1, 0]
+
+
+def test_hands_hold_when_the_robot_is_deactivated(rig: RobotManagerRig) -> None:
+    rig.grippers[Side.RIGHT].refusal = "The controller has no signal hand_SysState_R; it has no right Smart Gripper."
+    assert rig.lead("/yumi_robot", "deactivate")
+    assert [gripper.holds for gripper in rig.grippers.values()] == [1, 1]
 
 
 @pytest.mark.parametrize("node", ["/l/gripper", "/yumi_robot"])

@@ -172,6 +172,16 @@ def test_cancelled_action_ends_before_its_next_step(rig: RobotManagerRig) -> Non
     assert rig.manager.calls == []
 
 
+def test_cancelled_recovery_ends_at_once_while_the_controller_does_not_answer(rig: RobotManagerRig) -> None:
+    rig.manager.may_go_on.clear()
+    goal = Goal(rig, Recover, "recover")
+    rig.client.until(lambda: bool(goal.steps))
+    rig.client.until(goal.handle.cancel_goal_async().done)
+    status, result = goal.end()
+    assert (status, result.message) == (GoalStatus.STATUS_CANCELED, "Cancelled while the controller did not answer.")
+    assert rig.manager.calls == []
+
+
 def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: RobotManagerRig) -> None:
     got: list[Any] = []
     topic = rig.client.node.create_subscription(RobotState, "yumi_robot_manager/state", got.append, LATCHED)

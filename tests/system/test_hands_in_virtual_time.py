@@ -11,8 +11,9 @@ import pytest
 from system.virtual_time_bench import DriverArm, System
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.hardware.gripper import Gripper
+from yumi.hardware.hand_setup import set_up_hands
 from yumi.robot.cycle import CYCLE
-from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, TRAVEL, Direction, GripperModules, HandState, Outcome
+from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, THINNEST, TRAVEL, Direction, GripperModules, HandState, Outcome
 from yumi.robot.hand import HandOrder, go_to, grip
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
@@ -23,6 +24,9 @@ from yumi.virtual.vacuum_cup import CupObject
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)
 OPEN = go_to(TRAVEL)
+SET_UP = ("calibrated", "closed as a test")
+TOLD = 0.1
+"""By then the controller has told what became of a hand [s]."""
 
 
 @pytest.fixture
@@ -182,9 +186,30 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
     assert gripper.position() == position > 0.008
 
 
+@pytest.mark.parametrize("begin", [lambda hand: hand.begin(OPEN), lambda hand: hand.jog(opens=True)])
+def test_hand_that_shall_hold_stops_its_fingers(
+    calibrated: System, right: Gripper, begin: Callable[[Gripper], None]
+) -> None:
+    begin(right)
+    calibrated.wait(0.3)
+    right.hold()
+    position = right.position()
+    calibrated.wait(0.5)
+    assert (right.reading().state, right.position()) == (HandState.READY, position)
+    assert 0.0 < position < TRAVEL
+
+
+def test_hand_that_shall_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
+    done(left, OPEN)
+    assert done(left, CLOSE) is Outcome.HOLDING
+    left.hold()
+    calibrated.wait(0.5)
+    assert left.is_holding()
+
+
 def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
-    calibrated.wait(CYCLE)
+    calibrated.wait(TOLD)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
         right.begin(OPEN)
     right.clear_error()
@@ -201,7 +226,7 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
-    calibrated.wait(CYCLE)
+    calibrated.wait(TOLD)
     with pytest.raises(RobotNotReady, match="The right gripper is not calibrated; calibrate it first"):
         right.begin(OPEN)
     assert right.calibrate_if_needed()
@@ -309,3 +334,29 @@ def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
     assert count > 1400
     assert beside.admitted[:count] == alone.admitted[:count]
     assert beside.measured[:count] == alone.measured[:count]
+
+
+def test_hands_are_calibrated_and_closed_as_a_test_where_that_is_wanted(system: System) -> None:
+    said: list[str] = []
+    set_up_hands(system.grippers, said.append, said.append, is_tested=True)
+    assert said == [f"The {side.word} gripper was {done}." for side in system.grippers for done in SET_UP]
+    assert all(gripper.position() <= THINNEST for gripper in system.grippers.values())
+
+
+def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
+    said: list[str] = []
+    done(left, OPEN)
+    set_up_hands(calibrated.grippers, said.append, said.append, is_tested=True)
+    assert said[0] == "The right gripper was closed as a test."
+    assert said[1].startswith(
+        "The left gripper cannot be used: Its test failed: it was to close, and its fingers are at "
+    )
+
+
+def test_hand_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
+    said: list[str] = []
+    done(left, OPEN)
+    done(left, CLOSE)
+    set_up_hands({Side.LEFT: left}, said.append, said.append, is_tested=True)
+    assert said == ["The left gripper holds something and was not closed as a test."]
+    assert left.is_holding()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from system.recovery_bench import MovingSystem
-from yumi.errors import RobotNotReady
+from yumi.errors import NoConnection, RobotNotReady
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.joints import Side
 from yumi.virtual.fault_names import Fault
@@ -171,6 +171,36 @@ def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
     assert 19.0 < system.now() - begin < 25.0
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
+
+
+def test_stop_ends_the_waiting_for_a_controller_at_once(system: MovingSystem) -> None:
+    system.faults.happen(Fault.WARM_RESTART)
+    system.wait(0.5)
+
+    def stop(_: str) -> None:
+        with pytest.raises(NoConnection):
+            system.manager.stop_rapid()
+
+    begin = system.now()
+    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+        system.manager.recover(stop)
+    assert system.now() - begin < 0.1
+
+
+def test_waiting_for_a_controller_ends_when_it_is_no_use_any_more(system: MovingSystem) -> None:
+    class Enough(Exception):
+        pass
+
+    def check() -> None:
+        if system.now() > begin + 0.5:
+            raise Enough
+
+    system.faults.happen(Fault.WARM_RESTART)
+    system.wait(0.5)
+    begin = system.now()
+    with pytest.raises(Enough):
+        system.manager.recover(system.told.append, check)
+    assert system.now() - begin < 0.6
 
 
 def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import pytest
@@ -10,9 +10,11 @@ import pytest
 from system.recovery_bench import MovingSystem
 from yumi.errors import ControllerRefused
 from yumi.hardware.manager_state import RobotState
+from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.subscriptions import Change, Resource
 from yumi.virtual.fault_names import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
@@ -102,6 +104,26 @@ def test_watch_goes_on_after_its_web_socket_broke(watched: Watched) -> None:
     watched.wait(0.5)
     watched.system.faults.happen(Fault.MOTORS_OFF)
     assert watched.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+
+
+def test_change_that_is_forgotten_while_the_web_socket_opens_is_known(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subscribe = watched.system.client.subscribe
+
+    def forget(resources: Sequence[Resource], on_change: OnChange, on_lost: OnLost) -> Subscription:
+        told: list[Change] = []
+        subscription = subscribe(resources, told.append, on_lost)
+        for change in tuple(told):
+            on_change(change)
+        watched.system.world.controller.set_motors(False)
+        return subscription
+
+    monkeypatch.setattr(watched.system.client, "subscribe", forget)
+    watched.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    assert watched.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+    watched.wait(1.0)
+    assert watched.watch.state().controller_state is ControllerState.MOTORS_OFF
 
 
 def test_watch_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:

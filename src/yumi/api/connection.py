@@ -11,16 +11,13 @@ from math import radians
 
 from yumi.api.guidance import GOAL_CONTROLLER, Guidance
 from yumi.api.motions import LAST_STOP, MotionBook
-from yumi.app import Controllers, build_arm, build_grippers, only_at_robot, plan_egm
+from yumi.app import Controllers, make_parts, only_at_robot
 from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
-from yumi.hardware.bringup import Bringup
-from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import Gripper, calibrate
-from yumi.hardware.hand_signals import HandSignals
+from yumi.hardware.gripper import Gripper
+from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
-from yumi.hardware.rws_client import RwsClient
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import Settings
@@ -63,13 +60,12 @@ class Connection:
             only = only_at_robot(self._settings)
             only.claim()
             stack.callback(only.release)
-            client = stack.enter_context(self._client())
-            self._fast_lines = self._started(client, stack)
+            self._start(stack)
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             self.manager.make_ready()
-            calibrate(self.grippers, log.info, log.warning)  # not while arms are guided
+            self._set_up_hands()  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
@@ -94,34 +90,28 @@ class Connection:
         stack, self._stack = self._stack, ExitStack()
         stack.close()
 
-    def _client(self) -> RwsClient:
-        robot = self._settings.robot
-        return RwsClient(
-            f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-        )
+    def _set_up_hands(self) -> None:
+        set_up_hands(self.grippers, log.info, log.warning, is_tested=self._settings.gripper.test_at_start)
 
-    def _started(self, client: RwsClient, stack: ExitStack) -> FastLines:
-        settings, clock, report = self._settings, SystemClock(), partial(log.info, "%s")
-        bringup = Bringup(client, settings.egm_motion, clock, report, self._arms)
-        plan = plan_egm(settings, self._controllers)
-        bringup.check_controller(plan.addresses)
-        fast_lines = FastLines(partial(build_arm, plan), self._book.tell, settings.egm.wake)
-        fast_lines.start()
-        stack.callback(fast_lines.stop)
-        signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
-        stack.callback(signals.close)
+    def _start(self, stack: ExitStack) -> None:
+        settings, report = self._settings, partial(log.info, "%s")
+        parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms)
+        self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
+        stack.callback(parts.client.close)
+        parts.client.connect()
+        parts.bringup.check_controller(parts.plan.addresses)
+        parts.fast_lines.start()
+        stack.callback(parts.fast_lines.stop)
+        stack.callback(parts.signals.close)
         try:
-            signals.keep_open()
+            parts.signals.keep_open()
         except YumiError as error:  # the hands are asked instead
             log.info("The controller does not tell of the grippers by itself: %s", error)
-        self.grippers = build_grippers(client, clock, settings, signals)
-        self.manager = RobotManager(bringup, fast_lines, clock, GOAL_CONTROLLER, self._arms, settings.watchdog)
         self.manager.watchdog.start()
         stack.callback(self.manager.watchdog.stop)
-        goals = {side: boxes.goals for side, boxes in fast_lines.boxes.items()}
+        goals = {side: boxes.goals for side, boxes in parts.fast_lines.boxes.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.guidance = Guidance(fast_lines, goals, self._book, self._arms, limits, clock)
-        return fast_lines
+        self.guidance = Guidance(parts.fast_lines, goals, self._book, self._arms, limits, SystemClock())
 
     def _end_motion(self) -> None:
         self._come_to_rest()

@@ -157,6 +157,10 @@ class Bringup:
         self._told_remarks += self._remarks
         self._remarks = []
 
+    def note(self, step: str) -> None:
+        """Log what belongs to no change: nobody else who is being told steps is told this."""
+        self._reports[0](step)
+
     @contextmanager
     def telling(self, report: Report) -> Iterator[None]:
         """Have ``report`` told each step, too, within the block."""

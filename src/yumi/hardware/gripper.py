@@ -5,10 +5,10 @@ Whatever is reported here was measured by the gripper; elapsed time decides only
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused, GoalNotReached, ProtocolError, RobotNotReady
+from yumi.errors import GoalNotReached, RobotNotReady
 from yumi.hardware.gripper_routines import GripperRoutines
 from yumi.hardware.hand_io import HandIo
 from yumi.hardware.state_machine import SgCommand
@@ -24,7 +24,6 @@ from yumi.robot.gripper import (
     outcome_of,
 )
 from yumi.robot.hand import HandOrder, HandReading, hand_state, position_of, speed_count
-from yumi.robot.joints import Side
 
 STALL_TIME = 1.0
 """Fingers that have stood still for so long on their way to a position are stopped by something [s]."""
@@ -36,6 +35,7 @@ _MOMENT = 1.0  # [s] for the hand to obey a signal
 
 # Not READY: the robot's routine brings the hand to READY before it sends each command.
 _AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
+_STANDING = _AT_REST | {HandState.READY, HandState.ERROR}
 
 
 class Gripper:
@@ -209,6 +209,16 @@ class Gripper:
             f"The {self.side.word} gripper does not stop; clear its error, or look at the event log.",
         )
 
+    def hold(self) -> None:
+        """Stop fingers that move, and what is on its way to them; a hand that holds something goes on holding it.
+
+        Raises:
+            RobotNotReady: the gripper does not obey.
+        """
+        self._is_stopped = True
+        if hand_state(self._io.ask("hand_SysState")) not in _STANDING:
+            self.stop()
+
     def clear_error(self) -> None:
         """Acknowledge the hand's error; nothing where there is none.
 
@@ -279,19 +289,3 @@ class Gripper:
             if self._clock.now() >= end:
                 raise RobotNotReady(sentence)
             self._clock.wait(_GLANCE)
-
-
-def calibrate(grippers: Mapping[Side, Gripper], say: Callable[[str], None], complain: Callable[[str], None]) -> None:
-    """Calibrate all hands that need it; a hand that cannot be used is told and left, since the arms move without it.
-
-    Args:
-        grippers: the hands.
-        say: told which hand was calibrated.
-        complain: told which hand cannot be used, and why.
-    """
-    for side, gripper in grippers.items():
-        try:
-            if gripper.calibrate_if_needed():
-                say(f"The {side.word} gripper was calibrated.")
-        except (RobotNotReady, ControllerRefused, ProtocolError) as error:
-            complain(f"The {side.word} gripper cannot be used: {error}")

@@ -32,11 +32,14 @@ class Subscriber(Protocol):
         self, resources: Sequence[Resource], on_change: Callable[[Change], None], on_lost: Callable[[str], None]
     ) -> Closable: ...
 
+    def signals(self) -> Mapping[str, float]: ...
+
 
 class HandSignals:
     """What the hands show now, as far as a subscription tells it; safe from any thread.
 
-    A value is known from the subscription's begin to its end: what does not change is not told again.
+    A value is known from the subscription's begin to its end: what does not change is not told again. Everything is
+    read once when it has begun, for whether a controller tells what changes while the WebSocket opens is not known.
 
     Args:
         client: a connected client.
@@ -48,6 +51,7 @@ class HandSignals:
         self._modules = modules
         self._lock = Lock()
         self._values: dict[SignalName, float] = {}
+        self._told: set[SignalName] = set()  # since the subscription has begun
         self._subscription: Closable | None = None
         self._lost: Closable | None = None  # its group still counts at the controller, which allows two
         self._number = 0  # of the subscription that counts: one that has ended may still have something to tell
@@ -67,6 +71,12 @@ class HandSignals:
             return
         self._forget_lost()
         subscription, number = self._subscribed()
+        try:
+            self._read(number)
+        except YumiError:
+            self._end(number)
+            subscription.close()
+            raise
         with self._lock:
             if number == self._number:
                 self._subscription = subscription
@@ -130,6 +140,18 @@ class HandSignals:
         )
         return subscription, number
 
+    def _read(self, number: int) -> None:
+        """What is told meanwhile may be newer than what is read, and counts; the controller tells all that follows."""
+        with self._lock:
+            self._told.clear()
+            known = tuple(self._values)
+        values = self._client.signals()
+        read = {(side, name): values.get(f"{name}_{side.name[0]}") for side, name in known}
+        with self._lock:
+            if number == self._number:
+                news = {name: value for name, value in read.items() if value is not None and name not in self._told}
+                self._values |= news
+
     def _take(self, number: int, paths: Mapping[str, SignalName], change: Change) -> None:
         try:
             name, value = paths[change.path], float(change.fields["lvalue"])
@@ -139,6 +161,7 @@ class HandSignals:
         with self._lock:
             if number == self._number:
                 self._values[name] = value
+                self._told.add(name)
 
     def _lose(self, number: int, sentence: str) -> None:
         self._lost = self._end(number) or self._lost

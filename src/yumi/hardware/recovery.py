@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.event_texts import cause_among, explain
+from yumi.hardware.manager_state import Report
+from yumi.hardware.waiting import GLANCE
 from yumi.rws.replies import Event
 
 RESTART = 120.0
 """Longest wait for a controller that is starting [s]."""
+
+WAITING = "wait for the controller, which does not answer"
 
 _ATTEMPT = 1.0  # [s] between two
 _STARTING = 503
@@ -35,8 +41,47 @@ class Recovery:
         self._clock = clock
         self._seen = 0  # number of the newest event that was told already
 
-    def run(self) -> str:
-        """Bring the robot back to ready, and to EGM with its controllers if it was to be in EGM.
+    def reach(self, report: Report, check: Callable[[], None]) -> bool:
+        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds.
+
+        Nothing is changed here, so that whatever stops the robot need not wait for this.
+
+        Args:
+            report: told what is waited for, if anything is.
+            check: raises when there is no use in waiting any more; called twenty times a second.
+
+        Returns:
+            Whether it had to be waited for.
+
+        Raises:
+            RobotNotReady: the controller does not come.
+        """
+        end, is_told = self._clock.now() + RESTART, False
+        while not self._answers():
+            if self._clock.now() >= end:
+                raise RobotNotReady(
+                    f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and "
+                    "the network cable."
+                )
+            if not is_told:
+                self._bringup.note(WAITING)
+                report(WAITING)
+                is_told = True
+            self._pause(check)
+        return is_told
+
+    def _pause(self, check: Callable[[], None]) -> None:
+        """Between two attempts."""
+        end = self._clock.now() + _ATTEMPT
+        while self._clock.now() < end:
+            check()
+            self._clock.wait(GLANCE)
+
+    def run(self, *, is_new: bool) -> str:
+        """Bring a robot that answers back to ready, and to EGM with its controllers if it was to be in EGM.
+
+        Args:
+            is_new: whether its controller had to be waited for, and has to be looked at as a whole again.
 
         Returns:
             What had stopped it, and what it does now.
@@ -44,7 +89,6 @@ class Recovery:
         Raises:
             RobotNotReady: somebody has to do something at the robot first; the message says what stopped it and what.
         """
-        is_new = self._reach()
         for side in self._fast_lines.revive():
             self._bringup.report(f"start the fast-line process of the {side.word} arm again")
         why = self._why_stopped()
@@ -77,25 +121,6 @@ class Recovery:
 
     def _events(self) -> tuple[Event, ...]:
         return self._client.events(count=_EVENTS)
-
-    def _reach(self) -> bool:
-        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds.
-
-        Returns:
-            Whether it had to be waited for.
-        """
-        end, is_told = self._clock.now() + RESTART, False
-        while not self._answers():
-            if self._clock.now() >= end:
-                raise RobotNotReady(
-                    f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and "
-                    "the network cable."
-                )
-            if not is_told:
-                self._bringup.report("wait for the controller, which does not answer")
-                is_told = True
-            self._clock.wait(_ATTEMPT)
-        return is_told
 
     def _answers(self) -> bool:
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
 
@@ -161,17 +161,27 @@ class RobotManager:
             self._switch_motors_off()
             return "The motors are off"
 
-    def recover(self, report: Report) -> str:
+    def recover(self, report: Report, check: Callable[[], None] = lambda: None) -> str:
         """Say what stopped the robot and bring it back, to EGM with its controllers if it was to be in EGM.
+
+        A controller that does not answer is waited for out of turn: a stop comes at once, and ends the waiting.
 
         Args:
             report: told each step.
+            check: raises when a controller that does not answer shall be waited for no longer.
 
         Raises:
             YumiError: somebody has to do something at the robot first; the message says what stopped it and what.
         """
-        with self._changing(), self._bringup.telling(self._until_stopped(report)):
-            return self._recovery.run()
+        told, stops = self._until_stopped(report), self._stops
+
+        def check_all() -> None:
+            self._check_not_stopped(stops)
+            check()
+
+        is_new = self._recovery.reach(told, check_all)
+        with self._changing(), self._bringup.telling(told):
+            return self._recovery.run(is_new=is_new)
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.

@@ -170,6 +170,7 @@ class RobotWatch:
 
     def _connect(self, now: float) -> float:
         self._subscribe()
+        self._changes.clear()  # what is read now is newer, also than a change that came while the WebSocket opened
         self._keep(self._read())
         self._looked_at = self._glanced_at = now
         self._is_following = True

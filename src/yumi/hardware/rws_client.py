@@ -6,7 +6,7 @@ One client holds one session: build it, ``connect`` and ``close`` it, or use it 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import TypeVar
@@ -19,6 +19,7 @@ from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.links.http import HttpLink, HttpReply
 from yumi.robot.joints import Joints
 from yumi.rws import replies, requests
+from yumi.rws.forms import Pairs
 from yumi.rws.pages import Page
 from yumi.rws.replies import CfgInstance, Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
 from yumi.rws.representations import read_page
@@ -226,6 +227,16 @@ class RwsClient:
     def signal(self, name: str) -> Signal:
         """One I/O signal."""
         return self._read(requests.get_signal(name), replies.signal, f"reading signal {name}")
+
+    def signals(self) -> Mapping[str, float]:
+        """The values of all I/O signals by their names, in one request where the controller does not make pages."""
+        found: dict[str, float] = {}
+        query: Pairs | None = ()
+        while query is not None:
+            page = self._page(self._session.exchange(requests.get_signals(*query)), "reading all signals")
+            found |= replies.signals(page)
+            query = page.next_query if page.states else None
+        return found
 
     def set_signal(self, name: str, value: float) -> None:
         """Write the logical value of an I/O signal; group signals take whole numbers."""

@@ -40,7 +40,7 @@ class Upgrade:
 
     Attributes:
         protocol: the sub-protocol that is spoken.
-        attach: gets the channel as soon as it is open, on the server's thread.
+        attach: gets the channel before the client is told that it is open, on the server's thread.
         headers: names and values beside those of the protocol.
     """
 
@@ -59,12 +59,17 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
 
 
 class SocketChannel:
-    """A WebSocket of a running server."""
+    """A WebSocket of a running server: takes what there is to say before it is open already, and sends it then.
 
-    def __init__(self, response: web.WebSocketResponse, transport: asyncio.BaseTransport | None) -> None:
+    Args:
+        response: the WebSocket, not prepared yet.
+        request: which asks for it.
+    """
+
+    def __init__(self, response: web.WebSocketResponse, request: web.Request) -> None:
         self._loop = asyncio.get_running_loop()
         self._response = response
-        self._transport = transport
+        self._request = request
         self._outbox: asyncio.Queue[str | None] = asyncio.Queue()
         self.is_open = True
         self.has_left = False
@@ -76,16 +81,22 @@ class SocketChannel:
         self._on_loop(self._outbox.put_nowait, None)
 
     def abort(self) -> None:
-        self._on_loop(cut_off, self._transport)
+        self._on_loop(cut_off, self._request.transport)
 
     async def serve(self) -> None:
-        """Send what there is to send until the connection ends; what the client says means nothing."""
+        """Open the WebSocket and send what there is to send until it ends; what the client says means nothing."""
+        try:
+            await self._response.prepare(self._request)
+            await self._talk()
+        finally:
+            self.is_open = False
+
+    async def _talk(self) -> None:
         sending = asyncio.create_task(self._send_all())
         try:
             async for _ in self._response:
                 continue
         finally:
-            self.is_open = False
             self.has_left = self._response.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
             sending.cancel()
 

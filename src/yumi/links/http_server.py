@@ -130,9 +130,8 @@ async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamRespons
     response = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
     for name, value in upgrade.headers:
         response.headers.add(name, value)
-    await response.prepare(request)
-    channel = SocketChannel(response, request.transport)
-    upgrade.attach(channel)
+    channel = SocketChannel(response, request)
+    upgrade.attach(channel)  # before the client is told: what happens from then on, happens on this channel
     await channel.serve()
     return response
 

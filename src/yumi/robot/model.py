@@ -7,10 +7,12 @@ masses in [kg] unless the name says otherwise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2, dist, hypot, pi
 from xml.etree import ElementTree as ET
 
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side, finger_names, joint_names
 from yumi.robot.kinematics import compose, euler_zyx, foot_to_body
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
@@ -98,7 +100,14 @@ _LINKS = (
 )
 # ABB's base mass and centre (§1.9); inertia of a block of the torso's size.
 BODY_MASS = Mass(24.18, (-0.061, 0.0, 0.063), (0.98, 0.0, 0.0, 0.98, 0.0, 0.82))
-GRIPPER_MASS = Mass(0.215, (0.0087, 0.0123, 0.0492), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008))
+# ABB's loads of the hand's five kinds, without fingers and cups (§2.3); a cup with its filter adds 7.5 g.
+GRIPPER_MASSES: Mapping[GripperModules, Mass] = {
+    GripperModules.SERVO: Mass(0.215, (0.0087, 0.0123, 0.0492), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008)),
+    GripperModules.VISION: Mass(0.229, (0.0079, 0.0124, 0.0487), (0.00017, 0.0, 0.0, 0.00019, 0.0, 0.00008)),
+    GripperModules.VACUUM: Mass(0.226, (0.0089, 0.0123, 0.0487), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008)),
+    GripperModules.VISION_VACUUM: Mass(0.240, (0.0082, 0.0125, 0.0481), (0.00018, 0.0, 0.0, 0.00020, 0.0, 0.00009)),
+    GripperModules.TWO_VACUUMS: Mass(0.250, (0.0074, 0.0124, 0.0448), (0.00020, 0.0, 0.0, 0.00024, 0.0, 0.00011)),
+}
 FINGER_MASS = Mass(0.0075, (-0.006, 0.0065, 0.0225), (1.4e-6, 0.0, 0.0, 1.3e-6, 0.0, 1.8e-7))
 
 # Fitted to the public meshes (§1.10).
@@ -146,11 +155,15 @@ MATERIALS = {
 }
 
 
-def robot_description(limits: JointLimits = YUMI_LIMITS) -> str:
+SERVO_HANDS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
+
+
+def robot_description(limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_HANDS) -> str:
     """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
 
     Args:
         limits: what the joints may do; tools take the speeds they plan with from here.
+        grippers: what each hand is made of, for its mass.
     """
     robot = ET.Element("robot", name="yumi")
     for name, rgba in MATERIALS.items():
@@ -160,7 +173,7 @@ def robot_description(limits: JointLimits = YUMI_LIMITS) -> str:
     _add_joint(robot, "yumi_base_link_to_body", "fixed", ("yumi_base_link", "yumi_body"), Origin())
     for side in (Side.LEFT, Side.RIGHT):
         _add_arm(robot, side, limits)
-        _add_gripper(robot, side)
+        _add_gripper(robot, side, GRIPPER_MASSES[grippers[side]])
     ET.indent(robot)
     # No encoding in the declaration: lxml refuses a decoded string that names one.
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode")
@@ -202,9 +215,9 @@ def _add_arm(robot: ET.Element, side: Side, limits: JointLimits) -> None:
     _add_joint(robot, f"{tool0}_joint", "fixed", (parent, tool0), TOOL0_ORIGIN)
 
 
-def _add_gripper(robot: ET.Element, side: Side) -> None:
+def _add_gripper(robot: ET.Element, side: Side, mass: Mass) -> None:
     base = f"gripper_{side.value}_base"
-    _add_link(robot, base, GRIPPER_MASS, GRIPPER_SHAPES, "abb_graphite")
+    _add_link(robot, base, mass, GRIPPER_SHAPES, "abb_graphite")
     _add_joint(robot, f"{base}_joint", "fixed", (f"yumi_tool0_{side.value}", base), Origin())
     first, second = finger_names(side)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):

@@ -3,85 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
-from action_msgs.msg import GoalStatus
-from control_msgs.action import GripperCommand
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 
-from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.ros.gripper_client import Grip, GripperClient
+from yumi.ros.managed_node_client import ManagedNodeClient
 from yumi.ros.robot_manager_client import RobotManagerClient
 from yumi.ros.spinner import Spinner
 
-__all__ = ["ArmClient", "Grip", "GripperClient", "RobotManagerClient", "Spinner"]
-
-
-@dataclass(frozen=True, slots=True)
-class Grip:
-    """How a gripper command ended.
-
-    Attributes:
-        position: finger position [m].
-        effort: holding force [N]; 0 when nothing is held.
-        outcome: what became of it.
-    """
-
-    position: float
-    effort: float
-    outcome: Outcome
-
-    @property
-    def word(self) -> str:
-        """``holding``, ``open``, ``closed``, ``in place`` or ``stalled``."""
-        return self.outcome.value
-
-
-class GripperClient:
-    """The action ``gripper_cmd`` of one hand."""
-
-    def __init__(self, spinner: Spinner, side: Side) -> None:
-        self._spinner = spinner
-        self._side = side
-        self._client = ActionClient(spinner.node, GripperCommand, f"{side.value}/gripper/gripper_cmd")
-
-    def begin(self, position: float, effort: float = 0.0) -> Callable[[], Grip]:
-        """Send the fingers to ``position`` [m] with ``effort`` [N]; returns what waits for the result.
-
-        What waits raises GoalNotReached when the driver could not carry the goal out.
-
-        Raises:
-            CommandRefused: the driver refused the goal; its log says why.
-        """
-        self._spinner.until(
-            self._client.server_is_ready, 10.0, f"The {self._side.word} gripper's action: its appearance"
-        )
-        goal = GripperCommand.Goal()
-        goal.command.position, goal.command.max_effort = position, effort
-        sent = self._client.send_goal_async(goal)
-        self._spinner.until(sent.done, 10.0, f"The answer of the {self._side.word} gripper")
-        handle = sent.result()
-        if not handle.accepted:
-            raise CommandRefused(f"The {self._side.word} gripper refused the goal; the driver's log says why.")
-        return lambda: self._result(handle)
-
-    def _result(self, handle: Any) -> Grip:
-        future = handle.get_result_async()
-        self._spinner.until(future.done, 30.0, f"The end of the {self._side.word} gripper's motion")
-        if future.result().status != GoalStatus.STATUS_SUCCEEDED:
-            raise GoalNotReached(f"The {self._side.word} gripper did not do it; the driver's log says why.")
-        result = future.result().result
-        return Grip(
-            position=result.position,
-            effort=result.effort,
-            outcome=outcome_of(
-                result.position, result.effort, stalled=result.stalled, reached_goal=result.reached_goal
-            ),
-        )
+__all__ = ["ArmClient", "Grip", "GripperClient", "ManagedNodeClient", "RobotManagerClient", "Spinner"]
 
 
 class ArmClient:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 from xml.etree import ElementTree
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import JointLimits
 from yumi.robot.model import robot_description
@@ -17,14 +18,15 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REMINDER = 1.0  # [s]
 
 
-def publish_descriptions(node: Any, limits: JointLimits) -> list[Any]:
+def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
     """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers.
 
     Args:
         node: whose publishers they are.
         limits: what trajectories may ask of the joints: tools plan with the speeds of the description.
+        grippers: what each hand is made of.
     """
-    message = String(data=robot_description(limits))
+    message = String(data=robot_description(limits, grippers))
     topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
     publishers = [node.create_publisher(String, topic, LATCHED) for topic in topics]
     for publisher in publishers:

@@ -18,32 +18,22 @@ yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state â€
 yumi_robot                     the life of the connection to the robot
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
-
-Two executors: one answers services and actions on many threads, which costs milliseconds a turn with so many
-entities; what comes or goes hundreds of times a second has a lean one of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import partial
-from threading import Event as Flag
-from threading import Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy._rclpy_pybind11 import InvalidHandle
-from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Event
 from yumi.errors import YumiError
-from yumi.hardware.fast_line import ArmBoxes
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.gripper import calibrate
+from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
@@ -53,24 +43,50 @@ from yumi.ros.command_topics import (
     JointCommandTopic,
     JointVelocityTopic,
 )
-from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.description_topic import publish_descriptions
+from yumi.ros.executors import Executors
 from yumi.ros.forward_controllers import forward_interfaces
 from yumi.ros.hands import HandParts, Hands
+from yumi.ros.health_topics import HealthTopics
 from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
 from yumi.ros.lives import Connection
 from yumi.ros.managed_node import demand
 from yumi.ros.managed_nodes import ManagedNodes
 from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
-from yumi.ros.robot_messages import robot_status
 from yumi.ros.robot_state_topic import RobotStateTopic
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
 from yumi.settings import ControllerSettings
 
-_THREADS = 8  # more than there are slow services and actions
-_EGM_STATE_PERIOD = 0.1  # [s]
-_DIAGNOSTICS_PERIOD = 1.0  # [s]
+
+class DriverNodes(NamedTuple):
+    """The nodes that are nobody else's.
+
+    Attributes:
+        manager: the robot manager's.
+        dual: that of the controller of both arms.
+        stream: for topics about both arms.
+        streams: for those about each.
+    """
+
+    manager: Any
+    dual: Any
+    stream: Any
+    streams: Mapping[Side, Any]
+
+    @classmethod
+    def make(cls) -> DriverNodes:
+        streams = {side: stream_node(side.value) for side in Side}
+        return cls(rclpy.create_node("yumi_robot_manager"), rclpy.create_node(DUAL_ARM), stream_node(), streams)
+
+    @property
+    def streaming(self) -> tuple[Any, ...]:
+        """Those for the lean executor."""
+        return (self.stream, *self.streams.values())
+
+    def destroy(self) -> None:
+        for node in (self.manager, self.dual, *self.streaming):
+            node.destroy_node()
 
 
 class RosDriver:
@@ -98,104 +114,63 @@ class RosDriver:
         clock: Clock,
         limits: JointLimits,
     ) -> None:
-        self._boxes = fast_lines.boxes
-        self._snapshot = fast_lines.snapshot
         self._manager = manager
-        self._grippers = hands.grippers
-        self._is_over = Flag()
-        self._executor = MultiThreadedExecutor(num_threads=_THREADS)
-        self._streams = SingleThreadedExecutor()
-        self._manager_node = rclpy.create_node("yumi_robot_manager")
-        self._dual_node = rclpy.create_node(DUAL_ARM)
-        self._stream_node = stream_node()
-        self._stream_nodes = {side: stream_node(side.value) for side in Side}
+        self._hand_parts = hands
+        self._nodes = nodes = DriverNodes.make()
+        self._executors = Executors(nodes.manager.get_logger().error)
         self._trajectories = TrajectoryControllers(
-            self._dual_node,
-            {side: boxes.trajectory for side, boxes in self._boxes.items()},
-            {side: boxes.dual_trajectory for side, boxes in self._boxes.items()},
+            nodes.dual,
+            {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
+            {side: boxes.dual_trajectory for side, boxes in fast_lines.boxes.items()},
             fast_lines.ask,
             clock,
             limits,
-            self._stream_node,
+            nodes.stream,
         )
-        interfaces = {
-            **self._trajectories.interfaces,
-            **forward_interfaces(self._stream_nodes, fast_lines, clock.now),
-        }
+        forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
+        interfaces, executor = {**self._trajectories.interfaces, **forwarding}, self._executors.answering
         self._arms = {
-            side: ArmManager(
-                side,
-                fast_lines,
-                controllers[side],
-                self._executor,
-                interfaces,
-                clock,
-                partial(self._follow_hardware, side),
-            )
-            for side in Side
+            side: ArmManager(side, fast_lines, own, executor, interfaces, clock, partial(self._follow_hardware, side))
+            for side, own in controllers.items()
         }
         self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
-        self._states = [
-            JointStatePublisher(arm.node, side, self._boxes[side], clock) for side, arm in self._arms.items()
-        ]
         self._hands = Hands(
             hands,
             self._managed.grippers,
-            self._stream_nodes,
+            nodes.streams,
             self.say,
             self._managed.why_no_grip,
             self._managed.may_ask_hand,
         )
-        self._commands = [
-            topic(node, side, box, partial(fast_lines.snapshot, side), clock.now)
-            for side, node in self._stream_nodes.items()
-            for topic, box in _command_topics(self._boxes[side])
-        ]
-        offered = (self._manager_node, manager, self._managed.permission, self._look)
+        self._commands = command_topics(nodes.streams, fast_lines, clock)
+        offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
-        self._state = RobotStateTopic(self._manager_node, manager.watch.state, clock)
-        self._merged = MergedJointStates(self._stream_node, self._boxes, self._hands.fingers, merged_rate, clock)
-        self._descriptions = publish_descriptions(self._manager_node, limits)
-        self._publish_health()
-        self._threads = [
-            Thread(target=self._spin, args=(self._executor,), name="executor"),
-            Thread(target=self._spin, args=(self._streams,), name="streams"),
-        ]
+        self._publish(fast_lines, merged_rate, clock, limits)
 
     def start(self) -> None:
         """Answer from now on."""
-        for node in self._answering():
-            self._executor.add_node(node)
-        for node in self._streaming():
-            self._streams.add_node(node)
+        arms = (arm.node for arm in self._arms.values())
         self._state.start()
         for publisher in self._states:
             publisher.start()
         self._hands.start()
-        for thread in self._threads:
-            thread.start()
+        self._executors.start((self._nodes.manager, self._nodes.dual, *arms, *self._managed.all), self._nodes.streaming)
 
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
-        self._is_over.set()
         self._state.stop()
         for publisher in self._states:
             publisher.stop()
         self._hands.stop()
-        self._executor.shutdown(timeout_sec=2.0)
-        self._streams.shutdown(timeout_sec=2.0)
-        for thread in self._threads:
-            if thread.ident is not None:
-                thread.join()
+        self._executors.stop()
         self._manager_actions.destroy()
         self._hands.destroy()
         self._trajectories.destroy()
         for arm in self._arms.values():
             arm.destroy()
         self._managed.destroy()
-        for node in (self._manager_node, self._dual_node, *self._streaming()):
-            node.destroy_node()
+        self._nodes.destroy()
 
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
@@ -203,7 +178,7 @@ class RosDriver:
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
-        self._manager_node.get_logger().info(sentence)
+        self._nodes.manager.get_logger().info(sentence)
 
     def bring_up(self) -> None:
         """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not."""
@@ -211,10 +186,14 @@ class RosDriver:
         try:
             demand(self._managed.permission.to_move())
             self._manager.make_ready()
-            calibrate(self._grippers, self.say, self._manager_node.get_logger().error)
+            self._set_up_hands()
             self.say("The robot is ready.")
         except YumiError as error:
-            self._manager_node.get_logger().error(str(error))
+            self._nodes.manager.get_logger().error(str(error))
+
+    def _set_up_hands(self) -> None:
+        complain = self._nodes.manager.get_logger().error
+        set_up_hands(self._hand_parts.grippers, self.say, complain, is_tested=self._hand_parts.settings.test_at_start)
 
     @property
     def is_connected(self) -> bool:
@@ -228,45 +207,15 @@ class RosDriver:
     def _follow_hardware(self, side: Side) -> None:
         self._managed.follow_hardware(side)
 
-    def _answering(self) -> list[Any]:
-        return [
-            self._manager_node,
-            self._dual_node,
-            *(arm.node for arm in self._arms.values()),
-            *self._managed.all,
-        ]
-
-    def _streaming(self) -> list[Any]:
-        return [self._stream_node, *self._stream_nodes.values()]
-
-    def _spin(self, executor: Executor) -> None:
-        while not self._is_over.is_set():
-            try:
-                executor.spin_once(timeout_sec=0.1)
-            except InvalidHandle:
-                continue  # a controller's node went while the executor looked for work
-            except Exception as error:  # of a callback; everybody else still wants to be answered
-                self._manager_node.get_logger().error(f"A callback failed with {type(error).__name__}: {error}.")
-
-    def _publish_health(self) -> None:
-        for side, node in self._stream_nodes.items():
-            publisher = node.create_publisher(DiagnosticStatus, "egm_state", 1)
-            node.create_timer(_EGM_STATE_PERIOD, partial(self._publish_status, publisher, side))
-        self._diagnostics = self._manager_node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        self._manager_node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
-
-    def _publish_status(self, publisher: Any, side: Side) -> None:
-        publisher.publish(egm_status(side, self._snapshot(side)))
-
-    def _publish_diagnostics(self) -> None:
-        array = DiagnosticArray()
-        array.header.stamp = stamp(self._manager_node.get_clock().now().nanoseconds)
-        array.status = [
-            robot_status(self._manager.watch.state()),
-            *(egm_status(side, self._snapshot(side)) for side in Side),
-            *self._hands.statuses(),
-        ]
-        self._diagnostics.publish(array)
+    def _publish(self, fast_lines: FastLines, merged_rate: float, clock: Clock, limits: JointLimits) -> None:
+        """Publish what is known."""
+        nodes, robot, boxes = self._nodes, self._manager.watch.state, fast_lines.boxes
+        self._states = [JointStatePublisher(arm.node, side, boxes[side], clock) for side, arm in self._arms.items()]
+        self._state = RobotStateTopic(nodes.manager, robot, clock)
+        self._merged = MergedJointStates(nodes.stream, boxes, self._hands.fingers, merged_rate, clock)
+        modules = {side: self._hand_parts.settings.modules(side) for side in Side}
+        self._descriptions = publish_descriptions(nodes.manager, limits, modules)
+        self._health = HealthTopics(nodes.manager, nodes.streams, fast_lines.snapshot, robot, self._hands.statuses)
 
 
 def stream_node(namespace: str = "") -> Any:
@@ -274,11 +223,14 @@ def stream_node(namespace: str = "") -> Any:
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
-def _command_topics(boxes: ArmBoxes) -> tuple[tuple[type[CommandTopic], Mailbox], ...]:
-    return (
-        (JointCommandTopic, boxes.goals),
-        (JointVelocityTopic, boxes.speeds),
-    )
+def command_topics(nodes: Mapping[Side, Any], fast_lines: FastLines, clock: Clock) -> list[CommandTopic]:
+    """The topics of goals and of speeds, of both arms."""
+    topics: list[CommandTopic] = []
+    for side, node in nodes.items():
+        boxes, snapshot = fast_lines.boxes[side], partial(fast_lines.snapshot, side)
+        topics.append(JointCommandTopic(node, side, boxes.goals, snapshot, clock.now))
+        topics.append(JointVelocityTopic(node, side, boxes.speeds, snapshot, clock.now))
+    return topics
 
 
 def open_ros() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Protocol
 
@@ -34,6 +35,20 @@ class Stopping(Protocol):
         """Hold, and end EGM if the robot is in it."""
 
 
+class Fingers(Protocol):
+    """What is needed of a gripper."""
+
+    def position(self) -> float:
+        """Where its fingers are now [m]."""
+
+    def hold(self) -> None:
+        """Stop fingers that move; what it holds stays held.
+
+        Raises:
+            YumiError: it does not obey, or cannot be reached.
+        """
+
+
 class RobotLife:
     """The robot: its connection, and whether anything may move.
 
@@ -43,14 +58,16 @@ class RobotLife:
         connection: the way to it.
         manager: what ends EGM.
         line: where its arms are held, at once and whatever the connection is worth.
+        grippers: its hands.
     """
 
     noun = "the robot"
 
-    def __init__(self, connection: Connection, manager: Stopping, line: Line) -> None:
+    def __init__(self, connection: Connection, manager: Stopping, line: Line, grippers: Iterable[Fingers]) -> None:
         self._connection = connection
         self._manager = manager
         self._line = line
+        self._grippers = tuple(grippers)
 
     def configure(self) -> str:
         return self._connection.connect()
@@ -63,6 +80,9 @@ class RobotLife:
             with suppress(YumiError):  # of a fast line that is gone: the other arm is held, and EGM ended, all the same
                 self._line.ask(HoldArm(side))
         self._manager.end_motion()
+        for gripper in self._grippers:
+            with suppress(YumiError):  # not every robot has two hands
+                gripper.hold()
         return "The robot holds, and may not move."
 
     def cleanup(self) -> str:
@@ -102,15 +122,8 @@ class ArmLife:
         return f"{self.noun.capitalize()} offers nothing any more."
 
 
-class Fingers(Protocol):
-    """What is needed of a gripper."""
-
-    def position(self) -> float:
-        """Where its fingers are now [m]."""
-
-
 class GripperLife:
-    """One hand: a command that is being carried out ends by itself, the hand knows no stop.
+    """One hand.
 
     Args:
         side: which arm carries it.
@@ -129,7 +142,8 @@ class GripperLife:
         return f"{self.noun.capitalize()} may move."
 
     def deactivate(self) -> str:
-        return f"{self.noun.capitalize()} keeps what it holds, and takes no goals."
+        self._gripper.hold()
+        return f"{self.noun.capitalize()} stands, keeps what it holds, and takes no goals."
 
     def cleanup(self) -> str:
         return f"{self.noun.capitalize()} is let go."

@@ -43,7 +43,7 @@ class ManagedNodes:
         grippers: Mapping[Side, Fingers],
         on_change: Callable[[], None],
     ) -> None:
-        self._robot = ManagedNode(ROBOT, RobotLife(connection, manager, line), on_change)
+        self._robot = ManagedNode(ROBOT, RobotLife(connection, manager, line, grippers.values()), on_change)
         self._hardware = {side: ArmHardware(side, line) for side in Side}
         self._arms = {
             side: ManagedNode(ARM, ArmLife(side, hardware), on_change, side.value)

@@ -6,6 +6,7 @@ A goal that cannot be met is not rejected, which would tell nobody why: it is ab
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from threading import Lock
 from typing import Any
 
@@ -14,7 +15,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from yumi_interfaces.action import Recover, SetMode
 
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.hardware.manager_state import Report
 from yumi.hardware.robot_manager import RobotManager
 from yumi.ros.managed_node import demand
 from yumi.ros.permission import Permission
@@ -23,6 +23,27 @@ from yumi.ros.robot_messages import mode_of, robot_state
 
 class _Cancelled(Exception):
     """Somebody has cancelled the goal; the step that was to come has not begun. Nobody explains it as a failure."""
+
+
+class _Steps:
+    """Tells a goal's client each step, unless the goal has been cancelled or nothing may move any more."""
+
+    def __init__(self, handle: Any, kind: Any, permission: Permission) -> None:
+        self._handle = handle
+        self._kind = kind
+        self._permission = permission
+
+    def __call__(self, step: str) -> None:
+        self.check(f"before: {step}")
+        self._handle.publish_feedback(self._kind.Feedback(step=step))
+
+    def check(self, when: str) -> None:
+        """Raise when the goal shall end here; ``when`` says where that is."""
+        if self._handle.is_cancel_requested:
+            raise _Cancelled(f"Cancelled {when}.")
+        reason = self._permission.to_move()
+        if reason is not None:
+            raise RobotNotReady(f"Given up {when}; {reason}")
 
 
 class RobotManagerActions:
@@ -58,20 +79,20 @@ class RobotManagerActions:
         for server in self._servers:
             server.destroy()
 
-    def _set_mode(self, goal: Any, report: Report) -> str:
+    def _set_mode(self, goal: Any, report: _Steps) -> str:
         mode = mode_of(goal.mode)
         demand(self._permission.to_move(mode.arms))
         return self._manager.go_to(mode, report)
 
-    def _recover(self, _: Any, report: Report) -> str:
+    def _recover(self, _: Any, report: _Steps) -> str:
         demand(self._permission.to_move(self._manager.wanted))
-        return self._manager.recover(report)
+        return self._manager.recover(report, partial(report.check, "while the controller did not answer"))
 
-    def _executing(self, name: str, kind: Any, carry: Callable[[Any, Report], str]) -> Callable[[Any], Any]:
+    def _executing(self, name: str, kind: Any, carry: Callable[[Any, _Steps], str]) -> Callable[[Any], Any]:
         def execute(handle: Any) -> Any:
             result = kind.Result()
             try:
-                result.message = self._alone(lambda: carry(handle.request, self._report_to(handle, kind)))
+                result.message = self._alone(lambda: carry(handle.request, _Steps(handle, kind, self._permission)))
                 result.success = True
                 handle.succeed()
             except _Cancelled as cancelled:
@@ -94,14 +115,3 @@ class RobotManagerActions:
             return carry()
         finally:
             self._busy.release()
-
-    def _report_to(self, handle: Any, kind: Any) -> Report:
-        def report(step: str) -> None:
-            if handle.is_cancel_requested:
-                raise _Cancelled(f"Cancelled before: {step}.")
-            reason = self._permission.to_move()
-            if reason is not None:
-                raise RobotNotReady(f"Given up before: {step}; {reason}")
-            handle.publish_feedback(kind.Feedback(step=step))
-
-        return report

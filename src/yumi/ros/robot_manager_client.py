@@ -25,6 +25,7 @@ from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.rapid_routines import LONGEST_ROUTINE
 from yumi.robot.joints import Side
+from yumi.ros.service_calls import ServiceCalls
 from yumi.ros.spinner import Spinner
 
 NAME = "yumi_robot_manager"
@@ -57,15 +58,15 @@ class RobotManagerClient:
     def __init__(self, spinner: Spinner) -> None:
         self.state: Any = None
         self._spinner = spinner
-        self._clients: dict[str, Any] = {}
+        self._services = ServiceCalls(spinner, NAME)
         self._actions: dict[str, Any] = {}
         spinner.node.create_subscription(RobotState, f"{NAME}/state", self._take_state, _LATCHED)
         for name in ("start_egm", "stop_egm", "robot_is_ready", "get_state"):  # finding them takes a moment
-            self._client(Trigger, name)
+            self._services.prepare(Trigger, name)
 
     def robot_is_ready(self) -> str | None:
         """None when EGM can be started, else the reason why not."""
-        response = self._call(Trigger, "robot_is_ready", _READ)
+        response = self._services.call(Trigger, "robot_is_ready", _READ)
         return None if response.success else str(response.message)
 
     def get_state(self) -> str:
@@ -115,7 +116,7 @@ class RobotManagerClient:
 
     def run_routine(self, side: Side, routine: str) -> str:
         """Run a RAPID routine without parameters, and wait for its end."""
-        return str(self._succeed(RunRoutine, "run_routine", _ROUTINE, arm=side.word, routine=routine).message)
+        return str(self._services.demand(RunRoutine, "run_routine", _ROUTINE, arm=side.word, routine=routine).message)
 
     def load_module(self, side: Side, file_name: str, text: str) -> str:
         """Write a RAPID module to the controller and load it into the arm's task."""
@@ -124,11 +125,11 @@ class RobotManagerClient:
     def run_module(self, side: Side, file_name: str, text: str, routine: str) -> str:
         """Write and load a RAPID module and run one of its routines, and wait for its end."""
         fields = {"arm": side.word, "file_name": file_name, "text": text, "routine": routine}
-        return str(self._succeed(RunModule, "run_module", _ROUTINE, **fields).message)
+        return str(self._services.demand(RunModule, "run_module", _ROUTINE, **fields).message)
 
     def read_signal(self, name: str) -> str:
         """The value of an I/O signal."""
-        return str(self._succeed(ReadSignal, "read_signal", _READ, name=name).value)
+        return str(self._services.demand(ReadSignal, "read_signal", _READ, name=name).value)
 
     def write_signal(self, name: str, value: str) -> str:
         """Write an I/O signal."""
@@ -137,7 +138,7 @@ class RobotManagerClient:
     def read_variable(self, task: str, module: str, name: str) -> str:
         """The value of a RAPID variable, as RAPID writes it."""
         fields = {"task": task, "module": module, "name": name}
-        return str(self._succeed(ReadVariable, "read_variable", _READ, **fields).value)
+        return str(self._services.demand(ReadVariable, "read_variable", _READ, **fields).value)
 
     def write_variable(self, task: str, module: str, name: str, value: str) -> str:
         """Write a RAPID variable; ``value`` as RAPID writes it."""
@@ -156,25 +157,7 @@ class RobotManagerClient:
         self.state = message
 
     def _demand(self, kind: Any, service: str, /, **fields: object) -> str:
-        return str(self._succeed(kind, service, _ANSWER, **fields).message)
-
-    def _succeed(self, kind: Any, service: str, timeout: float, /, **fields: object) -> Any:
-        response = self._call(kind, service, timeout, **fields)
-        if not response.success:
-            raise RobotNotReady(str(response.message))
-        return response
-
-    def _call(self, kind: Any, service: str, timeout: float, /, **fields: object) -> Any:
-        client = self._client(kind, service)
-        self._spinner.until(client.service_is_ready, timeout, f"The service {service} of the driver: its appearance")
-        future = client.call_async(kind.Request(**fields))
-        self._spinner.until(future.done, timeout, f"The answer of {service}")
-        return future.result()
-
-    def _client(self, kind: Any, name: str) -> Any:
-        if name not in self._clients:
-            self._clients[name] = self._spinner.node.create_client(kind, f"{NAME}/{name}")
-        return self._clients[name]
+        return str(self._services.demand(kind, service, _ANSWER, **fields).message)
 
     def _carry_out(self, kind: Any, name: str, goal: Any, on_step: OnStep) -> str:
         if name not in self._actions:

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from yumi.errors import ProtocolError
+from yumi.rws import forms
+from yumi.rws.forms import Pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,12 @@ class Page:
     def link(self, rel: str) -> str | None:
         """Where the page's link ``rel`` points, or None."""
         return next((link.href for link in self.links if link.rel == rel), None)
+
+    @property
+    def next_query(self) -> Pairs | None:
+        """The query of the page on which a list goes on, or None at its end."""
+        href = self.link("next")
+        return None if href is None else forms.decode(href.partition("?")[2])
 
 
 @dataclass(frozen=True, slots=True)

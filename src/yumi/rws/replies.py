@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from math import radians
@@ -182,6 +183,15 @@ def signal(page: Page) -> Signal:
     """``/rw/iosystem/signals/{name}``."""
     state = page.one("ios-signal", "ios-signal-li")
     return Signal(state.text("name"), _enum(SignalType, state.text("type")), _number(state, "lvalue"))
+
+
+def signals(page: Page) -> Mapping[str, float]:
+    """``/rw/iosystem/signals``: the values by name; an entry of which nobody could make sense is left out."""
+    values: dict[str, float] = {}
+    for state in page.of_type("ios-signal-li"):
+        with suppress(ProtocolError):
+            values[state.text("name")] = _number(state, "lvalue")
+    return values
 
 
 def cfg(page: Page) -> tuple[CfgInstance, ...]:

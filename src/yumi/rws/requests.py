@@ -144,6 +144,11 @@ def get_signal(name: str) -> Request:
     return get(f"/rw/iosystem/signals/{name}")
 
 
+def get_signals(*query: tuple[str, str]) -> Request:
+    """All signals, or the page of them that ``query`` names."""
+    return get("/rw/iosystem/signals", *query)
+
+
 def set_signal(name: str, value: float) -> Request:
     """Write a signal's logical value; whole numbers are written without decimals."""
     text = str(int(value)) if float(value).is_integer() else repr(value)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -25,6 +25,9 @@ class Robot:
     closed: int = 0
     failure: NoConnection | None = None
     loses_at_once: bool = False
+    present: dict[str, float] = field(default_factory=dict)
+    while_read: Callable[[], None] = lambda: None
+    unread: NoConnection | None = None
 
     def subscribe(
         self, resources: Sequence[Resource], on_change: Callable[[Change], None], on_lost: Callable[[str], None]
@@ -40,6 +43,12 @@ class Robot:
         if self.loses_at_once:
             on_lost("the robot has closed the connection")
         return self
+
+    def signals(self) -> Mapping[str, float]:
+        self.while_read()
+        if self.unread is not None:
+            raise self.unread
+        return self.present
 
     def tell(self, name: str, value: str) -> None:
         self.on_change(Change(f"/rw/iosystem/signals/{name};state", {"lvalue": value}))
@@ -132,6 +141,30 @@ def test_robot_that_cannot_be_reached_is_told(robot: Robot) -> None:
     robot.failure = NoConnection("memory does not answer.")
     with pytest.raises(NoConnection, match="memory does not answer"):
         HandSignals(robot, MODULES).keep_open()
+
+
+def test_signal_that_changes_while_the_web_socket_opens_is_read(robot: Robot) -> None:
+    robot.present = {"hand_SysState_R": 9.0, "hand_SysState_L": 1.0, "DRV1K1": 1.0}
+    signals = HandSignals(robot, MODULES)
+    signals.keep_open()
+    assert [signals.value(side, "hand_SysState") for side in (Side.RIGHT, Side.LEFT)] == [9.0, 1.0]
+    assert signals.value(Side.RIGHT, "hand_SysError") == 0.0
+
+
+def test_signal_that_is_told_while_all_are_read_keeps_what_was_told(robot: Robot) -> None:
+    robot.present = {"hand_SysState_R": 1.0}
+    robot.while_read = lambda: robot.tell("hand_SysState_R", "9")
+    signals = HandSignals(robot, MODULES)
+    signals.keep_open()
+    assert signals.value(Side.RIGHT, "hand_SysState") == 9.0
+
+
+def test_signals_that_cannot_be_read_end_the_subscription(robot: Robot) -> None:
+    robot.unread = NoConnection("memory does not answer.")
+    signals = HandSignals(robot, MODULES)
+    with pytest.raises(NoConnection, match="memory does not answer"):
+        signals.keep_open()
+    assert (robot.closed, signals.is_open, signals.reading(Side.RIGHT)) == (1, False, None)
 
 
 def test_close_ends_the_subscription(robot: Robot, signals: HandSignals) -> None:

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import socket
+from select import select
+
 import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
+from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import ConnectionLost, HttpLink, HttpReply, HttpRequest, Listener
 from yumi.links.http_server import HttpServer
 
@@ -38,3 +42,38 @@ def test_web_socket_that_is_not_granted_is_refused() -> None:
             link.open_socket(HttpRequest("GET", "/poll/1"), listener, 5.0)
     with pytest.raises(NoConnection, match=f"The WebSocket of {server.address} cannot be reached"):
         link.open_socket(HttpRequest("GET", "/poll/1"), listener, 5.0)
+
+
+HANDSHAKE = (
+    b"GET /poll/1 HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: p\r\n\r\n"
+)
+
+
+def connected(server: HttpServer) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
+
+
+def test_web_socket_is_attached_before_its_client_is_told_that_it_is_open() -> None:
+    is_told: list[bool] = []
+
+    def attach(channel: Channel) -> None:
+        is_told.append(bool(select([end], [], [], 0.0)[0]))
+        channel.send("at once")
+
+    with (
+        HttpServer(lambda _: Upgrade("p", attach), 0) as server,
+        connected(server) as end,
+        end.makefile("rb") as stream,
+    ):
+        end.sendall(HANDSHAKE)
+        head = list(iter(stream.readline, b"\r\n"))
+        assert (head[0].split()[1], stream.read(9), is_told) == (b"101", b"\x81\x07at once", [False])
+
+
+def test_web_socket_whose_handshake_is_wrong_is_not_open() -> None:
+    channels: list[Channel] = []
+    with HttpServer(lambda _: Upgrade("p", channels.append), 0) as server, connected(server) as end:
+        end.sendall(HANDSHAKE.replace(b"Sec-WebSocket-Key", b"Sec-Key"))
+        assert end.recv(4096).startswith(b"HTTP/1.1 400 ")
+    assert [channel.is_open for channel in channels] == [False]

@@ -8,9 +8,12 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side, finger_names, joint_names
 from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.model import joint_1_origin, robot_description
+from yumi.robot.model import GRIPPER_MASSES, joint_1_origin, robot_description
+
+CUP = 0.0075
 
 
 @pytest.fixture(scope="module")
@@ -105,3 +108,30 @@ def test_description_has_the_speeds_that_the_robot_is_slowed_to() -> None:
     joints = ET.fromstring(robot_description(slow)).iter("joint")
     limits = [joint.find("limit") for joint in joints if joint.get("type") == "revolute"]
     assert {float(limit.get("velocity", "")) for limit in limits if limit is not None} == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("modules", "mass_with_fingers"),
+    [
+        (GripperModules.SERVO, 0.230),
+        (GripperModules.VISION, 0.244),
+        (GripperModules.VACUUM, 0.248 - CUP),
+        (GripperModules.VISION_VACUUM, 0.262 - CUP),
+        (GripperModules.TWO_VACUUMS, 0.280 - 2 * CUP),
+    ],
+)
+def test_hand_weighs_what_it_is_made_of(modules: GripperModules, mass_with_fingers: float) -> None:
+    robot = ET.fromstring(robot_description(grippers={Side.RIGHT: GripperModules.SERVO, Side.LEFT: modules}))
+    masses = {
+        link.get("name"): float(link.find("inertial/mass").get("value"))
+        for link in robot.iter("link")
+        if "gripper" in link.get("name")
+    }
+    assert sum(mass for name, mass in masses.items() if "_l" in name) == pytest.approx(mass_with_fingers, abs=6e-4)
+    assert sum(mass for name, mass in masses.items() if "_r" in name) == pytest.approx(0.230)
+
+
+@pytest.mark.parametrize("modules", list(GripperModules))
+def test_inertia_of_every_hand_belongs_to_a_body_that_can_exist(modules: GripperModules) -> None:
+    xx, _, _, yy, _, zz = GRIPPER_MASSES[modules].inertia
+    assert max(xx, yy, zz) < xx + yy + zz - max(xx, yy, zz)

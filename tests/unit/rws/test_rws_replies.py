@@ -67,6 +67,11 @@ def test_value_that_is_no_number_is_refused() -> None:
         replies.signal(page("ios-signal", name="x", type="DI", lvalue="high"))
 
 
+def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
+    states = (State("ios-signal-li", "a", {"name": "a", "lvalue": "2"}), State("ios-signal-li", "b", {"name": "b"}))
+    assert replies.signals(Page("", "", states)) == {"a": 2.0}
+
+
 def test_joint_target_comes_out_in_chain_order() -> None:
     target = replies.joint_target(page("ms-jointtarget", **JOINTS, **EXTERNAL))
     assert [round(degrees(angle)) for angle in target.chain()] == [10, 20, -135, 30, 40, 50, 60]
