@@ -29,7 +29,9 @@ def main() -> None:
 
 def show(trial: Trial) -> None:
     times = (f"{time:>18.4f}" for time in trial.times)
-    print(f"{trial.model.delay * 1e3:>8.2f} ms{trial.model.lag * 1e3:>8.2f} ms", *times, f"{trial.error * 1e3:>9.3f} ms")
+    print(
+        f"{trial.model.delay * 1e3:>8.2f} ms{trial.model.lag * 1e3:>8.2f} ms", *times, f"{trial.error * 1e3:>9.3f} ms"
+    )
 
 
 if __name__ == "__main__":

@@ -18,12 +18,13 @@ from yumi.evaluation.evaluation_tables import real_time_table
 from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
 from yumi.evaluation.experiments import published_experiments
 from yumi.evaluation.explanations import explanations
-from yumi.evaluation.fitted_model import FITTED
+from yumi.evaluation.fitted_model import CONTROL_LAG, arm_with
 from yumi.evaluation.kpis import Measured
-from yumi.evaluation.model_fit import fit
+from yumi.evaluation.model_fit import attempt
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.virtual.arm_model import ArmModel
 
 
 def published(experiment: Experiment) -> Experiment:
@@ -60,10 +61,15 @@ def test_better_law_has_neither_the_lag_nor_the_error() -> None:
     assert figures.max_error_deg < 0.05
 
 
-def test_fit_prefers_what_is_committed_to_a_longer_lag() -> None:
-    best, other = fit(((FITTED.delay, FITTED.lag), (0.020, 0.0)))
-    assert (best.delay, best.lag) == (FITTED.delay, FITTED.lag)
-    assert best.cost < other.cost
+def test_committed_control_lag_fits_the_published_step_times_better_than_less_or_more() -> None:
+    shorter, fitted, longer = (attempt(arm_with(lag)) for lag in (0.008, CONTROL_LAG, 0.026))
+    assert fitted.control_lag == pytest.approx(CONTROL_LAG)
+    assert fitted.error < min(shorter.error, longer.error)
+
+
+def test_sharing_the_control_lag_differently_hardly_changes_the_steps() -> None:
+    trials = [attempt(ArmModel(delay=delay, lag=CONTROL_LAG - delay)) for delay in (0.0, CONTROL_LAG)]
+    assert trials[0].error == pytest.approx(trials[1].error, abs=0.0002)
 
 
 def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -> None:
@@ -110,9 +116,10 @@ def test_json_has_the_documented_names(results: Results, tmp_path: Path) -> None
 def test_explanation_names_the_figures_it_rests_on(results: Results) -> None:
     told = Results(runs=list(results.runs), variants={Variant.SHIPPED_ROBOT: 0.78, Variant.GUARDED_FIT: 0.88})
     told.add(System.SHIPPED, run_virtually(step(proportional(1.2))))
-    (guard,) = [text for text in explanations(told) if text.startswith("Steps, guard")]
-    assert "takes 0.89 s, without a guard 0.77 s" in guard
-    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard
+    (guard,) = explanations(told)
+    assert guard.name == "guard"
+    assert "takes 0.89 s as shipped and 0.77 s without a guard" in guard.text
+    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard.text
 
 
 def test_nothing_is_explained_that_was_not_run() -> None:

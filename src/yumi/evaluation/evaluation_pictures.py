@@ -12,9 +12,10 @@ from typing import Any
 from yumi.errors import MissingPrerequisite
 from yumi.evaluation.document import Picture
 from yumi.evaluation.evaluation_results import Result, Results
-from yumi.evaluation.experiment import PREDICTION, Mode, System, proportional, sine, step
+from yumi.evaluation.experiment import FREQUENCY, PREDICTION, Mode, System, proportional, sine, step
 from yumi.evaluation.gain_sweep import GainPoint
 from yumi.evaluation.kpis import legs
+from yumi.evaluation.lag_study import NEAR, LagStudy, studied_sines
 from yumi.evaluation.loop_trips import LEGS, Trip
 from yumi.evaluation.tracking_figures import SineFigures, matches_of
 
@@ -131,6 +132,13 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
             "is the gain at which the thesis saw oscillation begin."
         )
         yield "sweep", 3.2, caption, lambda figure: _draw_sweeps(results, figure)
+    if results.study is not None:
+        caption = (
+            "Control lags predicted at every frequency: mean (solid) and longest (dashed). The bands are the published "
+            "figures and a tenth to either side; a frequency explains both where each line is inside its own. The "
+            f"vertical line is ours, {FREQUENCY:g} Hz."
+        )
+        yield "frequency", 3.2, caption, partial(_draw_frequencies, results.study)
     for system, measured in results.measured.items():
         if measured.trips:
             caption = (
@@ -233,6 +241,29 @@ def _draw_sweeps(results: Results, figure: Any) -> None:
     draw_sweep([(system.value, points) for system, points in results.sweeps.items()], panels)
     for panel in panels:
         panel.axvline(2.0, color=_INK, linestyle="--", linewidth=0.9)
+
+
+def _draw_frequencies(study: LagStudy, figure: Any) -> None:
+    panels = figure.subplots(1, len(studied_sines()))
+    for number, (panel, experiment) in enumerate(zip(panels, studied_sines(), strict=True)):
+        lags = [each[number] for each in study.frequencies.values()]
+        series = (
+            ("mean", "-", COLORS[0], experiment.published.mean_lag, [each.mean for each in lags]),
+            ("longest", "--", COLORS[1], experiment.published.max_lag, [each.longest for each in lags]),
+        )
+        for words, line, color, published, values in series:
+            assert published is not None, "only sines with published lags are studied"
+            panel.axhspan(
+                1e3 * (1.0 - NEAR) * published, 1e3 * (1.0 + NEAR) * published, color=color, alpha=0.18, linewidth=0
+            )
+            panel.plot(list(study.frequencies), [1e3 * value for value in values], line, color=color, label=words)
+        panel.axvline(FREQUENCY, color=_INK, linewidth=0.8, linestyle=":")
+        panel.set_xscale("log")
+        panel.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5], ["0.02", "0.05", "0.1", "0.2", "0.5"])
+        panel.set(title=f"{experiment.size_deg:g}°, {experiment.law.title}", xlabel="frequency [Hz]", ylim=(0, None))
+        panel.minorticks_off()
+    panels[0].set_ylabel("control lag [ms]")
+    _name_lines(panels[0], loc="lower right")
 
 
 def _draw_trips(trips: Sequence[Trip], figure: Any) -> None:

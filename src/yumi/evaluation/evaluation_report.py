@@ -16,6 +16,7 @@ from yumi.evaluation.evaluation_tables import (
     real_time_table,
     result_table,
     settings_table,
+    study_tables,
     summary_table,
 )
 from yumi.evaluation.experiment import System
@@ -64,8 +65,7 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         *_better(results),
         *_real_time(results),
         *_round_trips(results, pictures),
-        Heading("Where our figures differ, and why"),
-        *(Paragraph(each) for each in explanations(results)),
+        *_differences(results, pictures),
         Heading("Settings and versions"),
         settings_table(results.settings),
         Paragraph("Raw data: data/*.csv, a file an experiment, angles in degrees from where the joint began."),
@@ -128,6 +128,15 @@ def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Bloc
             caption = f"From the application to the state machine and back ({system.value})"
             blocks.append(leg_table(machine_legs(measured.machine_trips), caption))
     return [Heading("Round trips, leg by leg"), *blocks] if blocks else []
+
+
+def _differences(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    tables = study_tables(results.study) if results.study else {}
+    blocks: list[Block] = [Heading("Where our figures differ, and why")]
+    for each in explanations(results):
+        blocks += [Heading(each.title, 3), Paragraph(each.text), *_shown(pictures, each.name)]
+        blocks += [tables[each.name]] if each.name in tables else []
+    return blocks
 
 
 def _shown(pictures: Mapping[str, Picture], *names: str) -> list[Block]:

@@ -16,6 +16,7 @@ from yumi.evaluation.experiments import (
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import GAINS, GainPoint, sweep
 from yumi.evaluation.kpis import Measured, motion_delay
+from yumi.evaluation.lag_study import PARTS, LagStudy, studied_sines, study_lags
 from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.evaluation.virtual_trips import virtual_trips
@@ -57,17 +58,15 @@ def main_figure(figures: Figures) -> float | None:
 
 
 class Variant(Enum):
-    """Steps of 10° that tell what a difference comes from: gain, guard, and the robot's delay and lag."""
+    """Steps of 10° with P = 1.2 that tell what a difference comes from: the guard, or the robot's delay and lag."""
 
-    SHIPPED_ROBOT = (1.2, System.BARE, ArmModel())
-    GUARDED_FIT = (1.2, System.SHIPPED, FITTED)
-    SLOW_STEP_12 = (1.2, System.BARE, ArmModel(delay=0.060, lag=0.0))
-    SLOW_STEP_16 = (1.6, System.BARE, ArmModel(delay=0.060, lag=0.0))
+    SHIPPED_ROBOT = (System.BARE, ArmModel())
+    GUARDED_FIT = (System.SHIPPED, FITTED)
 
     def run(self) -> float | None:
         """How long the step takes [s]; None when it does not settle."""
-        gain, system, model = self.value
-        figures = figures_of(run_virtually(step(proportional(gain)), system, model))
+        system, model = self.value
+        figures = figures_of(run_virtually(step(proportional(1.2)), system, model))
         return figures.settling_s if isinstance(figures, StepFigures) else None
 
 
@@ -79,6 +78,7 @@ class Results:
         runs: experiments that came to their end.
         failures: why an experiment could not be run, by its name.
         variants: times of the steps that tell where differences come from [s].
+        study: what the things the publication leaves open do to its lags; None when that was not looked at.
         sweeps: steps with one gain after another.
         measured: what the indicators are made of, by system.
         is_complete: whether everything that was planned was done.
@@ -88,6 +88,7 @@ class Results:
     runs: list[Result] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
     variants: dict[Variant, float | None] = field(default_factory=dict)
+    study: LagStudy | None = None
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
     measured: dict[System, Measured] = field(default_factory=dict)
     is_complete: bool = False
@@ -146,7 +147,7 @@ def planned_virtually() -> tuple[tuple[System, Experiment], ...]:
 
 def virtual_step_count() -> int:
     """How often ``on_step`` is called."""
-    return len(planned_virtually()) + len(Variant) + 2 * len(GAINS) + 1
+    return len(planned_virtually()) + len(Variant) + PARTS + 2 * len(GAINS) + 1
 
 
 def evaluate_virtually(results: Results, on_step: OnStep) -> None:
@@ -157,6 +158,9 @@ def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     for variant in Variant:
         on_step("Where differences come from")
         results.variants[variant] = variant.run()
+    run = results.find(System.BARE, studied_sines()[0])
+    assert run is not None, "it is one of those that are planned"
+    results.study = study_lags(run.trace, lambda: on_step("What the thesis leaves open"))
     for system in (System.BARE, System.SHIPPED):
         results.sweeps[system] = sweep(GAINS, system, on_point=lambda: on_step("Steps with one gain after another"))
     on_step("Round trips")

@@ -13,6 +13,7 @@ from yumi.evaluation.experiments import PUBLISHED_OSCILLATION, published_experim
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import onset_of
 from yumi.evaluation.kpis import Kpi, kpis
+from yumi.evaluation.lag_study import TIMED_GAINS, Lags, LagStudy, studied_sines
 from yumi.evaluation.metrics import Distribution
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures
 from yumi.virtual.arm_model import ArmModel
@@ -25,6 +26,9 @@ _FIGURES = (
     ("mean_lag_s", "mean_lag", "mean control lag"),
     ("max_lag_s", "max_lag", "longest control lag"),
 )
+
+
+_STAR = "A star: within a tenth of what is published."
 
 
 def summary_table(results: Results) -> Table:
@@ -113,6 +117,57 @@ def model_settings() -> dict[str, dict[str, object]]:
         "virtual robot": {"delay [ms]": 1e3 * shipped.delay, "servo lag [ms]": 1e3 * shipped.lag},
         "fitted robot": {"delay [ms]": 1e3 * FITTED.delay, "servo lag [ms]": 1e3 * FITTED.lag},
     }
+
+
+def study_tables(study: LagStudy) -> Mapping[str, Table]:
+    """What was varied, by the name of its topic; a star tells what is within a tenth of the published figure."""
+    sines = studied_sines()
+    heads = tuple(f"{each.size_deg:g}°, {each.law.title}: mean | longest" for each in sines)
+    published = tuple(f"{_ms(each.published.mean_lag)} | {_ms(each.published.max_lag)}" for each in sines)
+    return {
+        "frequency": Table(
+            ("sines at", *heads),
+            (
+                ("published", *published),
+                *((f"{each:g} Hz", *_lag_cells(lags)) for each, lags in study.frequencies.items()),
+            ),
+            f"Predicted lags [ms] by the sines' frequency. {_STAR}",
+        ),
+        "matching": Table(
+            ("a match is", *heads),
+            (("published", *published), *((words, *_lag_cells(lags)) for words, lags in study.matchings.items())),
+            f"Lags [ms] of the same motions at {FREQUENCY:g} Hz, matched in other ways. {_STAR}",
+        ),
+        "robot": Table(
+            ("control lag", *(f"step, P = {gain:g}" for gain in TIMED_GAINS), *heads),
+            (
+                ("published", "0.8 s", "0.6 s", *published),
+                *(
+                    (f"{1e3 * lag:g} ms", *map(_time_of_step, robot.step_times), *_lag_cells(robot.lags))
+                    for lag, robot in study.robots.items()
+                ),
+            ),
+            f"What robots with other control lags would have shown; lags of sines [ms] at {FREQUENCY:g} Hz. {_STAR}",
+        ),
+    }
+
+
+def _lag_cells(lags: Iterable[Lags]) -> tuple[str, ...]:
+    return tuple(
+        " | ".join(
+            f"{_ms(value)}{'*' if near else ''}"
+            for value, near in zip((each.mean, each.longest), each.are_near(experiment), strict=True)
+        )
+        for each, experiment in zip(lags, studied_sines(), strict=True)
+    )
+
+
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{1e3 * value:.0f}"
+
+
+def _time_of_step(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f} s"
 
 
 def _with_ratios(

@@ -151,7 +151,8 @@ def match_lags(
     turning point would be matched with the way back, or before the way there.
 
     Args:
-        reference, measured: where the joint shall be, and where it is.
+        reference: where the joint shall be.
+        measured: where it is.
         tolerance: how close is a match.
         rule: which samples may match.
         longest: no longer lag is looked for [s].
