@@ -14,7 +14,7 @@ from yumi.evaluation import evaluation_results
 from yumi.evaluation.evaluation_files import document, write_json
 from yumi.evaluation.evaluation_report import write_report
 from yumi.evaluation.evaluation_results import Results, Variant
-from yumi.evaluation.evaluation_tables import real_time_table
+from yumi.evaluation.evaluation_tables import real_time_table, repeats_table
 from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
 from yumi.evaluation.experiments import published_experiments
 from yumi.evaluation.explanations import explanations
@@ -23,6 +23,7 @@ from yumi.evaluation.kpis import Measured
 from yumi.evaluation.model_fit import attempt
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
 from yumi.virtual.arm_model import ArmModel
 
@@ -79,6 +80,13 @@ def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -
     assert all(0.008 < trip.total < 0.0121 for trip in trips)
 
 
+def test_state_machine_answers_in_virtual_time_within_three_cycles() -> None:
+    legs = virtual_machine_trips(40)
+    assert set(legs["request"]) == {0.0}
+    assert 0.0 < min(legs["answer"]) < 0.004
+    assert max(legs["answer"]) < 0.0125
+
+
 @pytest.fixture(scope="module")
 def results() -> Results:
     """A few experiments of many."""
@@ -93,7 +101,8 @@ def results() -> Results:
 def test_report_has_tables_pictures_for_both_themes_and_raw_data(results: Results, tmp_path: Path) -> None:
     page = write_report(results, tmp_path).read_text(encoding="utf-8")
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 |" in text
+    assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 | reproduced |" in text
+    assert "| 5.3 | 184 ms | 218 ms | 1.18 | 18% more, explained below |" in text
     assert '<source media="(prefers-color-scheme: dark)" srcset="figures/steps_dark.svg">' in page
     assert (tmp_path / "figures" / "steps_dark.svg").read_text(encoding="utf-8").count("#e6edf3") > 5
     rows = (tmp_path / "data" / "bare_step10_fullspeed_p1.2_right.csv").read_text(encoding="utf-8").splitlines()
@@ -129,10 +138,21 @@ def test_nothing_is_explained_that_was_not_run() -> None:
 def test_real_time_stands_beside_virtual_time(results: Results) -> None:
     (bare, *_) = results.runs
     both = Results(runs=[replace(bare, system=system) for system in (System.SHIPPED, System.WIRE)])
+    both.repeats["wire/step10_fullspeed_p1.2_right"] = ("No joint state came.", "No joint state came.")
     table = real_time_table(both)
     assert table is not None
-    assert table.rows == (("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "1.00"),)
-    assert document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]["ratio_to_virtual"] == 1.0
+    assert table.rows[0] == ("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "+0.0 ms", "1.00", "within 15%")
+    found = document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]
+    assert (found["ratio_to_virtual"], found["repeats"]) == (1.0, 2)
+
+
+def test_repeated_experiments_are_told_with_count_and_reason() -> None:
+    disturbed = Results(repeats={"wire/step": ("No joint state came.", "EGM has ended.", "EGM has ended.")})
+    table = repeats_table(disturbed)
+    assert table is not None
+    assert table.rows == (("wire/step", "3", "No joint state came. EGM has ended."),)
+    assert document(disturbed)["repeats"]["wire/step"]["count"] == 3
+    assert repeats_table(Results()) is None
 
 
 def test_same_experiment_gives_the_same_figures(results: Results) -> None:

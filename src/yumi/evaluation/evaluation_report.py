@@ -14,10 +14,12 @@ from yumi.evaluation.evaluation_tables import (
     kpis_of,
     leg_table,
     real_time_table,
+    repeats_table,
     result_table,
     settings_table,
     study_tables,
     summary_table,
+    systems_table,
 )
 from yumi.evaluation.experiment import System
 from yumi.evaluation.experiments import better_experiments, joint_experiments, published_experiments
@@ -60,6 +62,7 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
         summary_table(results),
         *_indicators(results),
+        *_systems(results),
         *_steps(results, pictures),
         *_sines(results, pictures),
         *_better(results),
@@ -80,6 +83,11 @@ def _indicators(results: Results) -> list[Block]:
         if found:
             blocks += [Heading(f"Key performance indicators: {title}"), kpi_table(found)]
     return blocks
+
+
+def _systems(results: Results) -> list[Block]:
+    table = systems_table(results)
+    return [Heading("What a user gets"), table] if table else []
 
 
 def _steps(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
@@ -114,8 +122,11 @@ def _better(results: Results) -> list[Block]:
 
 
 def _real_time(results: Results) -> list[Block]:
-    table = real_time_table(results)
-    return [Heading("Real time beside virtual time"), table] if table else []
+    table, repeats = real_time_table(results), repeats_table(results)
+    if table is None:
+        return []
+    undisturbed = Paragraph("No experiment had to be repeated: no run was disturbed.")
+    return [Heading("Real time beside virtual time"), table, repeats or undisturbed]
 
 
 def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:

@@ -19,11 +19,12 @@ from yumi.evaluation.kpis import Measured, motion_delay
 from yumi.evaluation.lag_study import PARTS, LagStudy, studied_sines, study_lags
 from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
 from yumi.virtual.arm_model import ArmModel
 
-TRIPS = 2500
-"""Round trips in virtual time, where they repeat themselves."""
+TRIPS, MACHINE_TRIPS = 2500, 500
+"""Round trips to the EGM loop and to the state machine in virtual time, where they repeat themselves."""
 
 OnStep = Callable[[str], None]
 """Told what begins."""
@@ -77,6 +78,7 @@ class Results:
     Attributes:
         runs: experiments that came to their end.
         failures: why an experiment could not be run, by its name.
+        repeats: why runs of an experiment were thrown away and it was run again, by its name.
         variants: times of the steps that tell where differences come from [s].
         study: what the things the publication leaves open do to its lags; None when that was not looked at.
         sweeps: steps with one gain after another.
@@ -87,6 +89,7 @@ class Results:
 
     runs: list[Result] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
+    repeats: dict[str, tuple[str, ...]] = field(default_factory=dict)
     variants: dict[Variant, float | None] = field(default_factory=dict)
     study: LagStudy | None = None
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
@@ -147,7 +150,7 @@ def planned_virtually() -> tuple[tuple[System, Experiment], ...]:
 
 def virtual_step_count() -> int:
     """How often ``on_step`` is called."""
-    return len(planned_virtually()) + len(Variant) + PARTS + 2 * len(GAINS) + 1
+    return len(planned_virtually()) + len(Variant) + PARTS + 2 * len(GAINS) + 2
 
 
 def evaluate_virtually(results: Results, on_step: OnStep) -> None:
@@ -163,7 +166,10 @@ def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     results.study = study_lags(run.trace, lambda: on_step("What the thesis leaves open"))
     for system in (System.BARE, System.SHIPPED):
         results.sweeps[system] = sweep(GAINS, system, on_point=lambda: on_step("Steps with one gain after another"))
-    on_step("Round trips")
+    on_step("Round trips to the EGM loop")
     trips, datagrams, lost = virtual_trips(TRIPS)
-    results.measured[System.SHIPPED] = Measured(trips=trips, datagrams=datagrams, lost=lost)
+    on_step("Round trips to the state machine")
+    results.measured[System.SHIPPED] = Measured(
+        trips=trips, machine_trips=virtual_machine_trips(MACHINE_TRIPS), datagrams=datagrams, lost=lost
+    )
     results.close_measured(System.SHIPPED)
