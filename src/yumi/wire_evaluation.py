@@ -79,7 +79,7 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
                 results.measured[System.WIRE] = replace(
                     heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))[: plan.trips]
                 )
-    results.close_measured(System.WIRE)
+    results.close()
 
 
 @contextmanager

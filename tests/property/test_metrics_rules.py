@@ -6,7 +6,7 @@ from math import exp, inf, log, pi, sin
 from random import Random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.evaluation.kpis import MOVED_DEG, machine_totals, motion_delay
@@ -75,6 +75,7 @@ def test_known_delay_is_recovered_to_one_sample(branch: int, late: int, slack: f
     assert all(abs(lag - late * PERIOD) < PERIOD * 1.001 for _, lag in matches.lags)
 
 
+@settings(max_examples=40)
 @given(frequency=st.floats(0.2, 1.0), late=st.floats(-0.05, 0.5), rate=st.sampled_from([250.0, 248.0, 333.0]))
 def test_known_delay_of_a_whole_motion_is_recovered_by_least_squares(
     frequency: float, late: float, rate: float
@@ -83,6 +84,7 @@ def test_known_delay_of_a_whole_motion_is_recovered_by_least_squares(
     assert best_delay(reference, wave(frequency, late, rate)) == pytest.approx(late, abs=1e-3)
 
 
+@settings(max_examples=20)
 @given(late=st.integers(-10, 120), seed=st.integers(0, 10**6))
 def test_known_delay_of_a_noisy_motion_is_recovered_to_one_sample(late: int, seed: int) -> None:
     noise = Random(seed)
@@ -101,9 +103,13 @@ def test_known_delay_is_the_same_under_every_rule_where_the_reference_does_not_t
 
 
 @given(
-    values=st.lists(st.integers(-9, 9), max_size=60), tolerance=st.sampled_from([0.5, 1.5]), rule=st.sampled_from(Rule)
+    values=st.lists(st.integers(-9, 9).map(float), max_size=60),
+    tolerance=st.sampled_from([0.5, 1.5]),
+    rule=st.sampled_from(Rule),
 )
-def test_matches_are_those_that_looking_at_every_sample_finds(values: list[int], tolerance: float, rule: Rule) -> None:
+def test_matches_are_those_that_looking_at_every_sample_finds(
+    values: list[float], tolerance: float, rule: Rule
+) -> None:
     reference, measured = sampled(values), sampled([0.0, *values[::-1], *values])
     assert match_lags(reference, measured, tolerance, rule, 0.1).lags == tuple(
         slowly(reference, measured, tolerance, rule)

@@ -14,7 +14,7 @@ from yumi.evaluation import evaluation_results
 from yumi.evaluation.evaluation_files import document, write_json
 from yumi.evaluation.evaluation_report import write_report
 from yumi.evaluation.evaluation_results import Results, Variant
-from yumi.evaluation.evaluation_tables import real_time_table, repeats_table
+from yumi.evaluation.evaluation_tables import headline, kpis_of, real_time_table, repeats_table
 from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
 from yumi.evaluation.experiments import published_experiments
 from yumi.evaluation.explanations import explanations
@@ -102,7 +102,7 @@ def test_report_has_tables_pictures_for_both_themes_and_raw_data(results: Result
     page = write_report(results, tmp_path).read_text(encoding="utf-8")
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 | reproduced |" in text
-    assert "| 5.3 | 184 ms | 218 ms | 1.18 | 18% more, explained below |" in text
+    assert "| 5.3 | 184 ms | 218 ms | 1.18 | 18 % more |" in text
     assert '<source media="(prefers-color-scheme: dark)" srcset="figures/steps_dark.svg">' in page
     assert (tmp_path / "figures" / "steps_dark.svg").read_text(encoding="utf-8").count("#e6edf3") > 5
     rows = (tmp_path / "data" / "bare_step10_fullspeed_p1.2_right.csv").read_text(encoding="utf-8").splitlines()
@@ -141,9 +141,23 @@ def test_real_time_stands_beside_virtual_time(results: Results) -> None:
     both.repeats["wire/step10_fullspeed_p1.2_right"] = ("No joint state came.", "No joint state came.")
     table = real_time_table(both)
     assert table is not None
-    assert table.rows[0] == ("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "+0.0 ms", "1.00", "within 15%")
+    assert table.rows[0] == ("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "+0.0 ms", "1.00", "within 15 %")
     found = document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]
     assert (found["ratio_to_virtual"], found["repeats"]) == (1.0, 2)
+
+
+def test_headline_counts_what_is_reproduced_and_which_indicators_hold(results: Results) -> None:
+    text = headline(results)
+    assert "2 of 3 published figures are reproduced within a tenth" in text
+    assert "of 7 indicators are inside their limits reproduced." in text
+    assert headline(Results()) == ""
+
+
+def test_indicators_of_what_ran_are_told_however_early_it_ended() -> None:
+    early = Results()
+    early.add(System.SHIPPED, run_virtually(step(proportional(2.0))))
+    early.close()
+    assert [each.holds for each in kpis_of(early, System.SHIPPED)][:2] == [True, None]
 
 
 def test_repeated_experiments_are_told_with_count_and_reason() -> None:

@@ -19,8 +19,8 @@ from yumi.evaluation.lag_study import NEAR, LagStudy, studied_sines
 from yumi.evaluation.loop_trips import LEGS, Trip
 from yumi.evaluation.tracking_figures import SineFigures, matches_of
 
-COLORS = ("#2f81f7", "#d98200", "#2da44e", "#e5534b", "#986ee2", "#8b949e")
-"""Told apart on white and on black."""
+COLORS = ("#2f81f7", "#d98200", "#009e73", "#cc79a7", "#56b4e9", "#8b949e")
+"""Told apart on white and on black, and by people who do not see all colours (after Okabe and Ito)."""
 
 LINES = {System.BARE: ":", System.SHIPPED: "-", System.WIRE: "--"}
 
@@ -142,7 +142,7 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
     for system, measured in results.measured.items():
         if measured.trips:
             caption = (
-                f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.value})."
+                f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.title})."
             )
             yield f"trips_{system.value}", 3.2, caption, partial(_draw_trips, measured.trips)
 
@@ -206,7 +206,7 @@ def _draw_lags(results: Results, figure: Any) -> None:
             run = results.find(system, experiment)
             if run is not None and isinstance(run.figures, SineFigures):
                 lags = [1e3 * lag for _, lag in matches_of(run.trace).lags]
-                panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.value, linewidth=1.2)
+                panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.title, linewidth=1.2)
                 _draw_published(panel, run)
         panel.set(title=experiment.title, xlabel="control lag [ms]", ylabel="share per ms")
         _name_lines(panel, loc="upper left")
@@ -230,7 +230,7 @@ def _draw_reduced(results: Results, figure: Any) -> None:
         for run, color in zip(runs, COLORS, strict=False):
             if run is not None:
                 panel.plot(*zip(*run.trace.sent_deg, strict=True), color=_INK, linewidth=0.8, alpha=0.7)
-                _plot(panel, run, "-", color, run.system.value)
+                _plot(panel, run, "-", color, run.system.title)
         panel.set(title=f"P = {gain:g}", xlabel="time [s]")
     panels[0].set_ylabel("angle [°]")
     _name_lines(panels[0])
@@ -238,7 +238,7 @@ def _draw_reduced(results: Results, figure: Any) -> None:
 
 def _draw_sweeps(results: Results, figure: Any) -> None:
     panels = figure.subplots(1, 2)
-    draw_sweep([(system.value, points) for system, points in results.sweeps.items()], panels)
+    draw_sweep([(system.title, points) for system, points in results.sweeps.items()], panels)
     for panel in panels:
         panel.axvline(2.0, color=_INK, linestyle="--", linewidth=0.9)
 

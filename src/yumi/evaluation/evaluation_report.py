@@ -10,6 +10,7 @@ from yumi.evaluation.evaluation_files import write_series
 from yumi.evaluation.evaluation_pictures import draw_pictures
 from yumi.evaluation.evaluation_results import Results
 from yumi.evaluation.evaluation_tables import (
+    headline,
     kpi_table,
     kpis_of,
     leg_table,
@@ -60,15 +61,16 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         Paragraph(_INTRODUCTION),
         *([] if results.is_complete else [Paragraph(_PARTIAL)]),
         *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
+        Paragraph(headline(results)),
         summary_table(results),
         *_indicators(results),
         *_systems(results),
+        *_differences(results, pictures),
         *_steps(results, pictures),
         *_sines(results, pictures),
         *_better(results),
         *_real_time(results),
         *_round_trips(results, pictures),
-        *_differences(results, pictures),
         Heading("Settings and versions"),
         settings_table(results.settings),
         Paragraph("Raw data: data/*.csv, a file an experiment, angles in degrees from where the joint began."),
@@ -133,10 +135,10 @@ def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Bloc
     blocks: list[Block] = []
     for system, measured in results.measured.items():
         if measured.trips:
-            caption = f"From the application to the EGM loop and back ({system.value})"
+            caption = f"From the application to the EGM loop and back ({system.title})"
             blocks += [*_shown(pictures, f"trips_{system.value}"), leg_table(legs(measured.trips), caption)]
         if measured.machine_trips:
-            caption = f"From the application to the state machine and back ({system.value})"
+            caption = f"From the application to the state machine and back ({system.title})"
             blocks.append(leg_table(machine_legs(measured.machine_trips), caption))
     return [Heading("Round trips, leg by leg"), *blocks] if blocks else []
 

@@ -19,9 +19,6 @@ from yumi.evaluation.tracking_figures import SineFigures, StepFigures
 from yumi.robot.cycle import CYCLE
 from yumi.virtual.arm_model import ArmModel
 
-TITLES = {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}
-"""What the systems are called in tables."""
-
 _FIGURES = (
     ("settling_s", "settling", "time until within 0.1°"),
     ("mean_lag_s", "mean_lag", "mean control lag"),
@@ -36,6 +33,7 @@ _SUMMARY_CAPTION = (
     "Reproduced: virtual time, a robot fitted to the published step times, without a guard, as in the thesis; the "
     "lags are predictions. Within a tenth of the published figure counts as reproduced."
 )
+_KPI_CAPTION = "Limits are those the thesis suggests in its table 4.2; that of packet loss is ours."
 _STAR = "A star: within a tenth of what is published."
 
 
@@ -47,7 +45,7 @@ def summary_table(results: Results) -> Table:
             experiment.figure,
             _time(published),
             *_with_ratio(_value(results, System.BARE, experiment, name), published),
-            _judged(_value(results, System.BARE, experiment, name), published),
+            _judged(_value(results, System.BARE, experiment, name), published, is_explained=results.study is not None),
         )
         for experiment, name, words, published in _published()
     ]
@@ -65,6 +63,18 @@ def summary_table(results: Results) -> Table:
     return Table(header, tuple(rows), _SUMMARY_CAPTION, (0, 5))
 
 
+def headline(results: Results) -> str:
+    """The outcome in a sentence or two."""
+    pairs = [(_value(results, System.BARE, each, name), published) for each, name, _, published in _published()]
+    run = [(value, published) for value, published in pairs if value is not None]
+    near = sum(is_near(value, published) for value, published in run)
+    texts = [f"{near} of {len(run)} published figures are reproduced within a tenth"] if run else []
+    for system, measured in results.measured.items():
+        holding = [each.holds for each in kpis(measured)]
+        texts.append(f"{holding.count(True)} of {len(holding)} indicators are inside their limits {system.title}")
+    return "; ".join(texts) + "." if texts else ""
+
+
 def systems_table(results: Results) -> Table | None:
     """The same figures as shipped and over the wire, each with its ratio to the published one."""
     systems = [each for each in (System.SHIPPED, System.WIRE) if any(run.system is each for run in results.runs)]
@@ -76,7 +86,7 @@ def systems_table(results: Results) -> Table | None:
         )
         for experiment, name, words, published in _published()
     )
-    header = [cell for system in systems for cell in (TITLES[system], "ratio")]
+    header = [cell for system in systems for cell in (system.title, "ratio")]
     return Table(("", "published", *header), rows, _systems_caption(systems)) if systems else None
 
 
@@ -126,7 +136,12 @@ def kpi_table(found: Iterable[Kpi]) -> Table:
          _verdict(each.holds), each.note)
         for each in found
     )  # fmt: skip
-    return Table(("indicator", "measured", "limit", "holds", "how"), rows, "The thesis's table 4.2.", (0, 4))
+    return Table(
+        ("indicator", "measured", "limit", "holds", "how"),
+        rows,
+        _KPI_CAPTION,
+        (0, 4),
+    )
 
 
 def kpis_of(results: Results, system: System) -> tuple[Kpi, ...]:
@@ -213,6 +228,10 @@ def _ms(value: float | None) -> str:
     return "-" if value is None else f"{1e3 * value:.0f}"
 
 
+def _step_time(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} s"
+
+
 def _time_of_step(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f} s"
 
@@ -236,19 +255,22 @@ def _with_ratio(value: float | None, published: float) -> tuple[str, str]:
     return _time(value), "-" if value is None else f"{value / published:.2f}"
 
 
-def _judged(value: float | None, published: float) -> str:
-    return "not run" if value is None else _verdict_of(value, published)
+def _judged(value: float | None, published: float, *, is_explained: bool) -> str:
+    if value is None:
+        return "not run"
+    verdict = _verdict_of(value, published)
+    return f"{verdict}, explained below" if is_explained and not is_near(value, published) else verdict
 
 
 def _verdict_of(value: float, published: float) -> str:
     if is_near(value, published):
         return "reproduced"
-    return f"{abs(value / published - 1.0):.0%} {'more' if value > published else 'less'}, explained below"
+    return f"{100.0 * abs(value / published - 1.0):.0f} % {'more' if value > published else 'less'}"
 
 
 def _agreement(own: float, virtual: float) -> str:
     if abs(own / virtual - 1.0) <= AGREEMENT:
-        return f"within {AGREEMENT:.0%}"
+        return f"within {100.0 * AGREEMENT:.0f} %"
     return "within a sample" if abs(own - virtual) <= CYCLE else "no"
 
 
@@ -262,7 +284,7 @@ def _systems_caption(systems: Iterable[System]) -> str:
 
 def _step_table(runs: Iterable[Result]) -> Table:
     rows = tuple(
-        (run.experiment.title, run.experiment.figure, TITLES[run.system], _time(found.settling_s),
+        (run.experiment.title, run.experiment.figure, run.system.title, _step_time(found.settling_s),
          f"{found.overshoot_deg:.3f}", str(found.swings), f"{found.final_error_deg:.4f}")
         for run in runs
         if isinstance(found := run.figures, StepFigures)
@@ -273,7 +295,7 @@ def _step_table(runs: Iterable[Result]) -> Table:
 
 def _sine_table(runs: Iterable[Result]) -> Table:
     rows = tuple(
-        (run.experiment.title, run.experiment.figure, TITLES[run.system], *_sine_cells(found))
+        (run.experiment.title, run.experiment.figure, run.system.title, *_sine_cells(found))
         for run in runs
         if isinstance(found := run.figures, SineFigures)
     )

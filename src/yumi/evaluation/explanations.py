@@ -121,11 +121,12 @@ def _matching(results: Results) -> Iterator[str]:
         return
     yield (
         "The thesis says only that a match is within 0.1°. We take the first later sample within 0.1°, on the same "
-        "branch of the sine: moving the same way, before the goal turns. The same motions matched in other ways: the "
-        "mean of 10° moves by a few milliseconds, the longest lags by up to a tenth of a second, since they are "
-        "those of the turning points. A wider tolerance brings the longest lag of P = 1.2 to the published one, and "
-        "takes the mean of P = 2 away from it. The authors' program writes both recordings from their own first "
-        "sample on, which shows lags up to a cycle too short."
+        "branch of the sine: moving the same way, before the goal turns. The same motions matched in other ways "
+        "stand below: whether a match after the turning point counts moves the means by a few milliseconds, and the "
+        "longest lags by up to a tenth of a second, since they are those of the turning points. A wider tolerance "
+        "brings the longest lag of P = 1.2 to the published one, and takes the mean of P = 2 away from it. The "
+        "authors' program writes both recordings from their own first sample on, which can show lags up to a cycle "
+        "too short."
     )
 
 

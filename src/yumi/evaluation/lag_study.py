@@ -21,7 +21,7 @@ from yumi.evaluation.tracking_figures import StepFigures, figures_of, matches_of
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.robot.cycle import CYCLE
 
-FREQUENCIES = (0.02, 0.03, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2, 0.25, 0.3, 0.4, 0.5)
+FREQUENCIES = (0.02, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2, 0.25, 0.3, 0.4, 0.5)
 """From a sine of a minute to one that has the joint at its top speed [Hz]."""
 
 CONTROL_LAGS = (0.0, 0.010, CONTROL_LAG, 0.026, 0.040, 0.060)
