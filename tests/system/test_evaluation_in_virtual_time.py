@@ -131,6 +131,13 @@ def test_explanation_names_the_figures_it_rests_on(results: Results) -> None:
     assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard.text
 
 
+def test_round_trips_that_took_too_long_are_counted_with_the_leg_that_did() -> None:
+    machine = {"ros_service": (0.005,) * 100, "robot_web_services": (*(0.001,) * 99, 0.08)}
+    (told,) = explanations(Results(measured={System.WIRE: Measured(machine_trips=machine)}))
+    assert "1 of 100 round trips took longer than 5 times the mean of 6.8 ms" in told.text
+    assert "the leg 'robot web services' alone took 80 ms" in told.text
+
+
 def test_nothing_is_explained_that_was_not_run() -> None:
     assert explanations(Results()) == []
 

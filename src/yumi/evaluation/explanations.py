@@ -10,7 +10,10 @@ from yumi.evaluation.experiment import FREQUENCY, PREDICTION, Experiment, System
 from yumi.evaluation.experiments import PUBLISHED_OSCILLATION
 from yumi.evaluation.fitted_model import CONTROL_LAG
 from yumi.evaluation.gain_sweep import onset_of
+from yumi.evaluation.kpis import WORST_TO_MEAN, machine_totals
 from yumi.evaluation.lag_study import Lags, LagStudy, studied_sines
+from yumi.evaluation.loop_trips import LEGS
+from yumi.evaluation.metrics import distribution
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures
 
 _P12, _P16 = proportional(1.2), proportional(1.6)
@@ -41,6 +44,7 @@ def explanations(results: Results) -> list[Explanation]:
         ("matching", "How goals are matched", _matching),
         ("robot", "The robot is fitted to step times alone", _fit),
         ("guard", "As shipped, a guard costs a step a tenth of a second", _guard),
+        ("worst", "The longest round trips", _worst_trips),
         ("oscillation", "Where oscillation begins", _oscillation),
     )
     return [Explanation(name, title, text) for name, title, topic in topics for text in topic(results)]
@@ -176,6 +180,27 @@ def _oscillation(results: Results) -> Iterator[str]:
             f"{_seconds(study.robots[longest].step_times[1:])} ({1e3 * longest:g} ms) and not after the published 0.6 "
             "s. That speaks for a limit of accelerations in the real robot, too."
         )
+
+
+def _worst_trips(results: Results) -> Iterator[str]:
+    measured = results.measured.get(System.WIRE)
+    if measured is None:
+        return
+    egm = {leg: [getattr(trip, leg) for trip in measured.trips] for leg in LEGS} if measured.trips else {}
+    for where, legs in (("the EGM loop", egm), ("the state machine", measured.machine_trips)):
+        totals = machine_totals(legs)
+        found = distribution(totals)
+        if totals and found.highest > WORST_TO_MEAN * found.mean:
+            worst = totals.index(found.highest)
+            leg = max(legs, key=lambda name: legs[name][worst])
+            longer = sum(total > WORST_TO_MEAN * found.mean for total in totals)
+            yield (
+                f"To {where} and back {longer} of {found.count} round trips took longer than {WORST_TO_MEAN:g} times "
+                f"the mean of {1e3 * found.mean:.1f} ms; in the longest one, of {1e3 * found.highest:.0f} ms, the leg "
+                f"'{leg.replace('_', ' ')}' alone took {1e3 * legs[leg][worst]:.0f} ms. 99.9 % take at most "
+                f"{1e3 * found.p999:.0f} ms, {found.p999 / found.mean:.1f} times the mean. Single ones of tens of "
+                "milliseconds are a process that was not scheduled."
+            )
 
 
 def _range(values: list[float]) -> tuple[str, str]:
