@@ -23,7 +23,7 @@ from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
 from yumi.virtual.arm_model import ArmModel
 
-TRIPS, MACHINE_TRIPS = 2500, 500
+TRIPS, MACHINE_TRIPS = 2500, 250
 """Round trips to the EGM loop and to the state machine in virtual time, where they repeat themselves."""
 
 OnStep = Callable[[str], None]

@@ -198,8 +198,7 @@ def _worst_trips(results: Results) -> Iterator[str]:
                 f"To {where} and back {longer} of {found.count} round trips took longer than {WORST_TO_MEAN:g} times "
                 f"the mean of {1e3 * found.mean:.1f} ms; in the longest one, of {1e3 * found.highest:.0f} ms, the leg "
                 f"'{leg.replace('_', ' ')}' alone took {1e3 * legs[leg][worst]:.0f} ms. 99.9 % take at most "
-                f"{1e3 * found.p999:.0f} ms, {found.p999 / found.mean:.1f} times the mean. Single ones of tens of "
-                "milliseconds are a process that was not scheduled."
+                f"{1e3 * found.p999:.0f} ms, {found.p999 / found.mean:.1f} times the mean."
             )
 
 

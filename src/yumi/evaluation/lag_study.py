@@ -110,7 +110,7 @@ def study_lags(run: Trace, on_part: Callable[[], None] = lambda: None) -> LagStu
     steps = _steps(CONTROL_LAG)
     frequencies = {frequency: _lags_at(steps, frequency) for frequency in FREQUENCIES}
     on_part()
-    robots = {lag: _robot(_steps(lag)) for lag in CONTROL_LAGS}
+    robots = {lag: _robot(steps if lag == CONTROL_LAG else _steps(lag)) for lag in CONTROL_LAGS}
     on_part()
     traces, joint = _traces(steps, FREQUENCY), run.experiment.moved[0]
     deviation = largest_difference(traces[0].measured_deg(joint), run.measured_deg(joint))
@@ -137,9 +137,19 @@ def _lags_at(steps: Mapping[float, Trace], frequency: float) -> tuple[Lags, ...]
 
 
 def _traces(steps: Mapping[float, Trace], frequency: float) -> tuple[Trace, ...]:
-    return tuple(
-        superpose(steps[gain_of(each)], sine(each.law, each.mode, each.size_deg, frequency)) for each in studied_sines()
-    )
+    """Of all that are studied; those that differ in size alone are superposed once."""
+    asked = [sine(each.law, each.mode, each.size_deg, frequency) for each in studied_sines()]
+    first = {gain_of(each): each for each in reversed(asked)}
+    found = {gain: superpose(steps[gain], each) for gain, each in first.items()}
+    return tuple(_resized(found[gain_of(each)], each) for each in asked)
+
+
+def _resized(trace: Trace, experiment: Experiment) -> Trace:
+    """What a linear loop makes of the same reference in another size."""
+    share = experiment.size_deg / trace.experiment.size_deg
+    sent = [(time, share * value) for time, value in trace.sent]
+    measured = {joint: [(time, share * value) for time, value in series] for joint, series in trace.measured.items()}
+    return Trace(experiment, sent, measured)
 
 
 def gain_of(experiment: Experiment) -> float:
