@@ -5,7 +5,6 @@ Only addresses tell the virtual controller from a real one.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from yumi.evaluation.kpis import Measured
 from yumi.evaluation.loop_trips import HeardState, SentGoal
 from yumi.evaluation.robot_place import RobotPlace
 from yumi.links.command import Command
-from yumi.links.realtime import release_process, settle_memory
+from yumi.links.realtime import paused_collector
 from yumi.links.udp import free_port
 from yumi.robot.joints import Side
 from yumi.ros.driver import close_ros, open_ros
@@ -65,7 +64,7 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
     """
     plan.folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
-        stack.enter_context(_no_collections())
+        stack.enter_context(paused_collector())
         open_ros()
         stack.callback(close_ros)
         where = _robot(plan, stack, check)
@@ -80,18 +79,6 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
                     heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))[: plan.trips]
                 )
     results.close()
-
-
-@contextmanager
-def _no_collections() -> Iterator[None]:
-    """Collecting the garbage of all that is recorded would stop this process for tens of ms: not what is measured."""
-    settle_memory()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        release_process()
 
 
 def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[], None]) -> None:

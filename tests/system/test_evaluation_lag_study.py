@@ -25,7 +25,12 @@ def run() -> Trace:
 @pytest.fixture(scope="module")
 def study(run: Trace) -> LagStudy:
     parts.clear()
-    return study_lags(run, lambda: parts.append(None))
+    bare = {each.experiment.name: each for each in (run, *_steps())}
+    return study_lags(bare, lambda: parts.append(None))
+
+
+def _steps() -> list[Trace]:
+    return [run_virtually(step(proportional(gain)), System.BARE) for gain in (1.2, 1.6, 2.0)]
 
 
 def test_superposed_steps_are_the_sine_that_was_run() -> None:

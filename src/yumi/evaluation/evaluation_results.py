@@ -16,11 +16,12 @@ from yumi.evaluation.experiments import (
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import GAINS, GainPoint, sweep
 from yumi.evaluation.kpis import Measured, motion_delay
-from yumi.evaluation.lag_study import PARTS, LagStudy, studied_sines, study_lags
+from yumi.evaluation.lag_study import PARTS, LagStudy, study_lags
 from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.links.realtime import paused_collector
 from yumi.virtual.arm_model import ArmModel
 
 TRIPS, MACHINE_TRIPS = 2500, 250
@@ -161,15 +162,20 @@ def virtual_step_count() -> int:
 
 def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     """Run everything in virtual time into ``results``; ``on_step`` may raise to end it early."""
+    with paused_collector():
+        _run_virtually(results, on_step)
+    results.close()
+
+
+def _run_virtually(results: Results, on_step: OnStep) -> None:
     for system, experiment in planned_virtually():
         on_step(experiment.title)
         results.add(system, run_virtually(experiment, system))
     for variant in Variant:
         on_step("Where differences come from")
         results.variants[variant] = variant.run()
-    run = results.find(System.BARE, studied_sines()[0])
-    assert run is not None, "it is one of those that are planned"
-    results.study = study_lags(run.trace, lambda: on_step("What the thesis leaves open"))
+    bare = {run.experiment.name: run.trace for run in results.runs if run.system is System.BARE}
+    results.study = study_lags(bare, lambda: on_step("What the thesis leaves open"))
     for system in (System.BARE, System.SHIPPED):
         results.sweeps[system] = sweep(GAINS, system, on_point=lambda: on_step("Steps with one gain after another"))
     on_step("Round trips to the EGM loop")
@@ -178,4 +184,3 @@ def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     results.measured[System.SHIPPED] = Measured(
         trips=trips, machine_trips=virtual_machine_trips(MACHINE_TRIPS), datagrams=datagrams, lost=lost
     )
-    results.close()

@@ -24,8 +24,8 @@ from yumi.robot.cycle import CYCLE
 FREQUENCIES = (0.02, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2, 0.25, 0.3, 0.4, 0.5)
 """From a sine of a minute to one that has the joint at its top speed [Hz]."""
 
-CONTROL_LAGS = (0.0, 0.010, CONTROL_LAG, 0.026, 0.040, 0.060)
-"""Of the robot: none, the EGM manual's least, the fitted one, that of the virtual robot, and what users report [s]."""
+CONTROL_LAGS = (0.0, CONTROL_LAG, 0.026, 0.040, 0.060)
+"""Of the robot: none, the fitted one, that of the virtual robot, and what users report [s]."""
 
 NEAR = 0.1
 """By what share a figure may differ from the published one and count as reproduced."""
@@ -99,15 +99,16 @@ def studied_sines() -> tuple[Experiment, ...]:
     return tuple(each for each in published_experiments() if each.published.mean_lag is not None)
 
 
-def study_lags(run: Trace, on_part: Callable[[], None] = lambda: None) -> LagStudy:
-    """Vary everything; ``run`` is the first of the sines, run bare, against which superposition is checked.
+def study_lags(bare: Mapping[str, Trace], on_part: Callable[[], None] = lambda: None) -> LagStudy:
+    """Vary everything.
 
     Args:
-        run: see above.
+        bare: the publication's experiments by name, run without a guard: the steps that are superposed, and the first
+            of the sines, against which superposition is checked.
         on_part: called before each of :data:`PARTS` parts; may raise to end it.
     """
     on_part()
-    steps = _steps(CONTROL_LAG)
+    steps, run = {gain: bare[step(proportional(gain)).name] for gain in _STEPS}, bare[studied_sines()[0].name]
     frequencies = {frequency: _lags_at(steps, frequency) for frequency in FREQUENCIES}
     on_part()
     robots = {lag: _robot(steps if lag == CONTROL_LAG else _steps(lag)) for lag in CONTROL_LAGS}
