@@ -74,7 +74,7 @@ def evaluate(
 
     \b
     Examples:
-      yumi evaluate --virtual-time                        everything but ROS 2, in half a minute
+      yumi evaluate --virtual-time                        everything but ROS 2, in about twenty seconds
       yumi evaluate --virtual-time --json figures.json
       yumi evaluate                                       over ROS 2 and the wire, too: some minutes
       yumi evaluate --robot 192.168.125.1                 on a real robot; the workspace has to be free
@@ -174,6 +174,7 @@ def _finish(results: Results, console: Console, output: Path, report: Path | Non
     if not results.runs:
         console.print("No experiment came to its end: there is nothing to report.")
         sys.exit(_INTERRUPTED)
+    results.close()
     print_results(results, console)
     console.print(f"Report: {write_report(results, output)}")
     if report:

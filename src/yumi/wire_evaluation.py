@@ -18,6 +18,7 @@ from yumi.evaluation.kpis import Measured
 from yumi.evaluation.loop_trips import HeardState, SentGoal
 from yumi.evaluation.robot_place import RobotPlace
 from yumi.links.command import Command
+from yumi.links.realtime import paused_collector
 from yumi.links.udp import free_port
 from yumi.robot.joints import Side
 from yumi.ros.driver import close_ros, open_ros
@@ -63,6 +64,7 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
     """
     plan.folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
+        stack.enter_context(paused_collector())
         open_ros()
         stack.callback(close_ros)
         where = _robot(plan, stack, check)
@@ -76,7 +78,7 @@ def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: C
                 results.measured[System.WIRE] = replace(
                     heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))[: plan.trips]
                 )
-    results.close_measured(System.WIRE)
+    results.close()
 
 
 def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[], None]) -> None:
@@ -92,10 +94,13 @@ def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[],
 
 def _add_run(results: Results, node: EvaluationNode, experiment: Experiment) -> None:
     """One that cannot be run does not keep the others from being run."""
+    name, repeats = f"{System.WIRE.value}/{experiment.name}", list[str]()
     try:
-        results.add(System.WIRE, run_undisturbed(node, experiment))
+        results.add(System.WIRE, run_undisturbed(node, experiment, repeats.append))
     except RobotNotReady as error:
-        results.failures[f"{System.WIRE.value}/{experiment.name}"] = str(error)
+        results.failures[name] = str(error)
+    if repeats:
+        results.repeats[name] = tuple(repeats)
 
 
 @dataclass(frozen=True, slots=True)

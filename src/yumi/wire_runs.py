@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import pairwise
 
@@ -21,19 +21,33 @@ USUAL: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY, **prop
 
 _BACK = 2e-4  # [rad] from where an arm is taken to be back
 _STILL = 0.2  # [s]
+_REST = 2.0  # [s] before each experiment, as in the publication's program: nothing is left of the way back then
 _RETURN = 15.0  # [s] at most, at reduced speed
 _ATTEMPTS = 4
 _LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
 _NOTICE = 0.3  # [s] between sending a trajectory and its beginning
 
 
-def run_undisturbed(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """Again, from the same place, when the machine was too busy to keep EGM alive: that says nothing of control."""
+def run_undisturbed(
+    node: EvaluationNode, experiment: Experiment, on_repeat: Callable[[str], None] = lambda why: None
+) -> Trace:
+    """Again, from the same place, when the machine was too busy to keep EGM alive: that says nothing of control.
+
+    Args:
+        node: the application.
+        experiment: what is asked.
+        on_repeat: told why, each time a run is thrown away and made again.
+
+    Raises:
+        RobotNotReady: the last attempt failed, too.
+    """
     node.start_egm()
     start = node.position()
     for _ in range(_ATTEMPTS - 1):
-        with suppress(RobotNotReady):
+        try:
             return run_on_wire(node, experiment)
+        except RobotNotReady as error:
+            on_repeat(str(error))
         node.start_egm()
         with suppress(RobotNotReady):
             _bring_back(node, start)
@@ -49,8 +63,9 @@ def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
     node.start_egm()
     if experiment.law.is_planned:
         return _run_planned(node, experiment)
-    start = standing(node)
     node.set_law({**USUAL, **experiment.law.values})
+    node.spin_until(time.monotonic() + _REST)
+    start = standing(node)
     reference, which = experiment.reference, experiment.moved
     due = list(goal_times(experiment))
     node.states.clear()

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from math import exp, log
+from math import exp, inf, log, pi, sin
+from random import Random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from yumi.evaluation.kpis import MOVED_DEG, machine_totals, motion_delay
 from yumi.evaluation.metrics import (
+    Rule,
     Series,
+    best_delay,
+    directions,
     distribution,
     final_error,
+    largest_error,
     lost_count,
     match_lags,
     overshoot,
@@ -33,6 +39,29 @@ def sampled(values: list[float]) -> Series:
     return [(index * PERIOD, value) for index, value in enumerate(values)]
 
 
+def wave(frequency: float, late: float, rate: float, seconds: float = 4.0) -> Series:
+    """A sine that is late, from the time on when all of it is."""
+    begin = int(0.6 * rate)
+    return [
+        (index / rate, sin(2.0 * pi * frequency * (index / rate - late))) for index in range(begin, int(seconds * rate))
+    ]
+
+
+def slowly(reference: Series, measured: Series, tolerance: float, rule: Rule, longest: float = 0.1) -> Series:
+    """What ``match_lags`` says it does, word for word."""
+    ways, goals = directions([value for _, value in measured]), directions([value for _, value in reference])
+    found = []
+    for index, (time, value) in enumerate(reference):
+        turns = [reference[later][0] for later in range(index + 1, len(reference)) if goals[later] != goals[later - 1]]
+        end = min([*turns, reference[-1][0]]) if rule is Rule.BRANCH else inf
+        for (moment, where), way in zip(measured, ways, strict=True):
+            is_same_way = rule is Rule.ANY or way == goals[index]
+            if moment >= time and is_same_way and abs(where - value) <= tolerance:
+                found += [(time, moment - time)] if moment <= min(end, time + longest) else []
+                break
+    return found
+
+
 def first_order(time_constant: float, goal: float, count: int = 2000) -> Series:
     return [(i * PERIOD, goal * (1.0 - exp(-i * PERIOD / time_constant))) for i in range(count)]
 
@@ -44,6 +73,66 @@ def test_known_delay_is_recovered_to_one_sample(branch: int, late: int, slack: f
     matches = match_lags(sampled(reference), sampled(measured), slack)
     assert matches.lags
     assert all(abs(lag - late * PERIOD) < PERIOD * 1.001 for _, lag in matches.lags)
+
+
+@settings(max_examples=40)
+@given(frequency=st.floats(0.2, 1.0), late=st.floats(-0.05, 0.5), rate=st.sampled_from([250.0, 248.0, 333.0]))
+def test_known_delay_of_a_whole_motion_is_recovered_by_least_squares(
+    frequency: float, late: float, rate: float
+) -> None:
+    reference = [(index / 500.0, sin(2.0 * pi * frequency * index / 500.0)) for index in range(2500)]
+    assert best_delay(reference, wave(frequency, late, rate)) == pytest.approx(late, abs=1e-3)
+
+
+@settings(max_examples=20)
+@given(late=st.integers(-10, 120), seed=st.integers(0, 10**6))
+def test_known_delay_of_a_noisy_motion_is_recovered_to_one_sample(late: int, seed: int) -> None:
+    noise = Random(seed)
+    reference = [(index * PERIOD, sin(index * PERIOD)) for index in range(2000)]
+    measured = [(time, sin(time - late * PERIOD) + noise.gauss(0.0, 0.005)) for time, _ in reference[200:1900]]
+    assert best_delay(reference, measured) == pytest.approx(late * PERIOD, abs=PERIOD)
+
+
+@given(branch=st.integers(20, 60), late=st.integers(0, 19), rule=st.sampled_from(Rule))
+def test_known_delay_is_the_same_under_every_rule_where_the_reference_does_not_turn(
+    branch: int, late: int, rule: Rule
+) -> None:
+    reference, measured = triangle(branch, branch), [-5.0] * late + triangle(branch, branch)
+    lags = match_lags(sampled(reference), sampled(measured), 0.4, rule).lags
+    assert {round(lag / PERIOD) for _, lag in lags} == {late}
+
+
+@given(
+    values=st.lists(st.integers(-9, 9).map(float), max_size=60),
+    tolerance=st.sampled_from([0.5, 1.5]),
+    rule=st.sampled_from(Rule),
+)
+def test_matches_are_those_that_looking_at_every_sample_finds(
+    values: list[float], tolerance: float, rule: Rule
+) -> None:
+    reference, measured = sampled(values), sampled([0.0, *values[::-1], *values])
+    assert match_lags(reference, measured, tolerance, rule, 0.1).lags == tuple(
+        slowly(reference, measured, tolerance, rule)
+    )
+
+
+@given(st.floats(0.0, 5.0), st.integers(5, 200))
+def test_largest_error_of_a_shifted_motion_is_the_shift(shift: float, count: int) -> None:
+    reference = sampled([0.1 * index for index in range(count)])
+    assert largest_error(reference, [(time, value + shift) for time, value in reference]) == pytest.approx(shift)
+
+
+@given(st.integers(1, 300), st.floats(1.1, 5.0))
+def test_motion_delay_is_when_the_joint_has_left_the_place_where_it_stood(still: int, factor: float) -> None:
+    series = sampled([0.0] * still + [factor * MOVED_DEG] * 3)
+    assert motion_delay(series) == pytest.approx(still * PERIOD)
+    assert motion_delay(series[:still]) is None
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0)), min_size=1))
+def test_whole_round_trips_are_the_sums_of_their_legs(trips: list[tuple[float, float]]) -> None:
+    there, back = zip(*trips, strict=True)
+    assert machine_totals({"there": there, "back": back}) == [sum(trip) for trip in trips]
 
 
 @given(branch=st.integers(20, 60), late=st.integers(0, 19))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from ros_bench import TIMEOUT, Robot
 
-from yumi.evaluation.experiment import proportional, step
+from yumi import wire_runs
+from yumi.errors import RobotNotReady
+from yumi.evaluation.experiment import Experiment, Trace, proportional, step
 from yumi.evaluation.loop_trips import HeardState
 from yumi.evaluation.robot_place import RobotPlace
 from yumi.evaluation.tracking_figures import StepFigures, figures_of
@@ -38,6 +41,33 @@ def driver(ros: None, robot: Robot, recording: Path, tmp_path: Path) -> Iterator
 def node(driver: Command) -> Iterator[EvaluationNode]:
     with evaluation_node(Side.RIGHT, lambda: None) as node:
         yield node
+
+
+class BusyMachine:
+    """Disturbs so many runs."""
+
+    def __init__(self, disturbed: int) -> None:
+        self.disturbed = disturbed
+
+    def start_egm(self) -> None: ...
+
+    def position(self) -> None: ...
+
+    def run(self, node: object, experiment: Experiment) -> Trace:
+        self.disturbed -= 1
+        if self.disturbed >= 0:
+            raise RobotNotReady("No joint state came for 90 ms.")
+        return Trace(experiment, (), {})
+
+
+@pytest.mark.parametrize(("disturbed", "repeats"), [(0, 0), (2, 2), (4, 3)])
+def test_disturbed_runs_are_repeated_and_told(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
+    machine, told = BusyMachine(disturbed), list[str]()
+    monkeypatch.setattr(wire_runs, "run_on_wire", machine.run)
+    monkeypatch.setattr(wire_runs, "_bring_back", lambda node, start: None)
+    with pytest.raises(RobotNotReady) if disturbed > 3 else nullcontext():
+        run_undisturbed(machine, step(proportional(1.2)), told.append)  # type: ignore[arg-type]
+    assert told == ["No joint state came for 90 ms."] * repeats
 
 
 def test_step_settles_and_round_trips_are_joined_with_the_recording(

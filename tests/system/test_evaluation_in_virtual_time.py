@@ -14,16 +14,18 @@ from yumi.evaluation import evaluation_results
 from yumi.evaluation.evaluation_files import document, write_json
 from yumi.evaluation.evaluation_report import write_report
 from yumi.evaluation.evaluation_results import Results, Variant
-from yumi.evaluation.evaluation_tables import real_time_table
+from yumi.evaluation.evaluation_tables import headline, kpis_of, real_time_table, repeats_table
 from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
 from yumi.evaluation.experiments import published_experiments
 from yumi.evaluation.explanations import explanations
-from yumi.evaluation.fitted_model import FITTED
+from yumi.evaluation.fitted_model import CONTROL_LAG, arm_with
 from yumi.evaluation.kpis import Measured
-from yumi.evaluation.model_fit import fit
+from yumi.evaluation.model_fit import attempt
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.virtual.arm_model import ArmModel
 
 
 def published(experiment: Experiment) -> Experiment:
@@ -60,10 +62,15 @@ def test_better_law_has_neither_the_lag_nor_the_error() -> None:
     assert figures.max_error_deg < 0.05
 
 
-def test_fit_prefers_what_is_committed_to_a_longer_lag() -> None:
-    best, other = fit(((FITTED.delay, FITTED.lag), (0.020, 0.0)))
-    assert (best.delay, best.lag) == (FITTED.delay, FITTED.lag)
-    assert best.cost < other.cost
+def test_committed_control_lag_fits_the_published_step_times_better_than_less_or_more() -> None:
+    shorter, fitted, longer = (attempt(arm_with(lag)) for lag in (0.008, CONTROL_LAG, 0.026))
+    assert fitted.control_lag == pytest.approx(CONTROL_LAG)
+    assert fitted.error < min(shorter.error, longer.error)
+
+
+def test_sharing_the_control_lag_differently_hardly_changes_the_steps() -> None:
+    trials = [attempt(ArmModel(delay=delay, lag=CONTROL_LAG - delay)) for delay in (0.0, CONTROL_LAG)]
+    assert trials[0].error == pytest.approx(trials[1].error, abs=0.0002)
 
 
 def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -> None:
@@ -71,6 +78,13 @@ def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -
     assert (len(trips), lost) == (50, 0)
     assert datagrams > 50
     assert all(0.008 < trip.total < 0.0121 for trip in trips)
+
+
+def test_state_machine_answers_in_virtual_time_within_three_cycles() -> None:
+    legs = virtual_machine_trips(40)
+    assert set(legs["request"]) == {0.0}
+    assert 0.0 < min(legs["answer"]) < 0.004
+    assert max(legs["answer"]) < 0.0125
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +101,8 @@ def results() -> Results:
 def test_report_has_tables_pictures_for_both_themes_and_raw_data(results: Results, tmp_path: Path) -> None:
     page = write_report(results, tmp_path).read_text(encoding="utf-8")
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 |" in text
+    assert "| Step of 10°, P = 1.2: time until within 0.1° | 5.1a | 0.80 s | 0.77 s | 0.97 | reproduced |" in text
+    assert "| 5.3 | 184 ms | 218 ms | 1.18 | 18 % more |" in text
     assert '<source media="(prefers-color-scheme: dark)" srcset="figures/steps_dark.svg">' in page
     assert (tmp_path / "figures" / "steps_dark.svg").read_text(encoding="utf-8").count("#e6edf3") > 5
     rows = (tmp_path / "data" / "bare_step10_fullspeed_p1.2_right.csv").read_text(encoding="utf-8").splitlines()
@@ -110,9 +125,17 @@ def test_json_has_the_documented_names(results: Results, tmp_path: Path) -> None
 def test_explanation_names_the_figures_it_rests_on(results: Results) -> None:
     told = Results(runs=list(results.runs), variants={Variant.SHIPPED_ROBOT: 0.78, Variant.GUARDED_FIT: 0.88})
     told.add(System.SHIPPED, run_virtually(step(proportional(1.2))))
-    (guard,) = [text for text in explanations(told) if text.startswith("Steps, guard")]
-    assert "takes 0.89 s, without a guard 0.77 s" in guard
-    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard
+    (guard,) = explanations(told)
+    assert guard.name == "guard"
+    assert "takes 0.89 s as shipped and 0.77 s without a guard" in guard.text
+    assert "behind the guard takes 0.88 s, the shipped robot without it 0.78 s" in guard.text
+
+
+def test_round_trips_that_took_too_long_are_counted_with_the_leg_that_did() -> None:
+    machine = {"ros_service": (0.005,) * 100, "robot_web_services": (*(0.001,) * 99, 0.08)}
+    (told,) = explanations(Results(measured={System.WIRE: Measured(machine_trips=machine)}))
+    assert "1 of 100 round trips took longer than 5 times the mean of 6.8 ms" in told.text
+    assert "the leg 'robot web services' alone took 80 ms" in told.text
 
 
 def test_nothing_is_explained_that_was_not_run() -> None:
@@ -122,10 +145,35 @@ def test_nothing_is_explained_that_was_not_run() -> None:
 def test_real_time_stands_beside_virtual_time(results: Results) -> None:
     (bare, *_) = results.runs
     both = Results(runs=[replace(bare, system=system) for system in (System.SHIPPED, System.WIRE)])
+    both.repeats["wire/step10_fullspeed_p1.2_right"] = ("No joint state came.", "No joint state came.")
     table = real_time_table(both)
     assert table is not None
-    assert table.rows == (("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "1.00"),)
-    assert document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]["ratio_to_virtual"] == 1.0
+    assert table.rows[0] == ("Step of 10°, P = 1.2", "0.77 s", "0.77 s", "+0.0 ms", "1.00", "within 15 %")
+    found = document(both)["experiments"]["wire/step10_fullspeed_p1.2_right"]
+    assert (found["ratio_to_virtual"], found["repeats"]) == (1.0, 2)
+
+
+def test_headline_counts_what_is_reproduced_and_which_indicators_hold(results: Results) -> None:
+    text = headline(results)
+    assert "2 of 3 published figures are reproduced within a tenth" in text
+    assert "of 7 indicators are inside their limits reproduced." in text
+    assert headline(Results()) == ""
+
+
+def test_indicators_of_what_ran_are_told_however_early_it_ended() -> None:
+    early = Results()
+    early.add(System.SHIPPED, run_virtually(step(proportional(2.0))))
+    early.close()
+    assert [each.holds for each in kpis_of(early, System.SHIPPED)][:2] == [True, None]
+
+
+def test_repeated_experiments_are_told_with_count_and_reason() -> None:
+    disturbed = Results(repeats={"wire/step": ("No joint state came.", "EGM has ended.", "EGM has ended.")})
+    table = repeats_table(disturbed)
+    assert table is not None
+    assert table.rows == (("wire/step", "3", "No joint state came. EGM has ended."),)
+    assert document(disturbed)["repeats"]["wire/step"]["count"] == 3
+    assert repeats_table(Results()) is None
 
 
 def test_same_experiment_gives_the_same_figures(results: Results) -> None:

@@ -130,5 +130,8 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: .92rem; font-varia
 caption, figcaption { color: var(--faint); font-size: .9rem; text-align: left; padding: .3rem 0; caption-side: bottom; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top; }
 .text { text-align: left; } td:not(.text) { white-space: nowrap; } tbody tr:nth-child(even) { background: var(--band); }
+th.text:first-child { min-width: 8.5rem; } h3 { margin-top: 1.8rem; }
+@media (max-width: 40rem) { main { padding: 1rem .8rem 3rem; } table { font-size: .82rem; }
+  th, td { padding: .3rem .4rem; } h1 { font-size: 1.5rem; } }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
 """

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -17,6 +17,7 @@ from yumi.evaluation.evaluation_results import Result, Results
 from yumi.evaluation.experiment import Trace
 from yumi.evaluation.gain_sweep import GainPoint, onset_of
 from yumi.evaluation.kpis import Kpi, kpis, legs, machine_legs
+from yumi.evaluation.lag_study import Lags, LagStudy, studied_sines
 from yumi.evaluation.tracking_figures import compared, figures_document
 
 FORMAT = "yumi-evaluation/1"
@@ -41,10 +42,17 @@ def document(results: Results) -> dict[str, Any]:
         "format": FORMAT,
         "complete": results.is_complete,
         "failures": results.failures,
+        "repeats": {name: {"count": len(whys), "reasons": list(whys)} for name, whys in results.repeats.items()},
         **results.settings,
         "experiments": {
-            run.name: {**_experiment(run), "ratio_to_virtual": results.ratio_to_virtual(run)} for run in results.runs
+            run.name: {
+                **_experiment(run),
+                "ratio_to_virtual": results.ratio_to_virtual(run),
+                "repeats": len(results.repeats.get(run.name, ())),
+            }
+            for run in results.runs
         },
+        "study": _study(results.study) if results.study else None,
         "sweeps": {system.value: _sweep(points) for system, points in results.sweeps.items()},
         "kpis": {
             system.value: {each.name: _kpi(each) for each in kpis(measured)}
@@ -96,6 +104,26 @@ def _sweep(points: tuple[GainPoint, ...]) -> dict[str, Any]:
         "oscillation_from_p": onset_of(points),
         "points": [{"p": point.gain, **asdict(point.figures)} for point in points],
     }
+
+
+def _study(study: LagStudy) -> dict[str, Any]:
+    """Lists of lags are in the order of ``sines``."""
+    return {
+        "sines": [each.name for each in studied_sines()],
+        "superposition_error_deg": study.deviation_deg,
+        "frequencies": [
+            {"frequency_hz": frequency, "lags": _lags(lags)} for frequency, lags in study.frequencies.items()
+        ],
+        "control_lags": [
+            {"control_lag_s": lag, "step_times_s": list(robot.step_times), "lags": _lags(robot.lags)}
+            for lag, robot in study.robots.items()
+        ],
+        "matchings": [{"matching": words, "lags": _lags(lags)} for words, lags in study.matchings.items()],
+    }
+
+
+def _lags(lags: Iterable[Lags]) -> list[dict[str, float]]:
+    return [{"mean_lag_s": each.mean, "max_lag_s": each.longest, "matched_share": each.share} for each in lags]
 
 
 def _kpi(kpi: Kpi) -> Mapping[str, Any]:

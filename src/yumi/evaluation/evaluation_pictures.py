@@ -12,14 +12,15 @@ from typing import Any
 from yumi.errors import MissingPrerequisite
 from yumi.evaluation.document import Picture
 from yumi.evaluation.evaluation_results import Result, Results
-from yumi.evaluation.experiment import PREDICTION, Mode, System, proportional, sine, step
+from yumi.evaluation.experiment import FREQUENCY, PREDICTION, Mode, System, proportional, sine, step
 from yumi.evaluation.gain_sweep import GainPoint
 from yumi.evaluation.kpis import legs
+from yumi.evaluation.lag_study import NEAR, LagStudy, studied_sines
 from yumi.evaluation.loop_trips import LEGS, Trip
 from yumi.evaluation.tracking_figures import SineFigures, matches_of
 
-COLORS = ("#2f81f7", "#d98200", "#2da44e", "#e5534b", "#986ee2", "#8b949e")
-"""Told apart on white and on black."""
+COLORS = ("#2f81f7", "#d98200", "#009e73", "#cc79a7", "#56b4e9", "#8b949e")
+"""Told apart on white and on black, and by people who do not see all colours (after Okabe and Ito)."""
 
 LINES = {System.BARE: ":", System.SHIPPED: "-", System.WIRE: "--"}
 
@@ -131,10 +132,17 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
             "is the gain at which the thesis saw oscillation begin."
         )
         yield "sweep", 3.2, caption, lambda figure: _draw_sweeps(results, figure)
+    if results.study is not None:
+        caption = (
+            "Control lags predicted at every frequency: mean (solid) and longest (dashed). The bands are the published "
+            "figures and a tenth to either side; a frequency explains both where each line is inside its own. The "
+            f"vertical line is ours, {FREQUENCY:g} Hz."
+        )
+        yield "frequency", 3.2, caption, partial(_draw_frequencies, results.study)
     for system, measured in results.measured.items():
         if measured.trips:
             caption = (
-                f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.value})."
+                f"Round trips from the application to the EGM loop, the robot and back, leg by leg ({system.title})."
             )
             yield f"trips_{system.value}", 3.2, caption, partial(_draw_trips, measured.trips)
 
@@ -198,7 +206,7 @@ def _draw_lags(results: Results, figure: Any) -> None:
             run = results.find(system, experiment)
             if run is not None and isinstance(run.figures, SineFigures):
                 lags = [1e3 * lag for _, lag in matches_of(run.trace).lags]
-                panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.value, linewidth=1.2)
+                panel.hist(lags, bins=60, histtype="step", density=True, color=color, label=system.title, linewidth=1.2)
                 _draw_published(panel, run)
         panel.set(title=experiment.title, xlabel="control lag [ms]", ylabel="share per ms")
         _name_lines(panel, loc="upper left")
@@ -222,7 +230,7 @@ def _draw_reduced(results: Results, figure: Any) -> None:
         for run, color in zip(runs, COLORS, strict=False):
             if run is not None:
                 panel.plot(*zip(*run.trace.sent_deg, strict=True), color=_INK, linewidth=0.8, alpha=0.7)
-                _plot(panel, run, "-", color, run.system.value)
+                _plot(panel, run, "-", color, run.system.title)
         panel.set(title=f"P = {gain:g}", xlabel="time [s]")
     panels[0].set_ylabel("angle [°]")
     _name_lines(panels[0])
@@ -230,9 +238,32 @@ def _draw_reduced(results: Results, figure: Any) -> None:
 
 def _draw_sweeps(results: Results, figure: Any) -> None:
     panels = figure.subplots(1, 2)
-    draw_sweep([(system.value, points) for system, points in results.sweeps.items()], panels)
+    draw_sweep([(system.title, points) for system, points in results.sweeps.items()], panels)
     for panel in panels:
         panel.axvline(2.0, color=_INK, linestyle="--", linewidth=0.9)
+
+
+def _draw_frequencies(study: LagStudy, figure: Any) -> None:
+    panels = figure.subplots(1, len(studied_sines()))
+    for number, (panel, experiment) in enumerate(zip(panels, studied_sines(), strict=True)):
+        lags = [each[number] for each in study.frequencies.values()]
+        series = (
+            ("mean", "-", COLORS[0], experiment.published.mean_lag, [each.mean for each in lags]),
+            ("longest", "--", COLORS[1], experiment.published.max_lag, [each.longest for each in lags]),
+        )
+        for words, line, color, published, values in series:
+            assert published is not None, "only sines with published lags are studied"
+            panel.axhspan(
+                1e3 * (1.0 - NEAR) * published, 1e3 * (1.0 + NEAR) * published, color=color, alpha=0.18, linewidth=0
+            )
+            panel.plot(list(study.frequencies), [1e3 * value for value in values], line, color=color, label=words)
+        panel.axvline(FREQUENCY, color=_INK, linewidth=0.8, linestyle=":")
+        panel.set_xscale("log")
+        panel.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5], ["0.02", "0.05", "0.1", "0.2", "0.5"])
+        panel.set(title=f"{experiment.size_deg:g}°, {experiment.law.title}", xlabel="frequency [Hz]", ylim=(0, None))
+        panel.minorticks_off()
+    panels[0].set_ylabel("control lag [ms]")
+    _name_lines(panels[0], loc="lower right")
 
 
 def _draw_trips(trips: Sequence[Trip], figure: Any) -> None:

@@ -10,13 +10,17 @@ from yumi.evaluation.evaluation_files import write_series
 from yumi.evaluation.evaluation_pictures import draw_pictures
 from yumi.evaluation.evaluation_results import Results
 from yumi.evaluation.evaluation_tables import (
+    headline,
     kpi_table,
     kpis_of,
     leg_table,
     real_time_table,
+    repeats_table,
     result_table,
     settings_table,
+    study_tables,
     summary_table,
+    systems_table,
 )
 from yumi.evaluation.experiment import System
 from yumi.evaluation.experiments import better_experiments, joint_experiments, published_experiments
@@ -57,15 +61,16 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         Paragraph(_INTRODUCTION),
         *([] if results.is_complete else [Paragraph(_PARTIAL)]),
         *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
+        Paragraph(headline(results)),
         summary_table(results),
         *_indicators(results),
+        *_systems(results),
+        *_differences(results, pictures),
         *_steps(results, pictures),
         *_sines(results, pictures),
         *_better(results),
         *_real_time(results),
         *_round_trips(results, pictures),
-        Heading("Where our figures differ, and why"),
-        *(Paragraph(each) for each in explanations(results)),
         Heading("Settings and versions"),
         settings_table(results.settings),
         Paragraph("Raw data: data/*.csv, a file an experiment, angles in degrees from where the joint began."),
@@ -80,6 +85,11 @@ def _indicators(results: Results) -> list[Block]:
         if found:
             blocks += [Heading(f"Key performance indicators: {title}"), kpi_table(found)]
     return blocks
+
+
+def _systems(results: Results) -> list[Block]:
+    table = systems_table(results)
+    return [Heading("What a user gets"), table] if table else []
 
 
 def _steps(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
@@ -114,20 +124,32 @@ def _better(results: Results) -> list[Block]:
 
 
 def _real_time(results: Results) -> list[Block]:
-    table = real_time_table(results)
-    return [Heading("Real time beside virtual time"), table] if table else []
+    table, repeats = real_time_table(results), repeats_table(results)
+    if table is None:
+        return []
+    undisturbed = Paragraph("No experiment had to be repeated: no run was disturbed.")
+    return [Heading("Real time beside virtual time"), table, repeats or undisturbed]
 
 
 def _round_trips(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
     blocks: list[Block] = []
     for system, measured in results.measured.items():
         if measured.trips:
-            caption = f"From the application to the EGM loop and back ({system.value})"
+            caption = f"From the application to the EGM loop and back ({system.title})"
             blocks += [*_shown(pictures, f"trips_{system.value}"), leg_table(legs(measured.trips), caption)]
         if measured.machine_trips:
-            caption = f"From the application to the state machine and back ({system.value})"
+            caption = f"From the application to the state machine and back ({system.title})"
             blocks.append(leg_table(machine_legs(measured.machine_trips), caption))
     return [Heading("Round trips, leg by leg"), *blocks] if blocks else []
+
+
+def _differences(results: Results, pictures: Mapping[str, Picture]) -> list[Block]:
+    tables = study_tables(results.study) if results.study else {}
+    blocks: list[Block] = [Heading("Where our figures differ, and why")]
+    for each in explanations(results):
+        blocks += [Heading(each.title, 3), Paragraph(each.text), *_shown(pictures, each.name)]
+        blocks += [tables[each.name]] if each.name in tables else []
+    return blocks
 
 
 def _shown(pictures: Mapping[str, Picture], *names: str) -> list[Block]:

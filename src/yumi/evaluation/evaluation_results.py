@@ -16,13 +16,16 @@ from yumi.evaluation.experiments import (
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import GAINS, GainPoint, sweep
 from yumi.evaluation.kpis import Measured, motion_delay
+from yumi.evaluation.lag_study import PARTS, LagStudy, study_lags
 from yumi.evaluation.tracking_figures import Figures, SineFigures, StepFigures, figures_of
 from yumi.evaluation.virtual_experiment import run_virtually
+from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.links.realtime import paused_collector
 from yumi.virtual.arm_model import ArmModel
 
-TRIPS = 2500
-"""Round trips in virtual time, where they repeat themselves."""
+TRIPS, MACHINE_TRIPS = 2500, 250
+"""Round trips to the EGM loop and to the state machine in virtual time, where they repeat themselves."""
 
 OnStep = Callable[[str], None]
 """Told what begins."""
@@ -57,17 +60,15 @@ def main_figure(figures: Figures) -> float | None:
 
 
 class Variant(Enum):
-    """Steps of 10° that tell what a difference comes from: gain, guard, and the robot's delay and lag."""
+    """Steps of 10° with P = 1.2 that tell what a difference comes from: the guard, or the robot's delay and lag."""
 
-    SHIPPED_ROBOT = (1.2, System.BARE, ArmModel())
-    GUARDED_FIT = (1.2, System.SHIPPED, FITTED)
-    SLOW_STEP_12 = (1.2, System.BARE, ArmModel(delay=0.060, lag=0.0))
-    SLOW_STEP_16 = (1.6, System.BARE, ArmModel(delay=0.060, lag=0.0))
+    SHIPPED_ROBOT = (System.BARE, ArmModel())
+    GUARDED_FIT = (System.SHIPPED, FITTED)
 
     def run(self) -> float | None:
         """How long the step takes [s]; None when it does not settle."""
-        gain, system, model = self.value
-        figures = figures_of(run_virtually(step(proportional(gain)), system, model))
+        system, model = self.value
+        figures = figures_of(run_virtually(step(proportional(1.2)), system, model))
         return figures.settling_s if isinstance(figures, StepFigures) else None
 
 
@@ -78,7 +79,9 @@ class Results:
     Attributes:
         runs: experiments that came to their end.
         failures: why an experiment could not be run, by its name.
+        repeats: why runs of an experiment were thrown away and it was run again, by its name.
         variants: times of the steps that tell where differences come from [s].
+        study: what the things the publication leaves open do to its lags; None when that was not looked at.
         sweeps: steps with one gain after another.
         measured: what the indicators are made of, by system.
         is_complete: whether everything that was planned was done.
@@ -87,7 +90,9 @@ class Results:
 
     runs: list[Result] = field(default_factory=list)
     failures: dict[str, str] = field(default_factory=dict)
+    repeats: dict[str, tuple[str, ...]] = field(default_factory=dict)
     variants: dict[Variant, float | None] = field(default_factory=dict)
+    study: LagStudy | None = None
     sweeps: dict[System, tuple[GainPoint, ...]] = field(default_factory=dict)
     measured: dict[System, Measured] = field(default_factory=dict)
     is_complete: bool = False
@@ -118,6 +123,12 @@ class Results:
         own, virtual = main_figure(run.figures), main_figure(shipped.figures)
         return own / virtual if own and virtual else None
 
+    def close(self) -> None:
+        """Fill in the indicators of whatever ran, however early it ended."""
+        for system in (System.SHIPPED, System.WIRE):
+            if any(run.system is system for run in self.runs):
+                self.close_measured(system)
+
     def close_measured(self, system: System) -> None:
         """Fill in what the indicators take from the experiments."""
         delays = [motion_delay(run.trace.measured_deg(run.experiment.moved[0])) for run in self._steps(system)]
@@ -146,20 +157,30 @@ def planned_virtually() -> tuple[tuple[System, Experiment], ...]:
 
 def virtual_step_count() -> int:
     """How often ``on_step`` is called."""
-    return len(planned_virtually()) + len(Variant) + 2 * len(GAINS) + 1
+    return len(planned_virtually()) + len(Variant) + PARTS + 2 * len(GAINS) + 2
 
 
 def evaluate_virtually(results: Results, on_step: OnStep) -> None:
     """Run everything in virtual time into ``results``; ``on_step`` may raise to end it early."""
+    with paused_collector():
+        _run_virtually(results, on_step)
+    results.close()
+
+
+def _run_virtually(results: Results, on_step: OnStep) -> None:
     for system, experiment in planned_virtually():
         on_step(experiment.title)
         results.add(system, run_virtually(experiment, system))
     for variant in Variant:
         on_step("Where differences come from")
         results.variants[variant] = variant.run()
+    bare = {run.experiment.name: run.trace for run in results.runs if run.system is System.BARE}
+    results.study = study_lags(bare, lambda: on_step("What the thesis leaves open"))
     for system in (System.BARE, System.SHIPPED):
         results.sweeps[system] = sweep(GAINS, system, on_point=lambda: on_step("Steps with one gain after another"))
-    on_step("Round trips")
+    on_step("Round trips to the EGM loop")
     trips, datagrams, lost = virtual_trips(TRIPS)
-    results.measured[System.SHIPPED] = Measured(trips=trips, datagrams=datagrams, lost=lost)
-    results.close_measured(System.SHIPPED)
+    on_step("Round trips to the state machine")
+    results.measured[System.SHIPPED] = Measured(
+        trips=trips, machine_trips=virtual_machine_trips(MACHINE_TRIPS), datagrams=datagrams, lost=lost
+    )

@@ -12,18 +12,19 @@ from rich.table import Table as RichTable
 from yumi.evaluation.document import Table
 from yumi.evaluation.evaluation_pictures import draw_sweep, save_figure
 from yumi.evaluation.evaluation_results import Results
-from yumi.evaluation.evaluation_tables import kpi_table, kpis_of, summary_table
+from yumi.evaluation.evaluation_tables import headline, kpi_table, kpis_of, summary_table
 from yumi.evaluation.experiment import System
 from yumi.evaluation.gain_sweep import HIGHEST, SLOWER, Recommendation
 
 
 def print_results(results: Results, console: Console) -> None:
     """The summary table and the indicators."""
+    console.print(headline(results))
     console.print(_rich(summary_table(results), "what is published, and what we measured"))
     for system in System:
         found = kpis_of(results, system)
         if found:
-            console.print(_rich(kpi_table(found), f"key performance indicators ({system.value})"))
+            console.print(_rich(kpi_table(found), f"key performance indicators ({system.title})"))
 
 
 def recommendation_text(found: Recommendation) -> str:
@@ -50,7 +51,7 @@ def draw_recommendation(found: Recommendation, file: Path) -> None:
         panels = figure.subplots(1, 2)
         draw_sweep((("virtual robot", found.points), (f"{1e3 * SLOWER:g} ms slower", found.slower)), panels)
         for panel in panels if found.gain is not None else ():
-            panel.axvline(found.gain, color="#2da44e", linestyle="--", linewidth=1.0)
+            panel.axvline(found.gain, color="#009e73", linestyle="--", linewidth=1.0)
 
     light, _ = save_figure(draw, 3.4, is_transparent=False)
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +61,7 @@ def draw_recommendation(found: Recommendation, file: Path) -> None:
 def _rich(table: Table, title: str) -> RichTable:
     shown = RichTable(title=title, box=SIMPLE, pad_edge=False)
     for index, name in enumerate(table.header):
-        shown.add_column(name, justify="left" if index == 0 else "right")
+        shown.add_column(name, justify="left" if index in table.texts else "right")
     for row in table.rows:
         shown.add_row(*row)
     return shown

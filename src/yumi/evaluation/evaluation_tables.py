@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from math import isnan
 
@@ -13,12 +13,11 @@ from yumi.evaluation.experiments import PUBLISHED_OSCILLATION, published_experim
 from yumi.evaluation.fitted_model import FITTED
 from yumi.evaluation.gain_sweep import onset_of
 from yumi.evaluation.kpis import Kpi, kpis
+from yumi.evaluation.lag_study import TIMED_GAINS, Lags, LagStudy, is_near, studied_sines
 from yumi.evaluation.metrics import Distribution
 from yumi.evaluation.tracking_figures import SineFigures, StepFigures
+from yumi.robot.cycle import CYCLE
 from yumi.virtual.arm_model import ArmModel
-
-TITLES = {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}
-"""What the systems are called in tables."""
 
 _FIGURES = (
     ("settling_s", "settling", "time until within 0.1°"),
@@ -27,24 +26,68 @@ _FIGURES = (
 )
 
 
+AGREEMENT = 0.15
+"""By what share real time may differ from virtual time."""
+
+_SUMMARY_CAPTION = (
+    "Reproduced: virtual time, a robot fitted to the published step times, without a guard, as in the thesis; the "
+    "lags are predictions. Within a tenth of the published figure counts as reproduced."
+)
+_KPI_CAPTION = "Limits are those the thesis suggests in its table 4.2; that of packet loss is ours."
+_STAR = "A star: within a tenth of what is published."
+
+
 def summary_table(results: Results) -> Table:
-    """Every figure the thesis gives: published, and measured in each of the systems, with the ratio to it."""
-    systems = [system for system in System if any(run.system is system for run in results.runs)]
+    """Every figure the thesis gives beside ours, and what to make of it."""
     rows = [
         (
             f"{experiment.title}: {words}",
             experiment.figure,
             _time(published),
-            *_with_ratios(results, systems, experiment, name, published),
+            *_with_ratio(_value(results, System.BARE, experiment, name), published),
+            _judged(_value(results, System.BARE, experiment, name), published, is_explained=results.study is not None),
         )
-        for experiment in published_experiments()
-        for name, attribute, words in _FIGURES
-        if (published := getattr(experiment.published, attribute)) is not None
+        for experiment, name, words, published in _published()
     ]
-    onsets = [cell for system in systems for cell in _onset_cells(results, system)]
-    rows.append(("Step of 10°: oscillation begins at P", "5.1", f"≈ {PUBLISHED_OSCILLATION:g}", *onsets))
-    header = [cell for system in systems for cell in (TITLES[system], "ratio")]
-    return Table(("", "thesis's figure", "published", *header), tuple(rows), _summary_caption(systems))
+    onset = onset_of(results.sweeps.get(System.SHIPPED, ()))
+    rows.append(
+        (
+            "Step of 10°: oscillation begins at P",
+            "5.1",
+            f"≈ {PUBLISHED_OSCILLATION:g}",
+            *(("-", "-") if onset is None else (f"{onset:g}", f"{onset / PUBLISHED_OSCILLATION:.2f}")),
+            "-" if onset is None else _verdict_of(onset, PUBLISHED_OSCILLATION) + ", with our guard",
+        )
+    )
+    header = ("", "thesis's figure", "published", "reproduced", "ratio", "verdict")
+    return Table(header, tuple(rows), _SUMMARY_CAPTION, (0, 5))
+
+
+def headline(results: Results) -> str:
+    """The outcome in a sentence or two."""
+    pairs = [(_value(results, System.BARE, each, name), published) for each, name, _, published in _published()]
+    run = [(value, published) for value, published in pairs if value is not None]
+    near = sum(is_near(value, published) for value, published in run)
+    texts = [f"{near} of {len(run)} published figures are reproduced within a tenth"] if run else []
+    for system, measured in results.measured.items():
+        holding = [each.holds for each in kpis(measured)]
+        texts.append(f"{holding.count(True)} of {len(holding)} indicators are inside their limits {system.title}")
+    return "; ".join(texts) + "." if texts else ""
+
+
+def systems_table(results: Results) -> Table | None:
+    """The same figures as shipped and over the wire, each with its ratio to the published one."""
+    systems = [each for each in (System.SHIPPED, System.WIRE) if any(run.system is each for run in results.runs)]
+    rows = tuple(
+        (
+            f"{experiment.title}: {words}",
+            _time(published),
+            *(cell for system in systems for cell in _with_ratio(_value(results, system, experiment, name), published)),
+        )
+        for experiment, name, words, published in _published()
+    )
+    header = [cell for system in systems for cell in (system.title, "ratio")]
+    return Table(("", "published", *header), rows, _systems_caption(systems)) if systems else None
 
 
 def result_table(results: Results, experiments: Iterable[Experiment], systems: Iterable[System]) -> Table:
@@ -56,16 +99,34 @@ def result_table(results: Results, experiments: Iterable[Experiment], systems: I
 
 
 def real_time_table(results: Results) -> Table | None:
-    """Step times and mean lags over the wire beside those in virtual time; of laws that lag by more than a cycle."""
+    """Step times and mean lags over the wire beside those in virtual time."""
     rows = tuple(
-        (run.experiment.title, _time(main_figure(shipped.figures)), _time(main_figure(run.figures)), f"{ratio:.2f}")
+        (
+            run.experiment.title,
+            _time(virtual),
+            _time(own),
+            f"{1e3 * (own - virtual):+.1f} ms",
+            f"{own / virtual:.2f}",
+            _agreement(own, virtual),
+        )
         for run in results.runs
-        if "p" in run.experiment.law.values or run.experiment.is_step
-        if (ratio := results.ratio_to_virtual(run)) is not None
+        if results.ratio_to_virtual(run) is not None
         if (shipped := results.find(System.SHIPPED, run.experiment)) is not None
+        if (own := main_figure(run.figures)) and (virtual := main_figure(shipped.figures))
     )
-    caption = "Step times and mean control lags. What is more is the way through ROS 2, and what a busy machine missed."
-    return Table(("", "virtual time", "over the wire", "ratio"), rows, caption) if rows else None
+    caption = (
+        "Step times and mean control lags. What is more is the way through ROS 2, and what a busy machine missed. A "
+        f"sample is a cycle, {1e3 * CYCLE:.1f} ms: lags cannot be told apart more finely."
+    )
+    header = ("", "virtual time", "over the wire", "difference", "ratio", "agrees")
+    return Table(header, rows, caption, (0, 5)) if rows else None
+
+
+def repeats_table(results: Results) -> Table | None:
+    """Which experiments were repeated, how often and why."""
+    rows = tuple((name, str(len(whys)), " ".join(dict.fromkeys(whys))) for name, whys in results.repeats.items())
+    caption = "Runs that were thrown away and made again, because the machine or the connection was disturbed."
+    return Table(("experiment", "repeated", "why"), rows, caption, (0, 2)) if rows else None
 
 
 def kpi_table(found: Iterable[Kpi]) -> Table:
@@ -75,7 +136,12 @@ def kpi_table(found: Iterable[Kpi]) -> Table:
          _verdict(each.holds), each.note)
         for each in found
     )  # fmt: skip
-    return Table(("indicator", "measured", "limit", "holds", "how"), rows, "The thesis's table 4.2.", (0, 4))
+    return Table(
+        ("indicator", "measured", "limit", "holds", "how"),
+        rows,
+        _KPI_CAPTION,
+        (0, 4),
+    )
 
 
 def kpis_of(results: Results, system: System) -> tuple[Kpi, ...]:
@@ -115,28 +181,102 @@ def model_settings() -> dict[str, dict[str, object]]:
     }
 
 
-def _with_ratios(
-    results: Results, systems: Iterable[System], experiment: Experiment, name: str, published: float
-) -> Iterable[str]:
-    for system in systems:
-        run = results.find(system, experiment)
-        value = getattr(run.figures, name) if run else None
-        yield _time(value)
-        yield "-" if value is None else f"{value / published:.2f}"
+def study_tables(study: LagStudy) -> Mapping[str, Table]:
+    """What was varied, by the name of its topic; a star tells what is within a tenth of the published figure."""
+    sines = studied_sines()
+    heads = tuple(f"{each.size_deg:g}°, {each.law.title}: mean | longest" for each in sines)
+    published = tuple(f"{_ms(each.published.mean_lag)} | {_ms(each.published.max_lag)}" for each in sines)
+    return {
+        "frequency": Table(
+            ("sines at", *heads),
+            (
+                ("published", *published),
+                *((f"{each:g} Hz", *_lag_cells(lags)) for each, lags in study.frequencies.items()),
+            ),
+            f"Predicted lags [ms] by the sines' frequency. {_STAR}",
+        ),
+        "matching": Table(
+            ("a match is", *heads),
+            (("published", *published), *((words, *_lag_cells(lags)) for words, lags in study.matchings.items())),
+            f"Lags [ms] of the same motions at {FREQUENCY:g} Hz, matched in other ways. {_STAR}",
+        ),
+        "robot": Table(
+            ("control lag", *(f"step, P = {gain:g}" for gain in TIMED_GAINS), *heads),
+            (
+                ("published", "0.8 s", "0.6 s", *published),
+                *(
+                    (f"{1e3 * lag:g} ms", *map(_time_of_step, robot.step_times), *_lag_cells(robot.lags))
+                    for lag, robot in study.robots.items()
+                ),
+            ),
+            f"What robots with other control lags would have shown; lags of sines [ms] at {FREQUENCY:g} Hz. {_STAR}",
+        ),
+    }
 
 
-def _onset_cells(results: Results, system: System) -> tuple[str, str]:
-    points = results.sweeps.get(system, ())
-    onset = onset_of(points)
-    if onset is None:
-        return (f"not up to {points[-1].gain:g}" if points else "-", "-")
-    return f"{onset:g}", f"{onset / PUBLISHED_OSCILLATION:.2f}"
+def _lag_cells(lags: Iterable[Lags]) -> tuple[str, ...]:
+    return tuple(
+        " | ".join(
+            f"{_ms(value)}{'*' if near else ''}"
+            for value, near in zip((each.mean, each.longest), each.are_near(experiment), strict=True)
+        )
+        for each, experiment in zip(lags, studied_sines(), strict=True)
+    )
 
 
-def _summary_caption(systems: Iterable[System]) -> str:
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{1e3 * value:.0f}"
+
+
+def _step_time(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} s"
+
+
+def _time_of_step(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f} s"
+
+
+def _published() -> Iterator[tuple[Experiment, str, str, float]]:
+    """Every published figure: of which experiment, its name, what it is in words, and the figure [s]."""
+    for experiment in published_experiments():
+        for name, attribute, words in _FIGURES:
+            published = getattr(experiment.published, attribute)
+            if published is not None:
+                yield experiment, name, words, published
+
+
+def _value(results: Results, system: System, experiment: Experiment, name: str) -> float | None:
+    run = results.find(system, experiment)
+    found = getattr(run.figures, name) if run else None
+    return None if found is None or isnan(found) else float(found)
+
+
+def _with_ratio(value: float | None, published: float) -> tuple[str, str]:
+    return _time(value), "-" if value is None else f"{value / published:.2f}"
+
+
+def _judged(value: float | None, published: float, *, is_explained: bool) -> str:
+    if value is None:
+        return "not run"
+    verdict = _verdict_of(value, published)
+    return f"{verdict}, explained below" if is_explained and not is_near(value, published) else verdict
+
+
+def _verdict_of(value: float, published: float) -> str:
+    if is_near(value, published):
+        return "reproduced"
+    return f"{100.0 * abs(value / published - 1.0):.0f} % {'more' if value > published else 'less'}"
+
+
+def _agreement(own: float, virtual: float) -> str:
+    if abs(own / virtual - 1.0) <= AGREEMENT:
+        return f"within {100.0 * AGREEMENT:.0f} %"
+    return "within a sample" if abs(own - virtual) <= CYCLE else "no"
+
+
+def _systems_caption(systems: Iterable[System]) -> str:
     meanings = {
-        System.BARE: "reproduced: virtual time, a robot fitted to the published step times, no guard, as in the thesis",
-        System.SHIPPED: "as shipped: virtual time, the virtual robot and the guard as everybody gets them",
+        System.SHIPPED: "As shipped: virtual time, the virtual robot and the guard as everybody gets them",
         System.WIRE: "over the wire: real time, a ROS 2 node, the driver, and a robot at the other end of the wire",
     }
     return "; ".join(meanings[system] for system in systems) + ". Ratios are to what is published."
@@ -144,7 +284,7 @@ def _summary_caption(systems: Iterable[System]) -> str:
 
 def _step_table(runs: Iterable[Result]) -> Table:
     rows = tuple(
-        (run.experiment.title, run.experiment.figure, TITLES[run.system], _time(found.settling_s),
+        (run.experiment.title, run.experiment.figure, run.system.title, _step_time(found.settling_s),
          f"{found.overshoot_deg:.3f}", str(found.swings), f"{found.final_error_deg:.4f}")
         for run in runs
         if isinstance(found := run.figures, StepFigures)
@@ -155,7 +295,7 @@ def _step_table(runs: Iterable[Result]) -> Table:
 
 def _sine_table(runs: Iterable[Result]) -> Table:
     rows = tuple(
-        (run.experiment.title, run.experiment.figure, TITLES[run.system], *_sine_cells(found))
+        (run.experiment.title, run.experiment.figure, run.system.title, *_sine_cells(found))
         for run in runs
         if isinstance(found := run.figures, SineFigures)
     )

@@ -54,6 +54,11 @@ class System(Enum):
     SHIPPED = "shipped"
     WIRE = "wire"
 
+    @property
+    def title(self) -> str:
+        """What tables and pictures call it."""
+        return {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}[self]
+
 
 @dataclass(frozen=True, slots=True)
 class Law:

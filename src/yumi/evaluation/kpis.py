@@ -19,6 +19,9 @@ MOTION_DELAY = 0.300
 WORST_TO_MEAN = 5.0
 """The worst round trip, as a multiple of the mean one."""
 
+LONGEST_TRIP = 0.250
+"""What that comes to with the mean round trip the publication expects, 50 ms [s]."""
+
 END_TO_END = 0.175
 """From the application to the robot: half of a round trip [s]."""
 
@@ -100,7 +103,7 @@ def kpis(measured: Measured) -> tuple[Kpi, ...]:
             worst_to_mean,
             WORST_TO_MEAN,
             "",
-            f"{paths}; {_count(egm, machine)}",
+            f"{paths}; {_count(egm, machine)}, {_worst_note(egm, machine)}",
         ),
         Kpi(
             "end_to_end_s", "end-to-end latency", _half(mean), END_TO_END, "s", f"half of the mean round trip; {paths}"
@@ -147,6 +150,15 @@ def motion_delay(measured_deg: Series) -> float | None:
     """When a joint that was told to move at time 0 had visibly begun to [s]."""
     first = measured_deg[0][1]
     return next((time for time, value in measured_deg if abs(value - first) > MOVED_DEG), None)
+
+
+def _worst_note(egm: Distribution, machine: Distribution) -> str:
+    """The publication's limit rests on a mean of 50 ms; a loop that is quicker is held to less."""
+    worst = _worst(egm.highest, machine.highest)
+    if worst is None:
+        return "none was made"
+    allowed = f"with the mean of 50 ms that the thesis expects, {1e3 * LONGEST_TRIP:g} ms would be allowed"
+    return f"none longer than {1e3 * worst:.0f} ms; {allowed}"
 
 
 def _motion_note(measured: Measured) -> str:

@@ -5,11 +5,13 @@ Pure functions. A series is a sequence of (time [s], value) in the order of time
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
-from math import nan
+from math import inf, nan
+from operator import neg
 
 from yumi.evaluation.bench_statistics import quantile
 
@@ -59,6 +61,14 @@ class Matches:
     def distribution(self) -> Distribution:
         """Of the lags [s]."""
         return distribution([lag for _, lag in self.lags])
+
+
+class Rule(Enum):
+    """Which later samples may match a reference sample: any, those moving the same way, or only before it turns."""
+
+    BRANCH = "before the reference turns, moving the same way"
+    WAY = "moving the same way"
+    ANY = "moving either way"
 
 
 def distribution(values: Iterable[float]) -> Distribution:
@@ -132,23 +142,29 @@ def best_delay(reference: Series, measured: Series, longest: float = 0.6) -> flo
     return best
 
 
-def match_lags(reference: Series, measured: Series, tolerance: float) -> Matches:
+def match_lags(
+    reference: Series, measured: Series, tolerance: float, rule: Rule = Rule.BRANCH, longest: float = inf
+) -> Matches:
     """The control lag of every reference sample: the time until a measured value comes within ``tolerance`` of it.
 
     A match lies on the same branch: before the reference turns, and moving the same way. Without that a sample near a
     turning point would be matched with the way back, or before the way there.
+
+    Args:
+        reference: where the joint shall be.
+        measured: where it is.
+        tolerance: how close is a match.
+        rule: which samples may match.
+        longest: no longer lag is looked for [s].
     """
-    times, ways = [time for time, _ in measured], directions([value for _, value in measured])
+    times, runs = [time for time, _ in measured], _Runs([value for _, value in measured])
     branches = directions([value for _, value in reference])
-    ends = _branch_ends(reference, branches)
+    ends = _branch_ends(reference, branches) if rule is Rule.BRANCH else [inf] * len(reference)
     lags = []
     for (time, value), way, end in zip(reference, branches, ends, strict=True):
-        for index in range(bisect_left(times, time), len(times)):
-            if times[index] > end:
-                break
-            if ways[index] == way and abs(measured[index][1] - value) <= tolerance:
-                lags.append((time, times[index] - time))
-                break
+        index = runs.first_near(value, tolerance, bisect_left(times, time), None if rule is Rule.ANY else way)
+        if index is not None and times[index] <= min(end, time + longest):
+            lags.append((time, times[index] - time))
     return Matches(tuple(lags), len(reference))
 
 
@@ -165,6 +181,33 @@ def lost_count(numbers: Iterable[int]) -> int:
     """How many of consecutive sequence numbers are missing between the lowest and the highest that came."""
     came = set(numbers)
     return max(came) - min(came) + 1 - len(came) if came else 0
+
+
+class _Runs:
+    """Values cut where they turn: within a run they go one way, so that halving finds what is near a value."""
+
+    def __init__(self, values: Sequence[float]) -> None:
+        ways = directions(values)
+        begins = [index for index in range(len(values)) if index == 0 or ways[index] != ways[index - 1]]
+        self._values = values
+        self._ways = [ways[begin] for begin in begins]
+        self._ends = [*begins[1:], len(values)]
+
+    def first_near(self, value: float, tolerance: float, begin: int, way: int | None) -> int | None:
+        """Index of the first one from ``begin`` on within ``tolerance`` of ``value``, in a run that goes that way."""
+        for run in range(bisect_right(self._ends, begin), len(self._ends)):
+            if way is None or way == self._ways[run]:
+                near = self._entry(value, tolerance, begin, run)
+                if near < self._ends[run] and abs(self._values[near] - value) <= tolerance:
+                    return near
+            begin = self._ends[run]
+        return None
+
+    def _entry(self, value: float, tolerance: float, begin: int, run: int) -> int:
+        """Index of the first one of the run that is not before ``value`` by more than ``tolerance``."""
+        if self._ways[run] < 0:
+            return bisect_left(self._values, -value - tolerance, begin, self._ends[run], key=neg)
+        return bisect_left(self._values, value - tolerance, begin, self._ends[run])
 
 
 def _branch_ends(reference: Series, branches: Sequence[int]) -> list[float]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from math import isnan
+from math import inf, isnan
 
 from yumi.evaluation.experiment import HOLD, TAIL, TOLERANCE_DEG, Trace
 from yumi.evaluation.metrics import (
     Matches,
+    Rule,
     Series,
     best_delay,
     final_error,
@@ -79,9 +80,18 @@ def figures_of_joint(trace: Trace, joint: int) -> Figures:
     return _step_figures(trace, measured) if trace.experiment.is_step else _sine_figures(trace, measured)
 
 
-def matches_of(trace: Trace) -> Matches:
-    """The control lags of the first joint that moved."""
-    return _matches(trace, trace.measured_deg(trace.experiment.moved[0]))
+def matches_of(
+    trace: Trace, tolerance: float = TOLERANCE_DEG, rule: Rule = Rule.BRANCH, longest: float = inf
+) -> Matches:
+    """The control lags of the first joint that moved; as the evaluation matches them, unless told otherwise.
+
+    Args:
+        trace: of a sine.
+        tolerance: how close is a match [°].
+        rule: which samples may match.
+        longest: no longer lag is looked for [s].
+    """
+    return _matches(trace, trace.measured_deg(trace.experiment.moved[0]), tolerance, rule, longest)
 
 
 def compared(trace: Trace, figures: Figures) -> Mapping[str, tuple[float, float, float]]:
@@ -136,9 +146,15 @@ def _sine_figures(trace: Trace, measured: Series) -> SineFigures:
     )
 
 
-def _matches(trace: Trace, measured: Series) -> Matches:
+def _matches(
+    trace: Trace,
+    measured: Series,
+    tolerance: float = TOLERANCE_DEG,
+    rule: Rule = Rule.BRANCH,
+    longest: float = inf,
+) -> Matches:
     """Of goals that may be matched before the trace ends."""
-    found = match_lags(trace.sent_deg, measured, TOLERANCE_DEG)
+    found = match_lags(trace.sent_deg, measured, tolerance, rule, longest)
     end = trace.experiment.duration - TAIL
     sought = sum(time < end for time, _ in trace.sent)
     return Matches(tuple(each for each in found.lags if each[0] < end), sought)
