@@ -5,9 +5,9 @@ mode       how it waits                                         what it costs
 ========== ==================================================== =================================================
 blocking   asleep until a datagram comes; awake shortly before  a rehearsal each cycle; a processor that is halted
            it is due, for a rehearsal                           wakes up late
-hot        the same beside processors that never halt           idle processors draw power; needs permission
 ahead      after the rehearsal it looks for the datagram        at most 15 % of one processor per arm
-           without pause
+           without pause, for at most a tenth of a period
+hot        the same beside processors that never halt           idle processors draw power, too; needs permission
 auto       ``hot`` where it is permitted, else ``ahead``
 ========== ==================================================== =================================================
 """
@@ -25,6 +25,9 @@ from yumi.links.realtime import AwakeProcessors
 
 GLANCE = 0.010
 """How often the silence of the robot is looked at when nothing arrives [s]."""
+
+_SHARE_TO_LOOK = 0.05
+"""At most this share of a period is spent looking, at either side of the expected arrival."""
 
 _STEADINESS = 1.0 / 16.0  # weight of one rehearsal in what the next is expected to take
 _LONGEST_REHEARSAL = 0.001  # [s]; one that took longer was interrupted, and tells nothing about the next
@@ -101,8 +104,22 @@ class BlockingWait(Wait):
             poller.wait(GLANCE)
 
 
-class HotWait(BlockingWait):
-    """Sleeps, while a robot streams beside processors that stay awake."""
+class AheadWait(Wait):
+    """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock)
+        self._forecast = ArrivalForecast(_SHARE_TO_LOOK)
+
+    def _await(self, poller: Poller, late: float) -> None:
+        while not poller.wait(0.0):
+            self._was_asleep = False
+            if self._clock.now() >= late:
+                return
+
+
+class HotWait(AheadWait):
+    """The same, while a robot streams beside processors that stay awake."""
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
@@ -117,16 +134,6 @@ class HotWait(BlockingWait):
 
     def close(self) -> None:
         self._processors.release()
-
-
-class AheadWait(Wait):
-    """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
-
-    def _await(self, poller: Poller, late: float) -> None:
-        while not poller.wait(0.0):
-            self._was_asleep = False
-            if self._clock.now() >= late:
-                return
 
 
 def _nothing() -> None:
@@ -145,5 +152,5 @@ def way_to_wait(mode: WakeMode, clock: Clock) -> Wait:
 def describe(wait: Wait) -> str:
     """The way to wait in a few words for the log."""
     if isinstance(wait, HotWait):
-        return "processors kept awake while EGM runs"
+        return "awake shortly before each datagram, processors kept awake while EGM runs"
     return "awake shortly before each datagram" if isinstance(wait, AheadWait) else "asleep between datagrams"
