@@ -33,6 +33,7 @@ from yumi.virtual.fault_names import Fault
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks
 LOOKS = 5
+STOOD_STILL = "EGM feedback lost, the robot has been silent"
 EVERY_CHANGE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -294,13 +295,20 @@ class Stage:
         """A little back from where each arm stands; nothing is started for that."""
         arms = self.application.arms
         goals = {side: _towards_the_middle(arm.wait_for_state(TIMEOUT), NEAR) for side, arm in arms.items()}
-        for side, arm in arms.items():
-            arm.move(goals[side])
+        self._order(goals)
         self.reach(goals)
 
     def reach(self, goals: dict[Side, Joints]) -> None:
+        """Wait for it; where this machine has stood still for longer than a robot bears, EGM begins again."""
         arms = self.application.arms
-        self.until(lambda: all(arms[side].error(goal) < THERE for side, goal in goals.items()), "The goals")
+
+        def are_there() -> bool:
+            if self.application.ear.has(STOOD_STILL) and not all(arm.is_commanded for arm in arms.values()):
+                self._guide()
+                self._order(goals)
+            return all(arms[side].error(goal) < THERE for side, goal in goals.items())
+
+        self.until(are_there, "The goals")
 
     def wait_for_rest(self, client: RwsClient) -> None:
         """Until the controller tells the same position of both arms several times, one after another."""
@@ -327,13 +335,19 @@ class Stage:
             raise AssertionError(f"{error} Heard: {ear.heard}") from error
 
     def _start_to_move(self) -> dict[Side, Joints]:
-        self.application.manager.start_egm()
-        start = {}
-        for side, arm in self.application.arms.items():
-            arm.wait_for_command(TIMEOUT)
-            start[side] = arm.wait_for_state(TIMEOUT)
-            arm.move(_towards_the_middle(start[side], FAR))
+        self._guide()
+        start = {side: arm.wait_for_state(TIMEOUT) for side, arm in self.application.arms.items()}
+        self._order({side: _towards_the_middle(position, FAR) for side, position in start.items()})
         return start
+
+    def _guide(self) -> None:
+        self.application.manager.start_egm()
+        for arm in self.application.arms.values():
+            arm.wait_for_command(TIMEOUT)
+
+    def _order(self, goals: dict[Side, Joints]) -> None:
+        for side, goal in goals.items():
+            self.application.arms[side].move(goal)
 
 
 def _towards_the_middle(position: Joints, change: float) -> Joints:
