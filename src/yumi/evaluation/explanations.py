@@ -61,8 +61,8 @@ def _frequency(results: Results) -> Iterator[str]:
         "reference is within 0.1° of a later sample sooner, and because the joint reaches less of a quick one. All "
         f"four published lags of the sines of 10° are within a tenth of ours at {_hertz(fitting)}. Below, every lag "
         "is predicted at every frequency, from the measured step responses by superposition, which holds since "
-        f"nothing is limited without a guard: at {FREQUENCY:g} Hz it differs from the sine that was run by "
-        f"{study.deviation_deg:.4f}° at most."
+        f"nothing is limited without a guard: it differs from the sines that were run by {study.deviation_deg:.4f}° "
+        "at most."
     )
 
 

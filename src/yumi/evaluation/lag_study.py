@@ -12,7 +12,17 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from yumi.control.parameter import number
-from yumi.evaluation.experiment import FREQUENCY, TOLERANCE_DEG, Experiment, System, Trace, proportional, sine, step
+from yumi.evaluation.experiment import (
+    FREQUENCY,
+    TOLERANCE_DEG,
+    Experiment,
+    Mode,
+    System,
+    Trace,
+    proportional,
+    sine,
+    step,
+)
 from yumi.evaluation.experiments import published_experiments
 from yumi.evaluation.fitted_model import CONTROL_LAG, arm_with
 from yumi.evaluation.metrics import Matches, Rule, Series
@@ -80,7 +90,7 @@ class LagStudy:
         frequencies: by frequency [Hz].
         robots: by the robot's control lag [s].
         matchings: by how goals are matched, in words.
-        deviation_deg: largest difference of the superposed from the run sine of 10° with P = 1.2 [°].
+        deviation_deg: largest difference of superposed from run sines [°].
     """
 
     frequencies: Mapping[float, tuple[Lags, ...]]
@@ -103,19 +113,17 @@ def study_lags(bare: Mapping[str, Trace], on_part: Callable[[], None] = lambda: 
     """Vary everything.
 
     Args:
-        bare: the publication's experiments by name, run without a guard: the steps that are superposed, and the first
-            of the sines, against which superposition is checked.
+        bare: experiments by name, run without a guard: the steps that are superposed, and sines against which
+            superposition is checked.
         on_part: called before each of :data:`PARTS` parts; may raise to end it.
     """
     on_part()
-    steps, run = {gain: bare[step(proportional(gain)).name] for gain in _STEPS}, bare[studied_sines()[0].name]
+    steps = {gain: bare[step(proportional(gain)).name] for gain in _STEPS}
     frequencies = {frequency: _lags_at(steps, frequency) for frequency in FREQUENCIES}
     on_part()
     robots = {lag: _robot(steps if lag == CONTROL_LAG else _steps(lag)) for lag in CONTROL_LAGS}
     on_part()
-    traces, joint = _traces(steps, FREQUENCY), run.experiment.moved[0]
-    deviation = largest_difference(traces[0].measured_deg(joint), run.measured_deg(joint))
-    return LagStudy(frequencies, robots, _matchings(traces), deviation)
+    return LagStudy(frequencies, robots, _matchings(_traces(steps, FREQUENCY)), _deviation(steps, bare))
 
 
 def _steps(control_lag: float) -> Mapping[float, Trace]:
@@ -125,6 +133,18 @@ def _steps(control_lag: float) -> Mapping[float, Trace]:
         gain: run_virtually(step(proportional(gain), duration=seconds), System.BARE, model)
         for gain, seconds in _STEPS.items()
     }
+
+
+def _deviation(steps: Mapping[float, Trace], bare: Mapping[str, Trace]) -> float:
+    """Of all sines at full speed that were run."""
+    sines = [each for each in bare.values() if not each.experiment.is_step and each.experiment.mode is Mode.FULLSPEED]
+    return max(
+        largest_difference(
+            superpose(steps[gain_of(each.experiment)], each.experiment).measured_deg(joint), each.measured_deg(joint)
+        )
+        for each in sines
+        for joint in each.experiment.moved
+    )
 
 
 def _robot(steps: Mapping[float, Trace]) -> Robot:
