@@ -21,6 +21,7 @@ FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
 
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
+_NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 LATE_CYCLE = 1.25
 """A gap in the feedback gives no more room to move than a cycle late by a quarter: the robot takes it at once."""
 
@@ -58,6 +59,7 @@ class Guard:
     def __init__(self, limits: JointLimits, period: float = CYCLE, gain: float = EGM_GAIN) -> None:
         self.counters = GuardCounters()
         self.longest_step = LATE_CYCLE * period
+        self._shortest_step = _NO_TIME * period
         self._limits = limits
         self._session = 0
         self._shaper = MotionShaper(limits)
@@ -76,7 +78,7 @@ class Guard:
         if state.session != self._session or not state.is_running:
             self._session = state.session
             return self._begin(state.position)
-        if dt <= 0.0:
+        if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if wanted is None or not self._may_go_on(state, wanted):
             return self._hold(state, dt)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import exp
 
-from ruckig import InputParameter, OutputParameter, Result, Ruckig
+from ruckig import InputParameter, OutputParameter, Result, Ruckig, RuckigError
 
 from yumi.control.forecast import Target
 from yumi.robot.joints import Joints, joints
@@ -73,7 +73,12 @@ class _Joint:
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
         given.max_acceleration, given.min_acceleration = [strength - gain], [-strength - gain]
         generator.delta_time = dt
-        if generator.update(given, output) not in (Result.Working, Result.Finished):
+        try:
+            is_planned = generator.update(given, output) in (Result.Working, Result.Finished)
+        except (RuckigError, ValueError):  # the latter for results that its Python side does not know
+            is_planned = False
+        if not is_planned:
+            generator.reset()
             self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]

@@ -13,14 +13,14 @@ from collections.abc import Iterator
 from math import copysign, dist
 from typing import NamedTuple
 
-from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, Synchronization
+from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, RuckigError, Synchronization
 
 from yumi.control.braking import braking_reach, speed_to_come
+from yumi.control.goal_motion import Goal, GoalMotion
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO
 
-_PACE = 0.9  # a goal that moves nearly as fast as the joint cannot be caught up with
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
 _CAUTION = 0.99  # an outlook is for one period, a robot's clock tells another by its last digits
 _NOWHERE = -1.0  # [rad] a distance that no step keeps
@@ -49,14 +49,6 @@ class _Outlook(NamedTuple):
     jerked: float
 
 
-class _Goal(NamedTuple):
-    """A joint's wanted position and how it moves, as far as a joint can follow it; in [rad] and [s]."""
-
-    position: float
-    speed: float
-    gain: float
-
-
 class _Step(NamedTuple):
     """Where a joint is at the end of a step, and how it moves then; in [rad] and [s]."""
 
@@ -65,7 +57,7 @@ class _Step(NamedTuple):
     acceleration: float
 
 
-_Rates = tuple[float, float]
+_Motion = tuple[float, float]
 """Velocity [rad/s] and acceleration [rad/s²] of a joint."""
 
 
@@ -82,11 +74,10 @@ class MotionShaper:
         self.position: Joints = ZERO
         self._velocity: Joints = ZERO
         self._acceleration: Joints = ZERO
-        self._wanted: Joints = ZERO
+        self._goal = GoalMotion(limits)
         self._outlook: _Outlook | None = None
         self._glided: tuple[Joints, float] | None = None  # from where and for how long, not yet in the speeds
-        self._goal_rates = [0.0] * JOINT_COUNT
-        self._instant: dict[int, _Rates] = {}  # of joints whose last step was planned: their motion at its end
+        self._planned: dict[int, _Motion] = {}  # of joints whose last step was planned: how they move at its end
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
         self._limits = limits
         self._bounds = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
@@ -104,10 +95,11 @@ class MotionShaper:
 
     def rest_at(self, position: Joints) -> None:
         """Begin again, at rest."""
-        self.position = self._wanted = position
+        self.position = position
         self._velocity = self._acceleration = ZERO
+        self._goal.rest_at(position)
         self._outlook = self._glided = None
-        self._instant, self._chasing = {}, frozenset()
+        self._planned, self._chasing = {}, frozenset()
 
     def glides(self, wanted: Joints, dt: float) -> bool:
         """Go to ``wanted`` within ``dt`` [s] if that is smooth by far; tells whether it was. Needs an outlook."""
@@ -121,7 +113,7 @@ class MotionShaper:
         ):
             return False
         self._outlook, self._glided = None, (self.position, dt)
-        self.position = self._wanted = wanted
+        self.position = wanted
         return True
 
     def look_ahead(self, dt: float) -> None:
@@ -153,10 +145,9 @@ class MotionShaper:
         velocity, acceleration = self._rates(wanted, dt)
         if not all(self._is_smooth(*each, dt) for each in self._rows(wanted, velocity, acceleration)):
             return False
-        self._goal_rates = [(new - old) / dt for old, new in zip(self._wanted, wanted, strict=True)]
-        self.position = self._wanted = wanted
-        self._velocity, self._acceleration, self._outlook = velocity, acceleration, None
-        self._instant = {}
+        self.position, self._velocity, self._acceleration = wanted, velocity, acceleration
+        self._goal.note(wanted, velocity, acceleration)
+        self._outlook, self._planned = None, {}
         return True
 
     def approach(self, wanted: Joints, dt: float, elapsed: float) -> Joints:
@@ -173,33 +164,17 @@ class MotionShaper:
         self._settle()
         velocity, acceleration = self._rates(wanted, dt)
         is_late = [not self._is_smooth(*each, dt) for each in self._rows(wanted, velocity, acceleration)]
-        goals = self._goals(wanted, dt, elapsed)
-        self._wanted, self._outlook = wanted, None
-        now = [self._instant.get(index) or self._estimate(index, dt) for index in range(JOINT_COUNT)]
-        steps = self._way_to(goals, now, dt, is_late)
-        is_unsafe = [late and not self._is_safe(index, *steps[index]) for index, late in enumerate(is_late)]
-        if any(is_unsafe):
-            steps = [
-                brake if it else step
-                for step, brake, it in zip(steps, self._brakes(now, dt, is_unsafe), is_unsafe, strict=True)
-            ]
-        self._go(steps, goals, dt, is_late)
+        goals = self._goal.move(wanted, dt, elapsed)
+        self._outlook = None
+        motion = [self._planned.get(index) or self._estimate(index, dt) for index in range(JOINT_COUNT)]
+        steps = self._steps_to(goals, motion, dt, is_late)
+        must_brake = [late and not self._is_safe(index, *steps[index]) for index, late in enumerate(is_late)]
+        if any(must_brake):
+            brakes = self._steps_to_rest(motion, dt, must_brake)
+            rows = zip(steps, brakes, must_brake, strict=True)
+            steps = [brake if is_braking else step for step, brake, is_braking in rows]
+        self._take(steps, goals, dt, is_late)
         return self.position
-
-    def _goals(self, wanted: Joints, dt: float, elapsed: float) -> list[_Goal]:
-        """How the wanted position moves at the end of the step, as far as its last differences tell."""
-        rates = [(new - old) / elapsed for old, new in zip(self._wanted, wanted, strict=True)]
-        before, self._goal_rates = self._goal_rates, rates
-        rows = enumerate(zip(wanted, rates, before, strict=True))
-        return [self._goal(index, position, new, (new - old) / elapsed, dt) for index, (position, new, old) in rows]
-
-    def _goal(self, index: int, position: float, rate: float, gain: float, dt: float) -> _Goal:
-        """At rest where it cannot be caught up with; a jump is no motion."""
-        if self._speed_of_goal(index, rate, dt) == 0.0:
-            return _Goal(position, 0.0, 0.0)
-        if abs(gain) > _PACE * self._limits.acceleration[index]:
-            return _Goal(position, rate, 0.0)
-        return _Goal(position, rate + 0.5 * gain * dt, gain)
 
     def _rates(self, position: Joints, dt: float) -> tuple[Joints, Joints]:
         """Velocity and acceleration of the step from the last position to this one, as differences."""
@@ -211,25 +186,25 @@ class MotionShaper:
     ) -> Iterator[tuple[int, float, float, float]]:
         return zip(range(JOINT_COUNT), position, velocity, acceleration, strict=True)
 
-    def _go(self, steps: list[_Step], goals: list[_Goal], dt: float, is_late: list[bool]) -> None:
+    def _take(self, steps: list[_Step], goals: list[Goal], dt: float, is_late: list[bool]) -> None:
         """Take the steps; a joint on a planned way stays on it until it moves as its goal does."""
         position = self._kept_in_range(joints([step.position for step in steps]))
         self._velocity, self._acceleration = self._rates(position, dt)
-        self._instant = {
+        self._planned = {
             index: (step.velocity, step.acceleration) for index, step in enumerate(steps) if is_late[index]
         }
         self._chasing = frozenset(
-            index for index in self._instant if not self._has_arrived(index, steps[index], goals[index], dt)
+            index for index in self._planned if not self._has_arrived(index, steps[index], goals[index], dt)
         )
         self.position = position
 
-    def _has_arrived(self, index: int, step: _Step, goal: _Goal, dt: float) -> bool:
+    def _has_arrived(self, index: int, step: _Step, goal: Goal, dt: float) -> bool:
         """Whether a joint moves as its goal does: what is left of the way is less than half a step may change."""
         change = 0.5 * self._limits.jerk[index] * dt
         return (
             abs(step.position - goal.position) < change * dt * dt
-            and abs(step.velocity - goal.speed) < change * dt
-            and abs(step.acceleration - goal.gain) < change
+            and abs(step.velocity - goal.velocity) < change * dt
+            and abs(step.acceleration - goal.acceleration) < change
         )
 
     def _settle(self) -> None:
@@ -242,70 +217,67 @@ class MotionShaper:
         steps = zip(self._velocity, velocity, strict=True)
         self._acceleration = joints([(new - old) / dt for old, new in steps])
         self._velocity = velocity
-        self._goal_rates, self._instant = list(velocity), {}
+        self._goal.note(self.position, velocity, self._acceleration)
+        self._planned = {}
 
-    def _way_to(self, goals: list[_Goal], now: list[_Rates], dt: float, is_late: list[bool]) -> list[_Step]:
-        """One step on the quickest way to the goals, planned as seen from them at the end of the step."""
-        given, limits = self._input, self._limits
+    def _steps_to(self, goals: list[Goal], motion: list[_Motion], dt: float, is_late: list[bool]) -> list[_Step]:
+        """A step of each joint on its quickest way to its goal, planned as seen from there at the end of the step.
+
+        Joints that are not late go to their goals; if there is no way, those that are late brake.
+        """
+        given, output, limits = self._input, self._output, self._limits
         given.enabled = is_late
-        rows = list(zip(self.position, now, goals, strict=True))
         given.current_position = [
-            old - (goal.position - dt * (goal.speed - 0.5 * dt * goal.gain)) for old, _, goal in rows
+            old - (goal.position - dt * (goal.velocity - 0.5 * dt * goal.acceleration))
+            for old, goal in zip(self.position, goals, strict=True)
         ]
-        given.current_velocity = [speed - (goal.speed - dt * goal.gain) for _, (speed, _), goal in rows]
-        given.current_acceleration = [gain - goal.gain for _, (_, gain), goal in rows]
-        given.max_velocity = [top - goal.speed for top, goal in zip(limits.velocity, goals, strict=True)]
-        given.min_velocity = [-top - goal.speed for top, goal in zip(limits.velocity, goals, strict=True)]
-        given.max_acceleration = [top - goal.gain for top, goal in zip(limits.acceleration, goals, strict=True)]
-        given.min_acceleration = [-top - goal.gain for top, goal in zip(limits.acceleration, goals, strict=True)]
-        self._generator.delta_time = dt
-        if self._generator.update(given, self._output) not in _PLANNED:
-            return self._brakes(now, dt, is_late)
-        planned = zip(
-            goals,
-            self._output.new_position,
-            self._output.new_velocity,
-            self._output.new_acceleration,
-            is_late,
-            strict=True,
-        )
+        rows = list(zip(motion, goals, strict=True))
+        given.current_velocity = [now - (goal.velocity - dt * goal.acceleration) for (now, _), goal in rows]
+        given.current_acceleration = [now - goal.acceleration for (_, now), goal in rows]
+        given.max_velocity = [top - goal.velocity for top, goal in zip(limits.velocity, goals, strict=True)]
+        given.min_velocity = [-top - goal.velocity for top, goal in zip(limits.velocity, goals, strict=True)]
+        given.max_acceleration = [top - goal.acceleration for top, goal in zip(limits.acceleration, goals, strict=True)]
+        given.min_acceleration = [
+            -top - goal.acceleration for top, goal in zip(limits.acceleration, goals, strict=True)
+        ]
+        if not self._plan(given, dt):
+            return self._steps_to_rest(motion, dt, is_late)
+        ways = zip(goals, output.new_position, output.new_velocity, output.new_acceleration, is_late, strict=True)
         return [
-            _Step(goal.position + p, goal.speed + v, goal.gain + a) if late else _Step(*goal)
-            for goal, p, v, a, late in planned
+            _Step(goal.position + p, goal.velocity + v, goal.acceleration + a) if late else _Step(*goal)
+            for goal, p, v, a, late in ways
         ]
 
-    def _brakes(self, now: list[_Rates], dt: float, is_late: list[bool]) -> list[_Step]:
-        """One step of the joints that brake as hard as they may: what is possible from any state that is safe."""
+    def _steps_to_rest(self, motion: list[_Motion], dt: float, is_braking: list[bool]) -> list[_Step]:
+        """A step of each joint that brakes as hard as it may: what is possible from any state that is safe."""
         given, output = self._brake, self._output
-        given.enabled = is_late
+        given.enabled = is_braking
         given.current_position = list(self.position)
-        given.current_velocity = [speed for speed, _ in now]
-        given.current_acceleration = [gain for _, gain in now]
-        self._generator.delta_time = dt
-        if self._generator.update(given, output) not in _PLANNED:
-            return [_Step(position, 0.0, 0.0) for position in self.position]
-        return [
-            _Step(*each) for each in zip(output.new_position, output.new_velocity, output.new_acceleration, strict=True)
-        ]
+        given.current_velocity = [velocity for velocity, _ in motion]
+        given.current_acceleration = [acceleration for _, acceleration in motion]
+        if not self._plan(given, dt):
+            return [self._slower(index, velocity, dt) for index, (velocity, _) in enumerate(motion)]
+        ways = zip(output.new_position, output.new_velocity, output.new_acceleration, strict=True)
+        return [_Step(*each) for each in ways]
 
-    def _estimate(self, index: int, dt: float) -> tuple[float, float]:
+    def _plan(self, given: InputParameter, dt: float) -> bool:
+        """Whether the generator found the ways; it cannot always, at speeds of a few degrees a second."""
+        self._generator.delta_time = dt
+        try:
+            return self._generator.update(given, self._output) in _PLANNED
+        except (RuckigError, ValueError):  # the latter for results that its Python side does not know
+            self._generator.reset()
+            return False
+
+    def _slower(self, index: int, velocity: float, dt: float) -> _Step:
+        """The same without a generator, at the highest acceleration."""
+        slower = copysign(max(0.0, abs(velocity) - self._limits.acceleration[index] * dt), velocity)
+        return _Step(self.position[index] + 0.5 * (velocity + slower) * dt, slower, 0.0)
+
+    def _estimate(self, index: int, dt: float) -> _Motion:
         """Velocity and acceleration at the end of the last step, where only differences are known."""
         acceleration = self._acceleration[index]
         return self._velocity[index] + 0.5 * acceleration * dt, acceleration
-
-    def _speed_of_goal(self, index: int, speed: float, dt: float) -> float:
-        """How fast the wanted position itself moves [rad/s]; a jump is no motion, nor is what must soon end.
-
-        Towards the end of its range a goal is not followed at its speed unless the joint could still brake after it,
-        with its jerk and the length of a step taken into account.
-        """
-        top, gain, jerk = self._limits.velocity[index], self._limits.acceleration[index], self._limits.jerk[index]
-        pace = abs(speed)
-        if pace > _PACE * top:
-            return 0.0
-        end = self._limits.upper[index] if speed > 0.0 else self._limits.lower[index]
-        room = (end - self._wanted[index]) * copysign(1.0, speed)
-        return speed if pace * (pace / gain + 2.0 * gain / jerk + 2.0 * dt) < room else 0.0
 
     def _is_smooth(self, index: int, position: float, velocity: float, acceleration: float, dt: float) -> bool:
         """Whether a joint may take this step, and go on from there."""

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
-from math import inf, nan, sin, tau
+from math import cos, inf, nan, radians, sin, tau
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ruckig import RuckigError
 
 from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.guard import FEEDBACK_DELAY, Guard
@@ -164,6 +165,55 @@ def test_guard_keeps_its_bounds_between_motions_at_the_limits_and_jumps(guard: G
         shares = [abs(one) / top for each in values for one, top in zip(each, getattr(YUMI_LIMITS, name), strict=True)]
         assert max(shares) < 1.001, name
     assert all(YUMI_LIMITS.outside(position) is None for position in path)
+
+
+@pytest.mark.parametrize("speed_deg", [2.0, 5.0, 10.0, 40.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_slow_guard_keeps_its_speed_and_never_fails(seed: int, speed_deg: float) -> None:
+    """Goals that are much faster than the joints may be, and cycles of uneven length."""
+    random, limits = Random(seed), YUMI_LIMITS.slowed_to(radians(speed_deg))
+    guard, place = Guard(limits), ZERO
+    guard.admit(state(ZERO), None)
+    for wanted in wandering(random, 300):
+        dt = random.uniform(0.001, 0.005)
+        (now,) = follow(guard, [wanted], place, dt=dt)
+        assert all(abs(new - old) <= 1.03 * top * dt for old, new, top in zip(place, now, limits.velocity, strict=True))
+        place = now
+
+
+def test_guard_brakes_when_no_way_is_found(guard: Guard, middle: Joints, monkeypatch: pytest.MonkeyPatch) -> None:
+    guard.admit(state(middle), None)
+    path = follow(guard, [moved(middle, 0, 1.0)] * 20, middle)
+    monkeypatch.setattr(guard._shaper, "_generator", Helpless())
+    path += follow(guard, [moved(middle, 0, 1.0)] * 80, path[-1])
+    speeds = [each[0] for each in rates(path, DT)]
+    assert speeds[-1] == 0.0
+    assert all(0.0 <= old - new <= YUMI_LIMITS.acceleration[0] * DT * 1.001 for old, new in pairwise(speeds[20:]))
+
+
+class Helpless:
+    """An online trajectory generator that finds no way."""
+
+    delta_time = DT
+
+    def update(self, given: object, output: object) -> None:
+        raise RuckigError("no way")
+
+    def reset(self) -> None:
+        """There is nothing to forget."""
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-5, 3e-5])
+def test_guard_follows_a_noisy_goal_without_shaking(guard: Guard, noise: float) -> None:
+    random, place = Random(1), ZERO
+    guard.admit(state(ZERO), None)
+    late = []
+    for count in range(1000):
+        true = 0.25 * (1.0 - cos(2.0 * count * DT))
+        (place,) = follow(guard, [moved(ZERO, 0, true + random.gauss(0.0, noise))], place)
+        guard.settle(state(place))
+        late.append(abs(place[0] - true))
+    assert max(late) < 3e-3
 
 
 @given(wanted=st.lists(WANTED | st.none(), min_size=1, max_size=20), dt=st.floats(0.0, 1.0))
