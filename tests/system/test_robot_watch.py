@@ -139,6 +139,13 @@ def test_watch_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest
     assert watched.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= 0.5
 
 
+def test_what_is_told_is_known_before_the_next_request_has_its_turn(watched: Watched) -> None:
+    watched.system.client.set_speed_ratio(50)
+    watched.system.wait(0.1)
+    assert watched.watch.is_rung
+    assert watched.watch.state().speed_ratio == 50
+
+
 def test_watch_tells_each_change_once(watched: Watched) -> None:
     watched.told.clear()
     watched.system.faults.happen(Fault.PROGRAM_STOP)

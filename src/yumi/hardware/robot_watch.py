@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from threading import Event as Flag
 from threading import Lock, Thread
-from typing import Protocol
+from typing import Any, Protocol
 
 from yumi.clock import Clock
 from yumi.control.snapshot import Snapshot
@@ -186,7 +186,7 @@ class RobotWatch:
             self._keep(self._read())
             self._looked_at = self._glanced_at = now
         elif self._take_changes() or is_hinted or (self._is_busy and now - self._glanced_at >= BUSY_LOOK):
-            self._keep(replace(self._state, machines=self._machines()))
+            self._update(machines=self._machines())
             self._glanced_at = now
         return self._next_look()
 
@@ -214,7 +214,8 @@ class RobotWatch:
 
     def _subscribe(self) -> None:
         """A controller that refuses is polled."""
-        self._changes.clear()
+        with self._lock:
+            self._changes.clear()
         self._is_lost = False
         try:
             self._subscription = self._client.subscribe(RESOURCES, self._note, self._note_loss)
@@ -228,7 +229,11 @@ class RobotWatch:
             subscription.close()
 
     def _note(self, change: Change) -> None:
-        self._changes.append(change)
+        """Known at once: the thread may be waiting for the turn of a request."""
+        with self._lock:
+            self._changes.append(change)
+            if self._state.is_connected:
+                self._state = changed(self._state, change)
         self._bell.set()
 
     def _note_loss(self, sentence: str) -> None:
@@ -237,16 +242,12 @@ class RobotWatch:
 
     def _take_changes(self) -> bool:
         """Whether anything was told; of several events only the newest is read."""
-        is_told, has_event = bool(self._changes), False
-        while self._changes:
-            change = self._changes.popleft()
-            if change.path == EVENT_LOG.path:
-                has_event = True
-            else:
-                self._keep(changed(self._state, change))
-        if has_event:
-            self._keep(replace(self._state, last_event=self._newest_event()))
-        return is_told
+        with self._lock:
+            paths = {change.path for change in self._changes}
+            self._changes.clear()
+        if EVENT_LOG.path in paths:
+            self._update(last_event=self._newest_event())
+        return bool(paths)
 
     def _has_news(self) -> bool:
         newest, known = self._newest_event(), self._state.last_event
@@ -286,8 +287,15 @@ class RobotWatch:
     # What is kept
 
     def _keep(self, state: RobotState) -> None:
+        """Keep what was read, and what was told meanwhile."""
         with self._lock:
+            for change in self._changes if state.is_connected else ():
+                state = changed(state, change)
             self._state = state
+
+    def _update(self, **fields: Any) -> None:
+        with self._lock:
+            self._state = replace(self._state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
         live = replace(state, egm=egm_states(self._fast_lines))
