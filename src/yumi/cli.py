@@ -107,6 +107,7 @@ def main() -> None:
 @click.option("--right-gripper", type=_MODULES, default="servo", show_default=True, help="And the right hand.")
 @click.option("--left-leak", type=_LEAK, help="An object lies under the left hand's cups; 0 is tight, 1 as if none.")
 @click.option("--right-leak", type=_LEAK, help="And under the right hand's.")
+@click.option("--calibrated", is_flag=True, help="Somebody has calibrated the hands already.")
 @click.option("--user", default="Default User", show_default=True)
 @click.option("--password", default="robotics", show_default=True)
 @_UNTIL
@@ -123,6 +124,7 @@ def controller(
     right_gripper: str,
     left_leak: float | None,
     right_leak: float | None,
+    calibrated: bool,
     user: str,
     password: str,
     until_stdin_closes: bool,
@@ -143,6 +145,7 @@ def controller(
         objects={Side.LEFT: left_object, Side.RIGHT: right_object},
         grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
+        are_calibrated=calibrated,
     )
     virtual = VirtualController(settings, rws_port=rws_port, user=user, password=password, host=listen)
     virtual.run(_end_flag(until_stdin_closes), lambda port: _say_ready(f"http://{listen}:{port}"))

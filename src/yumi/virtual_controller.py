@@ -32,6 +32,7 @@ def world_settings(
     objects: Mapping[Side, float | None],
     grippers: Mapping[Side, GripperModules],
     leaks: Mapping[Side, float | None],
+    are_calibrated: bool = False,
 ) -> WorldSettings:
     """A virtual robot whose clock shows the time of day.
 
@@ -42,6 +43,7 @@ def world_settings(
         objects: width of what lies between each arm's fingers [m]; None for nothing.
         grippers: what each hand is made of.
         leaks: how little what lies under each hand's cups closes them, 0 to 1; None for nothing.
+        are_calibrated: whether somebody has calibrated the hands.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
@@ -51,6 +53,7 @@ def world_settings(
         workpieces=workpieces,
         gripper_modules=grippers,
         cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
+        grippers_are_calibrated=are_calibrated,
         start_time=time.time(),
     )
 

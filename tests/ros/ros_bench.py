@@ -15,6 +15,7 @@ os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 import rclpy
 from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
+from std_srvs.srv import Trigger
 
 from yumi.links.command import Command
 from yumi.links.udp import free_port
@@ -36,7 +37,15 @@ class Robot:
         return [text for name, port in self.ports.items() for text in (name, str(port))]
 
     def start(self) -> None:
-        arguments = ["controller", "--rws-port", str(self.rws_port), "--left-object", "0.02", *self.egm_options]
+        arguments = [
+            "controller",
+            "--rws-port",
+            str(self.rws_port),
+            "--left-object",
+            "0.02",
+            "--calibrated",
+            *self.egm_options,
+        ]
         self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
         self._command.wait_until_ready(TIMEOUT)
 
@@ -60,6 +69,7 @@ class Client:
         self._executor = executor or SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._callers: dict[str, Any] = {}
+        self._own: set[Any] = set()
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
 
     def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT, what: str = "it") -> None:
@@ -80,6 +90,20 @@ class Client:
         self.until(future.done, timeout)
         return future.result()
 
+    def begin(self) -> None:
+        """A test begins."""
+        self.sentences.clear()
+        self._own = {*self.node.subscriptions, *self.node.publishers}
+
+    def end(self) -> None:
+        """A test has ended: what it listened and talked to is left."""
+        for subscription in [*self.node.subscriptions]:
+            if subscription not in self._own:
+                self.node.destroy_subscription(subscription)
+        for publisher in [*self.node.publishers]:
+            if publisher not in self._own:
+                self.node.destroy_publisher(publisher)
+
     def hears(self, part: str) -> Callable[[], bool]:
         return lambda: any(part in sentence for sentence in self.sentences)
 
@@ -87,6 +111,13 @@ class Client:
         self._executor.remove_node(self.node)
         self._executor.shutdown()
         self.node.destroy_node()
+
+
+def begin_egm(client: Client) -> None:
+    """Start EGM on both arms unless it runs, which is known sooner."""
+    if client.call(Trigger, "yumi_robot_manager/robot_is_ready").message != "ready, EGM runs":
+        answer = client.call(Trigger, "yumi_robot_manager/start_egm")
+        assert answer.success, answer.message
 
 
 def _free_tcp_port() -> int:

@@ -25,6 +25,13 @@ YUMI = [sys.executable, "-m", "yumi"]
 MARK = "YUMI_TEST_MARK"
 
 
+@pytest.fixture(autouse=True)
+def _domain_of_its_own(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no other test has its driver; unless a test is about that driver."""
+    if "driver" not in request.fixturenames:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(1 + (int(os.environ["ROS_DOMAIN_ID"]) + 49) % 100))
+
+
 @pytest.fixture
 def mark(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
     """An environment variable that every process of one test inherits."""

@@ -24,12 +24,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State
 from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_bench import Client
+from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
-from yumi.links.command import Command
 from yumi.robot.joints import Side, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -41,28 +39,17 @@ POSITIONS = [f"{name}/position" for name in joint_names(Side.RIGHT)]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-@pytest.fixture(scope="module")
-def client(driver: Command) -> Iterator[Client]:
-    """One for all: it has found the driver's services once."""
-    client = Client()
-    yield client
-    client.close()
-
-
 @pytest.fixture
 def manager(client: Client) -> Manager:
-    client.sentences.clear()
     return Manager(client)
 
 
 @pytest.fixture
-def guided(manager: Manager) -> Iterator[Manager]:
+def guided(manager: Manager) -> Manager:
     """With EGM running and no controller commanding the right arm."""
-    answer = manager.client.call(Trigger, "yumi_robot_manager/start_egm")
-    assert answer.success, answer.message
-    assert manager.switch([], [POSITION]).ok
-    yield manager
-    manager.client.call(Trigger, "yumi_robot_manager/stop_egm")
+    begin_egm(manager.client)
+    assert manager.switch([], [POSITION], BEST_EFFORT).ok
+    return manager
 
 
 @pytest.fixture

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from yumi.links.command import Command
+from ros_bench import Client
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -20,7 +19,7 @@ EXPECTED = {
 
 
 @pytest.mark.parametrize("name", sorted(EXPECTED))
-def test_example_does_what_it_says(driver: Command, name: str) -> None:
+def test_example_does_what_it_says(idle: Client, name: str) -> None:
     done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=90)
     assert done.returncode == 0, done.stdout + done.stderr
     assert EXPECTED[name] in done.stdout

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 from robot_manager_bench import Goal, RobotManagerRig
 from std_srvs.srv import Trigger
@@ -19,19 +17,6 @@ pytestmark = pytest.mark.ros
 
 NODES = ["/yumi_robot", "/r/arm", "/l/arm", "/r/gripper", "/l/gripper"]
 INACTIVE = "The robot is inactive; activate it first (ros2 lifecycle set /yumi_robot …)."
-
-
-@pytest.fixture(scope="module")
-def whole_rig(ros: None) -> Iterator[RobotManagerRig]:
-    rig = RobotManagerRig()
-    yield rig
-    rig.close()
-
-
-@pytest.fixture
-def rig(whole_rig: RobotManagerRig) -> RobotManagerRig:
-    whole_rig.begin()
-    return whole_rig
 
 
 @pytest.mark.parametrize("node", NODES)

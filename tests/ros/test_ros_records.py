@@ -25,6 +25,7 @@ def driver(ros: None, robot: Robot, tmp_path: Path) -> Iterator[Command]:
     with Command("driver", ["up", *where, *what], tmp_path / "driver.log") as command:
         command.wait_until_ready(TIMEOUT)
         yield command
+    robot.start()
 
 
 @pytest.fixture

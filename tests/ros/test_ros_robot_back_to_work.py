@@ -96,13 +96,13 @@ def test_driver_leads_its_managed_nodes_to_active(client: Client) -> None:
     assert states == dict.fromkeys(MANAGED, "active")
 
 
-def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotManagerClient, client: Client) -> None:
+def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotManagerClient, idle: Client) -> None:
     state = manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
     assert (state.operating_mode, state.controller_state, state.rapid_execution) == ("AUTO", "motoron", "running")
     assert (state.left_state_machine, state.left_egm, state.speed_ratio) == ("IDLE", "off", 100)
     got: list[Any] = []
-    client.node.create_subscription(DiagnosticArray, "/diagnostics", got.append, 10)
-    client.until(lambda: any(status.name == "yumi: robot" for array in got for status in array.status))
+    idle.node.create_subscription(DiagnosticArray, "/diagnostics", got.append, 10)
+    idle.until(lambda: any(status.name == "yumi: robot" for array in got for status in array.status))
     (told,) = {status.message for array in got for status in array.status if status.name == "yumi: robot"}
     assert told == "ready"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -33,19 +32,6 @@ pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ROUTINE = {"arm": "left", "routine": "wave"}
 MODULE = {"arm": "right", "file_name": "wave.mod", "text": "MODULE wave ENDMODULE"}
-
-
-@pytest.fixture(scope="module")
-def whole_rig(ros: None) -> Iterator[RobotManagerRig]:
-    rig = RobotManagerRig()
-    yield rig
-    rig.close()
-
-
-@pytest.fixture
-def rig(whole_rig: RobotManagerRig) -> RobotManagerRig:
-    whole_rig.begin()
-    return whole_rig
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState
 from controller_manager_bench import BEST_EFFORT, STRICT, Manager
 from rclpy.action import ActionClient
-from ros_bench import Client
+from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from trajectories import dual_arm_message
@@ -64,11 +63,9 @@ def switch(client: Client, activate: dict[str, str]) -> None:
 
 
 @pytest.fixture
-def egm(client: Client) -> Iterator[Client]:
-    answer = client.call(Trigger, "yumi_robot_manager/start_egm")
-    assert answer.success, answer.message
-    yield client
-    client.call(Trigger, "yumi_robot_manager/stop_egm")
+def egm(client: Client) -> Client:
+    begin_egm(client)
+    return client
 
 
 @pytest.fixture
@@ -77,6 +74,7 @@ def right(egm: Client) -> Iterator[Goals]:
     goals = Goals(egm, f"r/{SINGLE}")
     yield goals
     goals.close()
+    switch(egm, {})
 
 
 @pytest.fixture
@@ -85,6 +83,7 @@ def both(egm: Client) -> Iterator[Goals]:
     goals = Goals(egm, DUAL)
     yield goals
     goals.close()
+    switch(egm, {})
 
 
 def position(client: Client) -> list[float]:
@@ -96,10 +95,8 @@ def position(client: Client) -> list[float]:
 
 
 def point(positions: list[float], seconds: float) -> JointTrajectoryPoint:
-    time = Duration(sec=int(seconds), nanosec=round(seconds % 1 * 1e9))
-    return JointTrajectoryPoint(
-        positions=positions, velocities=[0.0] * 7, accelerations=[0.0] * 7, time_from_start=time
-    )
+    time, still = Duration(sec=int(seconds), nanosec=round(seconds % 1 * 1e9)), [0.0] * len(positions)
+    return JointTrajectoryPoint(positions=positions, velocities=still, accelerations=still, time_from_start=time)
 
 
 def planners_trajectory() -> JointTrajectory:
@@ -137,7 +134,11 @@ def test_joints_may_come_in_any_order(right: Goals, egm: Client) -> None:
 def test_planners_trajectory_moves_both_arms(both: Goals, egm: Client) -> None:
     skews: list[Any] = []
     egm.node.create_subscription(Float64MultiArray, f"{DUAL}/inter_arm_skew", skews.append, 10)
-    answer = both.result(both.send(planners_trajectory()))
+    trajectory = planners_trajectory()
+    there = JointTrajectory(joint_names=trajectory.joint_names, points=[point(trajectory.points[0].positions, 2.0)])
+    assert both.result(both.send(there)).status == GoalStatus.STATUS_SUCCEEDED
+    both.feedback.clear()
+    answer = both.result(both.send(trajectory))
     assert answer.result.error_string == "The goal is reached."
     assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL)
     assert len(both.feedback[-1].feedback.joint_names) == 14

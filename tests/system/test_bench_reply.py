@@ -40,4 +40,4 @@ def test_every_reply_of_both_arms_is_right(workshop: Workshop, contender: Conten
 def test_server_that_does_not_guide_is_noticed(workshop: Workshop) -> None:
     unguided = Contender("unguided", "an echo taken for a server", "echo.c", Runtime.COMPILED, gain=0.1)
     with pytest.raises(RobotNotReady, match="did not guide the robot as it should"):
-        run_case(workshop, Case(unguided, Mode.PACED, 1), 1, CYCLES)
+        run_case(workshop, Case(unguided, Mode.PACED, 1, lead_in=1.0), 1, CYCLES)

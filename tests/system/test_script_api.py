@@ -136,10 +136,10 @@ def test_second_connection_to_a_robot_is_refused(robot: Robot, virtual: VirtualR
     assert robot.right.state is ArmMode.HOLDING
 
 
-@pytest.fixture
-def own_virtual(tmp_path: Path) -> Iterator[VirtualRobot]:
-    """A robot for tests that treat it badly."""
-    virtual = VirtualRobot(tmp_path)
+@pytest.fixture(scope="module")
+def own_virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualRobot]:
+    """A robot for tests that treat it badly, which it bears."""
+    virtual = VirtualRobot(tmp_path_factory.mktemp("own"))
     virtual.start()
     yield virtual
     virtual.stop()

@@ -95,6 +95,19 @@ def test_egm_that_another_program_has_begun_is_begun_anew_and_watched() -> None:
         system.manager.watchdog.stop()
 
 
+def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: MovingSystem) -> None:
+    driver = watchdog(system)
+    system.faults.happen(Fault.PROGRAM_STOP)
+    system.wait(0.2)
+    driver.give_sign()  # which nobody takes back
+    system.recover()
+    driver.have_robot_watch()
+    for _ in range(6):
+        driver.give_sign()
+        system.wait(TIMEOUT / 2)
+    assert execution(system) is ExecutionState.RUNNING
+
+
 def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
     driver = watchdog(system)
     for _ in range(6):

@@ -61,11 +61,19 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run of a round: a contender, with one or two arms, paced or as fast as it replies."""
+    """One run of a round: a contender, with one or two arms, paced or as fast as it replies.
+
+    Attributes:
+        contender: who answers.
+        mode: when the next datagram comes.
+        arms: how many.
+        lead_in: within this time it must guide the robot rightly [s].
+    """
 
     contender: Contender
     mode: Mode
     arms: int
+    lead_in: float = 20.0
 
     @property
     def name(self) -> str:

@@ -208,7 +208,7 @@ def _generator_command(workshop: Workshop, server: Server, case: Case, cycles: i
     ports = [word for port in server.ports[: case.arms] for word in ("--port", str(port))]
     numbers = {
         "--cycles": cycles, "--warm-up": WARM_UP, "--period-us": PERIOD_US, "--gain": case.contender.gain,
-        "--priority": _GENERATOR_PRIORITY,
+        "--priority": _GENERATOR_PRIORITY, "--lead-in-ms": round(case.lead_in * 1e3),
     }  # fmt: skip
     options = [word for name, value in numbers.items() for word in (name, str(value))]
     goal = f"--goal={','.join(f'{value:g}' for value in GOAL_DEG)}"

@@ -86,7 +86,8 @@ class Watchdog:
 
     def have_robot_watch(self) -> None:
         """Arm it, whoever gives the signs of life; raises ControllerRefused when the robot has no watchdog."""
-        self._client.set_signal(EXTERNAL_STATUS, 1)
+        for level in (0, 1):  # a sign that met a stopped program was not taken back, and no other would be an edge
+            self._client.set_signal(EXTERNAL_STATUS, level)
         for side in Side:
             self._write(side, "external_timeout", self._settings.timeout)
             self._write(side, "check_external_status", True)
