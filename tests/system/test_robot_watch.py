@@ -157,6 +157,21 @@ def test_what_is_told_is_known_before_the_next_request_has_its_turn(watched: Wat
     assert watched.watch.state().speed_ratio == 50
 
 
+def test_reading_that_began_before_a_change_does_not_undo_it(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who reads waits for the turn of each request; the watch itself looks at what is told meanwhile."""
+    client, ask = watched.system.client, watched.system.client.speed_ratio
+
+    def slowly() -> int:
+        before = ask()
+        client.set_speed_ratio(50)
+        watched.wait(0.1)
+        return before
+
+    monkeypatch.setattr(client, "speed_ratio", slowly)
+    watched.watch.look()
+    assert watched.watch.state().speed_ratio == 50
+
+
 def test_watch_tells_each_change_once(watched: Watched) -> None:
     watched.told.clear()
     watched.system.faults.happen(Fault.PROGRAM_STOP)

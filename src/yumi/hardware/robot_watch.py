@@ -57,6 +57,7 @@ Listener = Callable[[RobotState], None]
 """Told the robot's state after a change, on the watch's thread."""
 
 _STARTING = 503
+_JOURNAL = 256  # changes that are remembered while something is read
 _FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
 
 
@@ -89,7 +90,10 @@ class RobotWatch:
         self._told = RobotState()
         self._subscription: Subscription | None = None
         self._is_following = self._is_lost = self._is_hinted = False
-        self._changes: deque[Change] = deque()
+        self._journal: deque[Change] = deque(maxlen=_JOURNAL)
+        self._told_changes = self._taken_changes = (
+            0  # how many the controller told, the thread looked at
+        )
         self._looked_at = self._glanced_at = -RECONNECT
         self._bell, self._is_over = Flag(), Flag()
         self._thread: Thread | None = None
@@ -109,11 +113,10 @@ class RobotWatch:
     def look(self) -> RobotState:
         """Read all of it now; a controller that does not answer is a state, too."""
         try:
-            found = self._read()
+            self._read_whole()
         except YumiError:
-            found = RobotState()
-        self._keep(found)
-        return self._completed(found)
+            self._forget()
+        return self.state()
 
     def refresh(self) -> None:
         """Read what a step of our own has changed, so that who asks next sees it."""
@@ -170,8 +173,7 @@ class RobotWatch:
 
     def _connect(self, now: float) -> float:
         self._subscribe()
-        self._changes.clear()  # what is read now is newer, also than a change that came while the WebSocket opened
-        self._keep(self._read())
+        self._read_whole()
         self._looked_at = self._glanced_at = now
         self._is_following = True
         return self._next_look()
@@ -183,7 +185,7 @@ class RobotWatch:
             return self._connect(now)
         is_hinted, self._is_hinted = self._is_hinted, False
         if is_whole or (self._subscription is None and self._has_news()):
-            self._keep(self._read())
+            self._read_whole()
             self._looked_at = self._glanced_at = now
         elif self._take_changes() or is_hinted or (self._is_busy and now - self._glanced_at >= BUSY_LOOK):
             self._update(machines=self._machines())
@@ -208,14 +210,12 @@ class RobotWatch:
     def _lose(self) -> None:
         self._is_following = False
         self._unsubscribe()
-        self._keep(RobotState())
+        self._forget()
 
     # What the controller tells
 
     def _subscribe(self) -> None:
         """A controller that refuses is polled."""
-        with self._lock:
-            self._changes.clear()
         self._is_lost = False
         try:
             self._subscription = self._client.subscribe(RESOURCES, self._note, self._note_loss)
@@ -231,7 +231,8 @@ class RobotWatch:
     def _note(self, change: Change) -> None:
         """Known at once: the thread may be waiting for the turn of a request."""
         with self._lock:
-            self._changes.append(change)
+            self._journal.append(change)
+            self._told_changes += 1
             if self._state.is_connected:
                 self._state = changed(self._state, change)
         self._bell.set()
@@ -243,8 +244,8 @@ class RobotWatch:
     def _take_changes(self) -> bool:
         """Whether anything was told; of several events only the newest is read."""
         with self._lock:
-            paths = {change.path for change in self._changes}
-            self._changes.clear()
+            paths = {change.path for change in self._changes_since(self._taken_changes)}
+            self._taken_changes = self._told_changes
         if EVENT_LOG.path in paths:
             self._update(last_event=self._newest_event())
         return bool(paths)
@@ -286,12 +287,22 @@ class RobotWatch:
 
     # What is kept
 
-    def _keep(self, state: RobotState) -> None:
-        """Keep what was read, and what was told meanwhile."""
+    def _read_whole(self) -> None:
+        """Read all; what is told meanwhile may be newer than what was read, whoever has looked at it since."""
+        begin = self._told_changes
+        state = self._read()
         with self._lock:
-            for change in self._changes if state.is_connected else ():
+            for change in self._changes_since(begin):
                 state = changed(state, change)
             self._state = state
+
+    def _changes_since(self, number: int) -> list[Change]:
+        count = self._told_changes - number
+        return list(self._journal)[-count:] if count else []
+
+    def _forget(self) -> None:
+        with self._lock:
+            self._state = RobotState()
 
     def _update(self, **fields: Any) -> None:
         with self._lock:
