@@ -5,9 +5,9 @@ mode       how it waits                                         what it costs
 ========== ==================================================== =================================================
 blocking   asleep until a datagram comes; awake shortly before  a rehearsal each cycle; a processor that is halted
            it is due, for a rehearsal                           wakes up late
-ahead      after the rehearsal it looks for the datagram        at most 15 % of one processor per arm
-           without pause, for at most a tenth of a period
-hot        the same beside processors that never halt           idle processors draw power, too; needs permission
+hot        the same beside processors that never halt           idle processors draw power; needs permission
+ahead      after the rehearsal it looks for the datagram        at most 15 % of one processor per arm; a virtual
+           without pause, for at most a tenth of a period       robot beside it has to wait
 auto       ``hot`` where it is permitted, else ``ahead``
 ========== ==================================================== =================================================
 """
@@ -104,22 +104,11 @@ class BlockingWait(Wait):
             poller.wait(GLANCE)
 
 
-class AheadWait(Wait):
-    """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
+class HotWait(BlockingWait):
+    """Sleeps, while a robot streams beside processors that stay awake.
 
-    def __init__(self, clock: Clock) -> None:
-        super().__init__(clock)
-        self._forecast = ArrivalForecast(_SHARE_TO_LOOK)
-
-    def _await(self, poller: Poller, late: float) -> None:
-        while not poller.wait(0.0):
-            self._was_asleep = False
-            if self._clock.now() >= late:
-                return
-
-
-class HotWait(AheadWait):
-    """The same, while a robot streams beside processors that stay awake."""
+    It does not look for the datagram: a robot on this machine, with less priority, could not send it meanwhile.
+    """
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
@@ -134,6 +123,20 @@ class HotWait(AheadWait):
 
     def close(self) -> None:
         self._processors.release()
+
+
+class AheadWait(Wait):
+    """Sleeps until shortly before a datagram is due, then looks for it without a pause."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__(clock)
+        self._forecast = ArrivalForecast(_SHARE_TO_LOOK)
+
+    def _await(self, poller: Poller, late: float) -> None:
+        while not poller.wait(0.0):
+            self._was_asleep = False
+            if self._clock.now() >= late:
+                return
 
 
 def _nothing() -> None:
@@ -152,5 +155,5 @@ def way_to_wait(mode: WakeMode, clock: Clock) -> Wait:
 def describe(wait: Wait) -> str:
     """The way to wait in a few words for the log."""
     if isinstance(wait, HotWait):
-        return "awake shortly before each datagram, processors kept awake while EGM runs"
+        return "processors kept awake while EGM runs"
     return "awake shortly before each datagram" if isinstance(wait, AheadWait) else "asleep between datagrams"
