@@ -91,9 +91,7 @@ class RobotWatch:
         self._subscription: Subscription | None = None
         self._is_following = self._is_lost = self._is_hinted = False
         self._journal: deque[Change] = deque(maxlen=_JOURNAL)
-        self._told_changes = self._taken_changes = (
-            0  # how many the controller told, the thread looked at
-        )
+        self._told_changes = self._taken_changes = 0  # how many the controller told, the thread looked at
         self._looked_at = self._glanced_at = -RECONNECT
         self._bell, self._is_over = Flag(), Flag()
         self._thread: Thread | None = None
