@@ -130,6 +130,12 @@ def test_hands_hold_when_the_robot_is_deactivated(rig: RobotManagerRig) -> None:
     assert [gripper.holds for gripper in rig.grippers.values()] == [1, 1]
 
 
+def test_hands_hold_when_egm_of_a_deactivated_robot_does_not_end(rig: RobotManagerRig) -> None:
+    rig.manager.refusals["end_motion"] = "The right arm did not reach IDLE within 5 s."
+    rig.lead("/yumi_robot", "deactivate")
+    assert [gripper.holds for gripper in rig.grippers.values()] == [1, 1]
+
+
 @pytest.mark.parametrize("node", ["/l/gripper", "/yumi_robot"])
 def test_hand_takes_no_goals_unless_it_and_the_robot_are_active(rig: RobotManagerRig, node: str) -> None:
     assert rig.managed.why_no_grip(Side.LEFT) is None

@@ -49,6 +49,7 @@ class Connection:
         self._arms = arms
         self._book = MotionBook()
         self._stack = ExitStack()
+        self._were_tested = False
 
     def open(self) -> None:
         """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
@@ -91,7 +92,9 @@ class Connection:
         stack.close()
 
     def _set_up_hands(self) -> None:
-        set_up_hands(self.grippers, log.info, log.warning, is_tested=self._settings.gripper.test_at_start)
+        is_tested = self._settings.gripper.test_at_start and not self._were_tested
+        self._were_tested = True
+        set_up_hands(self.grippers, log.info, log.warning, is_tested=is_tested)
 
     def _start(self, stack: ExitStack) -> None:
         settings, report = self._settings, partial(log.info, "%s")

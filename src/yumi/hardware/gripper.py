@@ -38,6 +38,14 @@ _AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
 _STANDING = _AT_REST | {HandState.READY, HandState.ERROR}
 
 
+Check = Callable[[], None]
+"""Raises when a hand may not move."""
+
+
+def _always() -> None:
+    """Nothing stands against it."""
+
+
 class Gripper:
     """One hand.
 
@@ -115,24 +123,34 @@ class Gripper:
             f"The {self.side.word} gripper could not be calibrated; check its 24 V supply and its fingers.",
         )
 
-    def begin(self, order: HandOrder) -> None:
+    def begin(self, order: HandOrder, check: Check = _always) -> None:
         """Start to move the fingers.
+
+        Args:
+            order: what to do.
+            check: raises when the hand may not move any more; a hold that comes after it is not forgotten.
 
         Raises:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
         self._is_stopped = False
+        check()
         self._check_ready()
         # Each time: whatever was written before, the controller may have been restarted since.
         self._io.write("hand_MaxSpeed", speed_count(order.speed or self._usual_speed))
+        try:
+            self._send(order)
+        finally:
+            if self._is_stopped:  # while the command was on its way
+                self.stop()
+        self._stands_since, self._stood = self._clock.now(), 0.0
+
+    def _send(self, order: HandOrder) -> None:
         if order.direction is None:
             self._routines.run(self.side, SgCommand.MOVE_TO, self._timeout, target=order.position)
         else:
             command = SgCommand.GRIP_IN if order.direction is Direction.INWARDS else SgCommand.GRIP_OUT
             self._routines.run(self.side, command, self._timeout, force=order.force)
-        self._stands_since, self._stood = self._clock.now(), 0.0
-        if self._is_stopped:  # while the command was on its way
-            self.stop()
 
     def wait(
         self,
@@ -186,14 +204,22 @@ class Gripper:
         self._check_error(state)
         return None
 
-    def jog(self, *, opens: bool) -> None:
+    def jog(self, *, opens: bool, check: Check = _always) -> None:
         """Open or close with little speed until ``stop``, calibrated or not.
+
+        Args:
+            opens: which way.
+            check: as for ``begin``.
 
         Raises:
             RobotNotReady: the gripper does not obey.
         """
         self.stop()
+        self._is_stopped = False
+        check()
         self._io.write("hand_CmdGripper", HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+        if self._is_stopped:  # while the command was on its way
+            self.stop()
 
     def stop(self) -> None:
         """Stop the fingers: the motor lets go, and with it what the hand holds.

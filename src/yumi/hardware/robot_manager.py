@@ -114,8 +114,8 @@ class RobotManager:
         """
         with self._changing():
             if not (self._guidance.wanted and self._guidance.are_guided(self._arms)):
-                self._bringup.make_ready()
                 self.watchdog.take_over()
+                self._bringup.make_ready()
         return "The robot is ready"
 
     def start_egm(self, arms: Sequence[Side] | None = None) -> str:

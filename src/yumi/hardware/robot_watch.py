@@ -293,6 +293,9 @@ class RobotWatch:
             for change in self._changes_since(begin):
                 state = changed(state, change)
             self._state = state
+            if self._told_changes > begin:  # events and state machines are not told, but have to be read again
+                self._taken_changes = min(self._taken_changes, begin)
+                self._bell.set()
 
     def _changes_since(self, number: int) -> list[Change]:
         count = self._told_changes - number

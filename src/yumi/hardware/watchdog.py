@@ -96,6 +96,7 @@ class Watchdog:
 
     def take_over(self) -> None:
         """Disarm what an earlier driver has armed: it would stop a program that nobody guides."""
+        self.is_armed = False
         with suppress(ControllerRefused):  # the robot has none
             for side in Side:
                 self._write(side, "active", False)

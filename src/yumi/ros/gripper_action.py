@@ -11,7 +11,7 @@ from control_msgs.action import GripperCommand, ParallelGripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from sensor_msgs.msg import JointState
 
-from yumi.errors import CommandRefused, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.robot.gripper import Outcome
 from yumi.robot.hand import HandOrder, order_of
@@ -128,12 +128,17 @@ class HandAction(ABC):
         return self._result_of(order, outcome)
 
     def _carry_out(self, handle: Any, order: HandOrder) -> Outcome | None:
-        self._gripper.begin(order)
+        self._gripper.begin(order, self._check)
         return self._gripper.wait(
             order,
             lambda position: handle.publish_feedback(self.feedback(position)),
             lambda: bool(handle.is_cancel_requested),
         )
+
+    def _check(self) -> None:
+        reason = self._why_not_now()
+        if reason is not None:
+            raise RobotNotReady(reason)
 
     def _result_of(self, order: HandOrder, outcome: Outcome | None) -> Any:
         return self.result(

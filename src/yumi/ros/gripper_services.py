@@ -85,7 +85,7 @@ class GripperServices:
         return "The gripper is calibrated: closed is 0."
 
     def _jog(self, *, opens: bool) -> str:
-        self._gripper.jog(opens=opens)
+        self._gripper.jog(opens=opens, check=self._check)
         return f"The fingers {'open' if opens else 'close'} until stop is called."
 
     def _stop(self) -> str:

@@ -79,10 +79,12 @@ class RobotLife:
         for side in Side:
             with suppress(YumiError):  # of a fast line that is gone: the other arm is held, and EGM ended, all the same
                 self._line.ask(HoldArm(side))
-        self._manager.end_motion()
-        for gripper in self._grippers:
-            with suppress(YumiError):  # not every robot has two hands
-                gripper.hold()
+        try:
+            self._manager.end_motion()
+        finally:  # an arm whose EGM does not end is no reason to let fingers go on
+            for gripper in self._grippers:
+                with suppress(YumiError):  # not every robot has two hands
+                    gripper.hold()
         return "The robot holds, and may not move."
 
     def cleanup(self) -> str:

@@ -229,6 +229,20 @@ def test_error_that_does_not_go_is_told(robot: Robot, clock: ManualClock) -> Non
     assert robot.log[:2] == ["hand_CmdClearErr_L=1", "hand_CmdClearErr_L=0"]
 
 
+def may_not() -> None:
+    raise RobotNotReady("The right gripper is inactive; activate it first.")
+
+
+def test_hand_that_may_not_move_any_more_is_told_nothing(robot: Robot, clock: ManualClock) -> None:
+    gripper = gripper_of(robot, Side.RIGHT, clock)
+    robot.show(Side.RIGHT, HandState.READY)
+    for move in (lambda: gripper.begin(go_to(0.01), may_not), lambda: gripper.jog(opens=True, check=may_not)):
+        robot.log.clear()
+        with pytest.raises(RobotNotReady, match="is inactive"):
+            move()
+        assert not [line for line in robot.log if "command_input" in line or line.endswith("=1")]
+
+
 def test_speed_is_that_of_the_order_or_the_usual_one(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, HandState.READY)
     gripper = gripper_of(robot, Side.LEFT, clock)
