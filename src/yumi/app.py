@@ -311,9 +311,8 @@ def run_driver(
         hands = HandParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
-        fast_lines, manager, rate = parts.fast_lines, parts.manager, settings.ros.merged_rate
-        limits = parts.plan.limits
-        ros = RosDriver(fast_lines, parts.plan.controllers, manager, connection, hands, rate, clock, limits)
+        fast_lines, manager, plan, rate = parts.fast_lines, parts.manager, parts.plan, settings.ros.merged_rate
+        ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
         stack.callback(ros.stop)
         records = Records(settings.recorder, fast_lines.recorders, ros.say)
         stack.callback(records.close)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from math import exp
 
-from ruckig import InputParameter, OutputParameter, Result, Ruckig, RuckigError
+from ruckig import InputParameter, OutputParameter, Ruckig
 
 from yumi.control.forecast import Target
+from yumi.control.online_step import take_step
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO
@@ -72,13 +73,7 @@ class _Joint:
         given.current_acceleration = [self.acceleration - gain]
         given.max_velocity, given.min_velocity = [top - speed], [-top - speed]
         given.max_acceleration, given.min_acceleration = [strength - gain], [-strength - gain]
-        generator.delta_time = dt
-        try:
-            is_planned = generator.update(given, output) in (Result.Working, Result.Finished)
-        except (RuckigError, ValueError):  # the latter for results that its Python side does not know
-            is_planned = False
-        if not is_planned:
-            generator.reset()
+        if not take_step(generator, given, output, dt):
             self.begin(self.position, 0.0)
             return
         self.position = target + output.new_position[0]

@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from math import copysign, dist
 from typing import NamedTuple
 
-from ruckig import ControlInterface, InputParameter, OutputParameter, Result, Ruckig, RuckigError, Synchronization
+from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig, Synchronization
 
 from yumi.control.braking import braking_reach, speed_to_come
 from yumi.control.goal_motion import Goal, GoalMotion
+from yumi.control.online_step import take_step
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.limits import JointLimits
 from yumi.robot.values import ZERO
@@ -25,7 +26,6 @@ _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for i
 _CAUTION = 0.99  # an outlook is for one period, a robot's clock tells another by its last digits
 _NOWHERE = -1.0  # [rad] a distance that no step keeps
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
-_PLANNED = (Result.Working, Result.Finished)
 _SAME_PERIOD = 1e-8  # [s] by so much; at full speed the command moves less by it than the caution allows
 
 
@@ -240,7 +240,7 @@ class MotionShaper:
         given.min_acceleration = [
             -top - goal.acceleration for top, goal in zip(limits.acceleration, goals, strict=True)
         ]
-        if not self._plan(given, dt):
+        if not take_step(self._generator, given, output, dt):
             return self._steps_to_rest(motion, dt, is_late)
         ways = zip(goals, output.new_position, output.new_velocity, output.new_acceleration, is_late, strict=True)
         return [
@@ -255,19 +255,10 @@ class MotionShaper:
         given.current_position = list(self.position)
         given.current_velocity = [velocity for velocity, _ in motion]
         given.current_acceleration = [acceleration for _, acceleration in motion]
-        if not self._plan(given, dt):
+        if not take_step(self._generator, given, output, dt):
             return [self._slower(index, velocity, dt) for index, (velocity, _) in enumerate(motion)]
         ways = zip(output.new_position, output.new_velocity, output.new_acceleration, strict=True)
         return [_Step(*each) for each in ways]
-
-    def _plan(self, given: InputParameter, dt: float) -> bool:
-        """Whether the generator found the ways; it cannot always, at speeds of a few degrees a second."""
-        self._generator.delta_time = dt
-        try:
-            return self._generator.update(given, self._output) in _PLANNED
-        except (RuckigError, ValueError):  # the latter for results that its Python side does not know
-            self._generator.reset()
-            return False
 
     def _slower(self, index: int, velocity: float, dt: float) -> _Step:
         """The same without a generator, at the highest acceleration."""
