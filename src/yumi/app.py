@@ -3,8 +3,8 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: executor, streams, joint-states-r, joint-states-l, hands, web-socket,
-                                            robot-watch, robot-state, watchdog,
+                                   threads: answers (five), streams, ticker, joint-states-r, joint-states-l, hands,
+                                            web-socket, robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
@@ -58,7 +58,7 @@ from yumi.hardware.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.hardware.rws_client import RwsClient
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
-from yumi.links.realtime import settle_memory
+from yumi.links.realtime import brisk_threads, settle_memory
 from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
@@ -299,7 +299,7 @@ def run_driver(
         parts.manager.note(event)
         ros.tell(event)
 
-    with ExitStack() as stack:
+    with brisk_threads(), ExitStack() as stack:
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)

@@ -67,6 +67,7 @@ def state_machine_client(place: RobotPlace, address: str) -> RwsClient:
 
 def machine_trips(node: EvaluationNode, client: RwsClient, count: int) -> dict[str, tuple[float, ...]]:
     """A call of the driver's robot manager, then a look into the state machine: what together is a round trip."""
+    node.is_ready()  # finding each other is no round trip
     services, machines = [], []
     for _ in range(count):
         begin = time.monotonic()

@@ -21,6 +21,7 @@ from yumi.control.requests import Done, HoldArm, ListHardware, Request, SetHardw
 from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.state_machine import MachineState
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.ros.managed_nodes import ManagedNodes
 from yumi.ros.robot_actions import RobotManagerActions
@@ -138,7 +139,8 @@ class RobotManagerRig:
         offered = (self.node, self.manager, self.managed.permission, lambda: None)
         RobotManagerServices(*offered)
         self.actions = RobotManagerActions(*offered)
-        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock())
+        self.ticker = Ticker(SystemClock(), print)
+        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.ticker)
         self.client = Client()
         self._executor = MultiThreadedExecutor(num_threads=THREADS)
         for node in (self.node, *self.managed.all):
@@ -147,7 +149,7 @@ class RobotManagerRig:
         self._thread = Thread(target=self._spin, name="robot-manager-rig")
         self._thread.start()
         self._begin_all_threads()
-        self.topic.start()
+        self.ticker.start()
 
     def begin(self) -> None:
         """A test begins: all active, nothing refused, nothing noted."""
@@ -181,7 +183,7 @@ class RobotManagerRig:
         self.manager.robot = replace(self.manager.robot, **fields)
 
     def close(self) -> None:
-        self.topic.stop()
+        self.ticker.stop()
         self._is_over.set()
         self._thread.join()
         self._executor.shutdown()

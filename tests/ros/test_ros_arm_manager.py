@@ -124,7 +124,6 @@ def rig(ros: None) -> Iterator[SimpleNamespace]:
     entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
     known = [ControllerSettings("listed", KIND, entries)]
     arm = ArmManager(Side.RIGHT, line, known, executor, {KIND: lambda *_: interface}, SystemClock())
-    executor.add_node(arm.node)
     client = Client(executor)
     descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
     yield SimpleNamespace(

@@ -20,7 +20,9 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from system.virtual_time_bench import System
+from yumi.clock import SystemClock
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.links.ticker import Ticker
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import TRAVEL, GripperModules, Outcome
 from yumi.robot.hand import HandReading, read_hand
@@ -135,11 +137,14 @@ def hands(ros: None) -> Iterator[Hand]:
     nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
     streams = {side: rclpy.create_node("yumi_topics", namespace=side.value) for side in Side}
     parts = HandParts(robot.grippers, robot, SETTINGS)
-    hands = Hands(parts, nodes, streams, lambda _: None, lambda side: refusals[0] if refusals else None)
+    ticker = Ticker(SystemClock(), print)
+    hands = Hands(parts, nodes, streams, lambda _: None, ticker, lambda side: refusals[0] if refusals else None)
     client = Client(executor)
     for node in (*nodes.values(), *streams.values()):
         executor.add_node(node)
+    ticker.start()
     yield Hand(client, robot, refusals)
+    ticker.stop()
     client.close()
     hands.destroy()
     for node in (*nodes.values(), *streams.values()):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,25 +9,29 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.control.mailbox import MemoryMailbox
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.joint_state_topics import SILENCE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 
+PERIOD = 0.01
+
 
 class Node:
-    """Its timer is the test's; what it publishes is kept."""
+    """What it publishes is kept."""
 
     def __init__(self, clock: ManualClock) -> None:
         self.published: list[Any] = []
-        self.tick: Callable[[], None] = lambda: None
+        self.ticker = Ticker(clock, pytest.fail)
         self._clock = clock
+
+    def tick(self) -> None:
+        self._clock.advance(PERIOD)
+        self.ticker.tick()
 
     def create_publisher(self, *_: Any) -> Any:
         return SimpleNamespace(publish=self.published.append)
-
-    def create_timer(self, period: float, callback: Callable[[], None]) -> None:
-        self.tick = callback
 
     def get_clock(self) -> Any:
         return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=int((1e9 + self._clock.now()) * 1e9)))
@@ -43,7 +46,7 @@ def states() -> dict[Side, MemoryMailbox]:
 def node(clock: ManualClock, states: dict[Side, MemoryMailbox]) -> Node:
     node = Node(clock)
     boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 100.0, clock)
+    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.ticker)
     return node
 
 
@@ -65,7 +68,7 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
     node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
 ) -> None:
     hear(states[Side.RIGHT], clock.now())
-    clock.advance(SILENCE)
+    clock.advance(SILENCE - PERIOD)
     hear(states[Side.LEFT], clock.now())
     node.tick()
     assert list(node.published[-1].name) == [*joint_names(Side.LEFT), *finger_names(Side.LEFT)]
@@ -74,9 +77,10 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
 def test_merged_states_bear_the_time_of_the_oldest_of_them(
     node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
 ) -> None:
-    hear(states[Side.RIGHT], clock.now())
+    oldest = clock.now()
+    hear(states[Side.RIGHT], oldest)
     clock.advance(0.1)
     hear(states[Side.LEFT], clock.now())
     node.tick()
     stamp = node.published[-1].header.stamp
-    assert stamp.sec + stamp.nanosec * 1e-9 == pytest.approx(1e9 + clock.now() - 0.1, abs=1e-3)
+    assert stamp.sec + stamp.nanosec * 1e-9 == pytest.approx(1e9 + oldest, abs=1e-3)

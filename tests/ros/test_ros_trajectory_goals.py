@@ -17,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi.clock import SystemClock
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.requests import Done, FastLineEnded, Request
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.poses import home
@@ -32,7 +33,8 @@ class Lone:
         self.requests: list[Request] = []
         self.node: Any = rclpy.create_node("lone")
         boxes = {Side.RIGHT: MemoryMailbox()}
-        self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS)
+        ticker = Ticker(SystemClock(), print)
+        self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS, ticker)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)

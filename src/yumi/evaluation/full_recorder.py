@@ -18,8 +18,8 @@ from yumi.evaluation.recorded_messages import RecordedEvent
 from yumi.evaluation.recording import RecordingWriter, recorded_event
 from yumi.robot.joints import Side
 
-PERIOD = 0.2
-"""How often the memories are read [s]."""
+PERIOD = 0.02
+"""How often the memories are read [s]: the less there is to write at once, the less others wait."""
 
 
 class FullRecorder:

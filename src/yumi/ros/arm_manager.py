@@ -63,6 +63,7 @@ class ArmManager:
         self._hardware = ArmHardware(side, line)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
         self._news = self.node.create_guard_condition(self._look, MutuallyExclusiveCallbackGroup())
+        executor.add_node(self.node)
         self._wait = DescriptionWait(self.node, side, self._serve)
         self._diagnostics = ManagerDiagnostics(
             self.node,

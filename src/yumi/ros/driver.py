@@ -35,6 +35,7 @@ from yumi.errors import YumiError
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.arm_manager import ArmManager
@@ -81,7 +82,7 @@ class DriverNodes(NamedTuple):
 
     @property
     def streaming(self) -> tuple[Any, ...]:
-        """Those for the lean executor."""
+        """Those with topics alone."""
         return (self.stream, *self.streams.values())
 
     def destroy(self) -> None:
@@ -117,7 +118,9 @@ class RosDriver:
         self._manager = manager
         self._hand_parts = hands
         self._nodes = nodes = DriverNodes.make()
-        self._executors = Executors(nodes.manager.get_logger().error)
+        complain = nodes.manager.get_logger().error
+        self._executors = executors = Executors(complain)
+        self._ticker = Ticker(clock, complain)
         self._trajectories = TrajectoryControllers(
             nodes.dual,
             {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
@@ -125,12 +128,15 @@ class RosDriver:
             fast_lines.ask,
             clock,
             limits,
-            nodes.stream,
+            self._ticker,
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
-        interfaces, executor = {**self._trajectories.interfaces, **forwarding}, self._executors.answering
+        interfaces = {**self._trajectories.interfaces, **forwarding}
+        of_arms = {side: executors.answering(f"answers-{side.value}") for side in Side}
         self._arms = {
-            side: ArmManager(side, fast_lines, own, executor, interfaces, clock, partial(self._follow_hardware, side))
+            side: ArmManager(
+                side, fast_lines, own, of_arms[side], interfaces, clock, partial(self._follow_hardware, side)
+            )
             for side, own in controllers.items()
         }
         self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
@@ -139,6 +145,7 @@ class RosDriver:
             self._managed.grippers,
             nodes.streams,
             self.say,
+            self._ticker,
             self._managed.why_no_grip,
             self._managed.may_ask_hand,
         )
@@ -146,20 +153,23 @@ class RosDriver:
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
+        executors.answering("answers", nodes.manager)
+        executors.answering("answers-dual", nodes.dual)
+        executors.answering("answers-lives", *self._managed.all)
+        executors.streaming("streams", *nodes.streaming)
         self._publish(fast_lines, merged_rate, clock, limits)
 
     def start(self) -> None:
         """Answer from now on."""
-        arms = (arm.node for arm in self._arms.values())
-        self._state.start()
+        self._ticker.start()
         for publisher in self._states:
             publisher.start()
         self._hands.start()
-        self._executors.start((self._nodes.manager, self._nodes.dual, *arms, *self._managed.all), self._nodes.streaming)
+        self._executors.start()
 
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
-        self._state.stop()
+        self._ticker.stop()
         for publisher in self._states:
             publisher.stop()
         self._hands.stop()
@@ -211,11 +221,13 @@ class RosDriver:
         """Publish what is known."""
         nodes, robot, boxes = self._nodes, self._manager.watch.state, fast_lines.boxes
         self._states = [JointStatePublisher(arm.node, side, boxes[side], clock) for side, arm in self._arms.items()]
-        self._state = RobotStateTopic(nodes.manager, robot, clock)
-        self._merged = MergedJointStates(nodes.stream, boxes, self._hands.fingers, merged_rate, clock)
+        self._state = RobotStateTopic(nodes.manager, robot, clock, self._ticker)
+        self._merged = MergedJointStates(nodes.stream, boxes, self._hands.fingers, merged_rate, clock, self._ticker)
         modules = {side: self._hand_parts.settings.modules(side) for side in Side}
         self._descriptions = publish_descriptions(nodes.manager, limits, modules)
-        self._health = HealthTopics(nodes.manager, nodes.streams, fast_lines.snapshot, robot, self._hands.statuses)
+        self._health = HealthTopics(
+            nodes.manager, nodes.streams, fast_lines.snapshot, robot, self._hands.statuses, self._ticker
+        )
 
 
 def stream_node(namespace: str = "") -> Any:

@@ -59,7 +59,7 @@ class EvaluationNode:
         self.side = side
         self.states: list[HeardJointState] = []
         self._check = check
-        self._node = rclpy.create_node(f"evaluation_{side.value}")
+        self._node = rclpy.create_node(f"evaluation_{side.value}", start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._behind = _difference()

@@ -1,11 +1,12 @@
-"""The driver's two executors: one answers services and actions, a lean one has what comes hundreds of times a second.
+"""The driver's executors: one for what streams, and one for each family of nodes that answers.
 
-A turn of the first costs milliseconds with so many entities, which nothing that streams can afford.
+A turn of an executor looks at every entity of all its nodes, several times for each request; with the whole driver in
+one that takes ten milliseconds, during which no other thread gets on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from threading import Event as Flag
 from threading import Thread
 from typing import Any
@@ -13,53 +14,57 @@ from typing import Any
 from rclpy._rclpy_pybind11 import InvalidHandle
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
-_THREADS = 8  # more than there are slow services and actions
+_THREADS = 8  # more than a family has slow services and actions
+_GLANCE = 0.5  # [s] how soon a thread notices at the latest that it shall end
 _LAST_TURN = 2.0  # [s]
 
 
 class Executors:
-    """Both, with a thread each.
+    """Some executors, with a thread each between start and stop.
 
     Args:
         complain: told what a callback failed with.
-
-    Attributes:
-        answering: for services and actions.
-        streaming: for topics.
     """
 
     def __init__(self, complain: Callable[[str], None]) -> None:
-        self.answering: Executor = MultiThreadedExecutor(num_threads=_THREADS)
-        self.streaming: Executor = SingleThreadedExecutor()
         self._complain = complain
         self._is_over = Flag()
-        self._threads = [
-            Thread(target=self._spin, args=(self.answering,), name="executor"),
-            Thread(target=self._spin, args=(self.streaming,), name="streams"),
-        ]
+        self._executors: list[Executor] = []
+        self._threads: list[Thread] = []
 
-    def start(self, answering: Iterable[Any], streaming: Iterable[Any]) -> None:
-        """Spin these nodes from now on."""
-        for node in answering:
-            self.answering.add_node(node)
-        for node in streaming:
-            self.streaming.add_node(node)
+    def answering(self, name: str, *nodes: Any) -> Executor:
+        """Another one, for services and actions, which may take their time."""
+        return self._add(MultiThreadedExecutor(num_threads=_THREADS), name, nodes)
+
+    def streaming(self, name: str, *nodes: Any) -> Executor:
+        """Another one, for topics that come hundreds of times a second."""
+        return self._add(SingleThreadedExecutor(), name, nodes)
+
+    def start(self) -> None:
+        """Spin all from now on."""
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
         """Spin nothing any more."""
         self._is_over.set()
-        self.answering.shutdown(timeout_sec=_LAST_TURN)
-        self.streaming.shutdown(timeout_sec=_LAST_TURN)
+        for executor in self._executors:
+            executor.shutdown(timeout_sec=_LAST_TURN)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
 
+    def _add(self, executor: Executor, name: str, nodes: tuple[Any, ...]) -> Executor:
+        for node in nodes:
+            executor.add_node(node)
+        self._executors.append(executor)
+        self._threads.append(Thread(target=self._spin, args=(executor,), name=name))
+        return executor
+
     def _spin(self, executor: Executor) -> None:
         while not self._is_over.is_set():
             try:
-                executor.spin_once(timeout_sec=0.1)
+                executor.spin_once(timeout_sec=_GLANCE)
             except InvalidHandle:
                 continue  # a controller's node went while the executor looked for work
             except Exception as error:  # of a callback; everybody else still wants to be answered

@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 
+from yumi.links.ticker import Ticker
 from yumi.robot.gripper import HandState
 from yumi.robot.hand import CupReading, HandReading
 from yumi.robot.joints import Side, finger_names
@@ -34,6 +35,7 @@ class GripperTopics:
         reading: the hand as it is now, or None while that is not known.
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         channels: its vacuum modules.
+        ticker: keeps the rate.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class GripperTopics:
         reading: Callable[[], HandReading | None],
         picked_pressure: float,
         channels: tuple[int, ...],
+        ticker: Ticker,
     ) -> None:
         self._clock = node.get_clock()
         self._names = list(finger_names(side))
@@ -61,7 +64,7 @@ class GripperTopics:
         self._told: dict[int, bool] = {}
         self._last: HandState | None = None
         self._count = 0
-        node.create_timer(PERIOD, self._publish)
+        ticker.every(PERIOD, self._publish)
 
     def _publish(self) -> None:
         reading = self._reading()

@@ -14,6 +14,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from yumi.errors import NoConnection, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_signals import HandSignals
+from yumi.links.ticker import Ticker
 from yumi.robot.hand import HandReading
 from yumi.robot.joints import Side
 from yumi.ros.gripper_action import HandTurn, hand_actions
@@ -58,6 +59,7 @@ class Hands:
         nodes: the node with the actions and services of each hand.
         streams: a node for the topics of each.
         say: told when the controller does not tell of the hands, and when it does again.
+        ticker: keeps the topics' rates.
         why_not: why a hand may not move now; None when it may.
         may_ask: whether the robot may be asked.
     """
@@ -68,6 +70,7 @@ class Hands:
         nodes: Mapping[Side, Any],
         streams: Mapping[Side, Any],
         say: Callable[[str], None],
+        ticker: Ticker,
         why_not: Callable[[Side], str | None] = lambda side: None,
         may_ask: Callable[[Side], bool] = lambda side: True,
     ) -> None:
@@ -89,6 +92,7 @@ class Hands:
                 partial(self._reading, side),
                 settings.picked_pressure,
                 settings.modules(side).vacuum_channels,
+                ticker,
             )
             for side, node in streams.items()
         ]

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from yumi.control.snapshot import Snapshot
 from yumi.hardware.manager_state import RobotState
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.ros.conversions import egm_status, stamp
 from yumi.ros.robot_messages import robot_status
@@ -27,6 +28,7 @@ class HealthTopics:
         snapshot: what is known of an arm.
         robot: what is known of the robot.
         hands: both hands for ``/diagnostics``.
+        ticker: keeps the rates.
     """
 
     def __init__(
@@ -36,6 +38,7 @@ class HealthTopics:
         snapshot: Callable[[Side], Snapshot],
         robot: Callable[[], RobotState],
         hands: Callable[[], list[DiagnosticStatus]],
+        ticker: Ticker,
     ) -> None:
         self._clock = node.get_clock()
         self._snapshot = snapshot
@@ -43,9 +46,9 @@ class HealthTopics:
         self._hands = hands
         for side, stream in streams.items():
             publisher = stream.create_publisher(DiagnosticStatus, "egm_state", 1)
-            stream.create_timer(_EGM_STATE_PERIOD, partial(self._publish_arm, publisher, side))
+            ticker.every(_EGM_STATE_PERIOD, partial(self._publish_arm, publisher, side))
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        node.create_timer(_DIAGNOSTICS_PERIOD, self._publish_all)
+        ticker.every(_DIAGNOSTICS_PERIOD, self._publish_all)
 
     def _publish_arm(self, publisher: Any, side: Side) -> None:
         publisher.publish(egm_status(side, self._snapshot(side)))

@@ -10,6 +10,7 @@ from sensor_msgs.msg import JointState
 
 from yumi.clock import Clock
 from yumi.hardware.fast_line import ArmBoxes
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.conversions import joint_state
 
@@ -105,6 +106,7 @@ class MergedJointStates:
         fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
+        ticker: keeps the rate.
     """
 
     def __init__(
@@ -114,6 +116,7 @@ class MergedJointStates:
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
+        ticker: Ticker,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         ros_clock = node.get_clock()
@@ -121,7 +124,7 @@ class MergedJointStates:
         self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
-        node.create_timer(1.0 / rate, self._publish)
+        ticker.every(1.0 / rate, self._publish)
 
     def _publish(self) -> None:
         names: list[str] = []

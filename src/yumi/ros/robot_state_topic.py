@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import Event, Thread
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -11,6 +10,7 @@ from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
 from yumi.hardware.manager_state import RobotState
+from yumi.links.ticker import Ticker
 from yumi.ros.robot_messages import robot_state
 
 GLANCE = 0.05
@@ -23,15 +23,16 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class RobotStateTopic:
-    """Publishes it from a thread of its own: a turn of the executor costs more than all of this.
+    """Publishes it.
 
     Args:
         node: the robot manager's node.
         state: what is known of the robot now.
         clock: the machine's clock.
+        ticker: has it looked.
     """
 
-    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock) -> None:
+    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock, ticker: Ticker) -> None:
         self._publisher = node.create_publisher(RobotStateMessage, "~/state", _LATCHED)
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
@@ -39,17 +40,7 @@ class RobotStateTopic:
         self._clock = clock
         self._last: RobotState | None = None
         self._told = 0.0
-        self._is_over = Event()
-        self._thread = Thread(target=self._run, name="robot-state", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread; before the node is destroyed."""
-        self._is_over.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        ticker.every(GLANCE, self.update)
 
     def update(self) -> None:
         """Look, and tell what has changed, or what has not been told for a while."""
@@ -58,7 +49,3 @@ class RobotStateTopic:
             return
         self._last, self._told = state, now
         self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds))
-
-    def _run(self) -> None:
-        while not self._is_over.wait(GLANCE):
-            self.update()

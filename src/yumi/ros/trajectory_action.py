@@ -35,6 +35,7 @@ from yumi.controllers.trajectory_orders import (
     TrajectoryEnded,
 )
 from yumi.errors import YumiError
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.trajectory_messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
@@ -87,7 +88,7 @@ class TrajectoryAction:
         ask: has a request served by the fast line.
         clock: the machine's clock.
         limits: what the joints may do.
-        ticker: the node whose timer passes feedback on, fifty times a second: one that a lean executor spins.
+        ticker: has feedback passed on, fifty times a second.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class TrajectoryAction:
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
-        ticker: Any = None,
+        ticker: Ticker,
     ) -> None:
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
@@ -130,8 +131,7 @@ class TrajectoryAction:
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        self._ticker = ticker or node
-        self._timer = self._ticker.create_timer(_GLANCE, self._pass_on, callback_group=MutuallyExclusiveCallbackGroup())
+        self._end_feedback = ticker.every(_GLANCE, self._pass_on)
 
     def tell(self, notice: Any) -> None:
         """Take what the only arm's controller has told; from any thread."""
@@ -155,7 +155,7 @@ class TrajectoryAction:
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
         self._give_up()
-        self._ticker.destroy_timer(self._timer)
+        self._end_feedback()
         self._server.destroy()
 
     def _give_up(self) -> None:

@@ -9,6 +9,7 @@ from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
 from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.joint_trajectory import JointTrajectoryController
+from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.controller_nodes import MakeInterface
@@ -28,7 +29,7 @@ class TrajectoryControllers:
         ask: has a request served by the fast line.
         clock: the machine's clock.
         limits: what the joints may do.
-        ticker: a node that a lean executor spins, for timers.
+        ticker: has feedback passed on.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
@@ -42,7 +43,7 @@ class TrajectoryControllers:
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
-        ticker: Any,
+        ticker: Ticker,
     ) -> None:
         both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker)
 
