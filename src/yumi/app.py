@@ -3,8 +3,8 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: answers (five), streams, ticker, joint-states-r, joint-states-l, hands,
-                                            web-socket, robot-watch, watchdog,
+                                   threads: answers (five), streams, ticker, slow-ticker, joint-states-r,
+                                            joint-states-l, hands, web-socket, robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)
                      process 2, 3  the fast lines: one arm's cycles each, one thread

@@ -37,6 +37,7 @@ from yumi.control.request_desk import RequestDesk
 from yumi.control.requests import ControllerFailed, ControllerNotice, Done, Refusal, Request
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.hardware.perfect_arm import PerfectArm
+from yumi.links.ticker import Ticker
 from yumi.parameter_file import Entry
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
@@ -123,7 +124,9 @@ def rig(ros: None) -> Iterator[SimpleNamespace]:
     executor, line, interface = SingleThreadedExecutor(), MemoryLine(), Interface()
     entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
     known = [ControllerSettings("listed", KIND, entries)]
-    arm = ArmManager(Side.RIGHT, line, known, executor, {KIND: lambda *_: interface}, SystemClock())
+    arm = ArmManager(
+        Side.RIGHT, line, known, executor, {KIND: lambda *_: interface}, SystemClock(), Ticker(SystemClock(), print)
+    )
     client = Client(executor)
     descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
     yield SimpleNamespace(

@@ -25,22 +25,23 @@ class _Repeated:
 
 
 class Ticker:
-    """Calls actions at fixed periods, between start and stop; none of them may wait for anything.
+    """Calls actions at fixed periods, one after the other, between start and stop.
 
     What comes late is not made up for, and what fails is called again.
 
     Args:
         clock: what the periods are measured on.
         complain: told what an action fails with, once until it succeeds.
+        name: of the thread.
     """
 
-    def __init__(self, clock: Clock, complain: Callable[[str], None]) -> None:
+    def __init__(self, clock: Clock, complain: Callable[[str], None], name: str = "ticker") -> None:
         self._clock = clock
         self._complain = complain
         self._repeated: list[_Repeated] = []
         self._news = Condition(RLock())
         self._is_over = False
-        self._thread = Thread(target=self._run, name="ticker", daemon=True)
+        self._thread = Thread(target=self._run, name=name, daemon=True)
 
     def every(self, period: float, action: Action) -> Callable[[], None]:
         """Call ``action`` once each ``period`` [s]; returns what ends that, after which no call goes on."""

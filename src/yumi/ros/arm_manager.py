@@ -12,6 +12,7 @@ from rclpy.executors import Executor
 from yumi.clock import Clock
 from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
+from yumi.links.ticker import Ticker
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
 from yumi.ros.activity_topic import ActivityTopic
@@ -39,6 +40,7 @@ class ArmManager:
         executor: what spins this node and those of the controllers.
         interfaces: what controllers of a kind offer besides parameters.
         clock: the machine's clock.
+        ticker: for what has to be asked of the fast line.
         on_look: called whenever the arm's activity is looked at.
     """
 
@@ -50,6 +52,7 @@ class ArmManager:
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
+        ticker: Ticker,
         on_look: Callable[[], None] = lambda: None,
     ) -> None:
         self.node: Any = rclpy.create_node(
@@ -72,6 +75,7 @@ class ArmManager:
             lambda: not self._wait.is_over,
             self._parameters.threshold,
             RATE,
+            ticker,
         )
 
     def tell(self, event: Event) -> None:

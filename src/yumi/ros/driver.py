@@ -121,6 +121,7 @@ class RosDriver:
         complain = nodes.manager.get_logger().error
         self._executors = executors = Executors(complain)
         self._ticker = Ticker(clock, complain)
+        self._slow_ticker = Ticker(clock, complain, "slow-ticker")
         self._trajectories = TrajectoryControllers(
             nodes.dual,
             {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
@@ -135,7 +136,14 @@ class RosDriver:
         of_arms = {side: executors.answering(f"answers-{side.value}") for side in Side}
         self._arms = {
             side: ArmManager(
-                side, fast_lines, own, of_arms[side], interfaces, clock, partial(self._follow_hardware, side)
+                side,
+                fast_lines,
+                own,
+                of_arms[side],
+                interfaces,
+                clock,
+                self._slow_ticker,
+                partial(self._follow_hardware, side),
             )
             for side, own in controllers.items()
         }
@@ -161,7 +169,8 @@ class RosDriver:
 
     def start(self) -> None:
         """Answer from now on."""
-        self._ticker.start()
+        for ticker in (self._ticker, self._slow_ticker):
+            ticker.start()
         for publisher in self._states:
             publisher.start()
         self._hands.start()
@@ -169,7 +178,8 @@ class RosDriver:
 
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
-        self._ticker.stop()
+        for ticker in (self._ticker, self._slow_ticker):
+            ticker.stop()
         for publisher in self._states:
             publisher.stop()
         self._hands.stop()

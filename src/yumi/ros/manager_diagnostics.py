@@ -11,6 +11,7 @@ from yumi.control.inventory import ControllerInfo, HardwareInfo
 from yumi.control.lifecycle import State
 from yumi.control.statistics import Statistics
 from yumi.errors import YumiError
+from yumi.links.ticker import Ticker
 from yumi.ros.arm_controllers import ArmControllers
 from yumi.ros.arm_hardware import ArmHardware
 from yumi.ros.conversions import stamp
@@ -39,6 +40,7 @@ class ManagerDiagnostics:
         hardware: the arm's component.
         threshold: where warnings and errors begin.
         rate: how often controllers shall be updated [Hz].
+        ticker: has them published; it waits for the fast line each time.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class ManagerDiagnostics:
         is_waiting: Callable[[], bool],
         threshold: Threshold,
         rate: int,
+        ticker: Ticker,
     ) -> None:
         self._name = node.get_fully_qualified_name()  # both arms' managers have the same bare name
         self._clock = node.get_clock()
@@ -58,7 +61,7 @@ class ManagerDiagnostics:
         self._threshold = threshold
         self._rate = rate
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        node.create_timer(_PERIOD, self._publish)
+        ticker.every(_PERIOD, self._publish)
 
     def _publish(self) -> None:
         array = DiagnosticArray()
