@@ -8,7 +8,7 @@ from dataclasses import replace
 from threading import Event as Flag
 from threading import Lock
 
-from yumi.clock import SystemClock
+from yumi.clock import Clock, SystemClock
 from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
@@ -58,6 +58,36 @@ def world_settings(
     )
 
 
+TIME_TO_ANSWER = 0.4 * CYCLE
+"""What a datagram's answer has at least before the next cycle looks for it [s]."""
+
+LONGEST_LAG = 5 * CYCLE
+"""A machine that has fallen behind by more lets the cycles go, as time does [s]."""
+
+
+class Pace:
+    """When the cycles of a robot that keeps real time begin.
+
+    A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
+    next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
+    every command after them is a cycle late until the session ends (reference/egm.md §4.3).
+
+    Args:
+        clock: the machine's.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._due = clock.now()
+
+    def wait(self) -> None:
+        """From the end of a cycle, when its datagrams have left, until the next one begins."""
+        self._due += CYCLE
+        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER))
+        if self._clock.now() - self._due > LONGEST_LAG:
+            self._due = self._clock.now()
+
+
 class VirtualController:
     """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
 
@@ -87,10 +117,10 @@ class VirtualController:
         prefer_process()
         with self._server as server:
             on_ready(server.port)
-            due = self._clock.now()
+            pace = Pace(self._clock)
             while not is_over.is_set():
                 self._cycle()
-                due = self._wait_until(due + CYCLE)
+                pace.wait()
         for link in self._links.values():
             link.close()
 
@@ -101,14 +131,6 @@ class VirtualController:
             self._adapter.advance(self._clock.now())
         for side, datagram in datagrams.items():
             self._links[side].send(datagram)
-
-    def _wait_until(self, due: float) -> float:
-        """Wait; a machine that has fallen behind by more than a few cycles lets them go, as time does."""
-        now = self._clock.now()
-        if due > now:
-            self._clock.wait(due - now)
-            return due
-        return due if now - due < 5 * CYCLE else now
 
     def _hang_up(self) -> None:
         self._server.hang_up()
