@@ -12,7 +12,7 @@ from contextlib import contextmanager
 _PRIORITY = 50
 _NICE = -20
 _MCL_CURRENT_AND_FUTURE = 3
-_TURN = 0.001  # [s] Python's own is 5 ms, longer than a cycle
+_TURN = 0.0002  # [s] Python's own is 5 ms, longer than a cycle
 _DMA_LATENCY = "/dev/cpu_dma_latency"
 
 
