@@ -97,15 +97,20 @@ def _markdown_table(table: Table) -> str:
 
 def _html(block: Block) -> str:
     if isinstance(block, Heading):
-        return f'<h{block.level} id="{_anchor(block)}">{escape(block.text)}</h{block.level}>'
+        return f'<h{block.level} id="{_anchor(block)}">{_text(block.text)}</h{block.level}>'
     if isinstance(block, Table):
         return _html_table(block)
     if isinstance(block, Picture):
         source = f'<source media="(prefers-color-scheme: dark)" srcset="{escape(block.dark)}">'
         image = f'<img alt="{escape(block.caption)}" src="{escape(block.light)}">'
-        caption = f"<figcaption>{escape(block.caption)}</figcaption>"
+        caption = f"<figcaption>{_text(block.caption)}</figcaption>"
         return f"<figure><picture>{source}{image}</picture>{caption}</figure>"
-    return f"<p>{escape(block.text)}</p>"
+    return f"<p>{_text(block.text)}</p>"
+
+
+def _text(text: str) -> str:
+    """Escaped; what belongs to a number stays on its line."""
+    return _BESIDE_NUMBER.sub("&nbsp;", escape(text))
 
 
 def _anchor(heading: Heading) -> str:
@@ -114,7 +119,7 @@ def _anchor(heading: Heading) -> str:
 
 
 def _contents(sections: Iterable[Heading]) -> str:
-    links = "".join(f'<li><a href="#{_anchor(each)}">{escape(each.text)}</a></li>' for each in sections)
+    links = "".join(f'<li><a href="#{_anchor(each)}">{_text(each.text)}</a></li>' for each in sections)
     return f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
 
 
@@ -123,15 +128,17 @@ def _html_table(table: Table) -> str:
     lines = ["".join(_cell("td", index, cell, table) for index, cell in enumerate(row)) for row in table.rows]
     rows = "\n".join(f"<tr>{line}</tr>" for line in lines)
     # The caption stands outside of what scrolls sideways: on a narrow page it would be cut off with the columns.
-    caption = f"<figcaption>{escape(table.caption)}</figcaption>" if table.caption else ""
+    caption = f"<figcaption>{_text(table.caption)}</figcaption>" if table.caption else ""
     body = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>"
     return f'<figure><div class="wide">{body}</div>{caption}</figure>'
 
 
 def _cell(tag: str, index: int, text: str, table: Table) -> str:
     kind = ' class="text"' if index in table.texts else ""
-    return f"<{tag}{kind}>{escape(text)}</{tag}>"
+    return f"<{tag}{kind}>{_text(text)}</{tag}>"
 
+
+_BESIDE_NUMBER = re.compile(r"(?<=\d) (?=(?:ms|s|Hz|%|rad/s[²³]?|°/s)(?:\W|$))|(?<=\bP) (?== \d)|(?<=\bP =) (?=\d)")
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f24; --faint: #59636e; --line: #d1d9e0;
@@ -149,10 +156,10 @@ a { color: var(--link); } nav ul { padding-left: 1.2rem; columns: 22rem; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 figcaption { color: var(--faint); font-size: .9rem; padding: .3rem 0; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top; }
-.text { text-align: left; } td:not(.text) { white-space: nowrap; }
+.text { text-align: left; } td:not(.text), td.text:not(:first-child, :last-child) { white-space: nowrap; }
 tr { background: var(--paper); } tbody tr:nth-child(even) { background: var(--band); }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
-th.text:first-child { min-width: 8.5rem; } h3 { margin-top: 1.8rem; }
+th.text:first-child, td.text:last-child { min-width: 8.5rem; } h3 { margin-top: 1.8rem; }
 @media (max-width: 40rem) { main { padding: 1rem .8rem 3rem; } table { font-size: .82rem; }
   th, td { padding: .3rem .4rem; } h1 { font-size: 1.5rem; } td.text:last-child { min-width: 13rem; }
   tr > .text:first-child { position: sticky; left: 0; background: inherit; }
