@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -62,8 +63,11 @@ def to_markdown(blocks: Iterable[Block]) -> str:
 
 
 def to_html(blocks: Sequence[Block], title: str) -> str:
-    """The document as a page that needs nothing but its pictures."""
-    body = "\n".join(_html(block) for block in blocks)
+    """The document as a page that needs nothing but its pictures; a list of its sections stands above the first."""
+    sections = [block for block in blocks if isinstance(block, Heading) and block.level == 2]
+    first = blocks.index(sections[0]) if sections else len(blocks)
+    above, below = (list(map(_html, part)) for part in (blocks[:first], blocks[first:]))
+    body = "\n".join([*above, *([_contents(sections)] if sections else []), *below])
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{escape(title)}</title>\n'
@@ -78,7 +82,9 @@ def _markdown(block: Block) -> str:
         return _markdown_table(block)
     if isinstance(block, Picture):
         source = f'<source media="(prefers-color-scheme: dark)" srcset="{block.dark}">'
-        return f'<picture>{source}<img alt="" src="{block.light}"></picture>\n\n*{block.caption}*'
+        return (
+            f'<picture>{source}<img alt="{escape(block.caption)}" src="{block.light}"></picture>\n\n*{block.caption}*'
+        )
     return block.text
 
 
@@ -91,47 +97,71 @@ def _markdown_table(table: Table) -> str:
 
 def _html(block: Block) -> str:
     if isinstance(block, Heading):
-        return f"<h{block.level}>{escape(block.text)}</h{block.level}>"
+        return f'<h{block.level} id="{_anchor(block)}">{_text(block.text)}</h{block.level}>'
     if isinstance(block, Table):
         return _html_table(block)
     if isinstance(block, Picture):
         source = f'<source media="(prefers-color-scheme: dark)" srcset="{escape(block.dark)}">'
         image = f'<img alt="{escape(block.caption)}" src="{escape(block.light)}">'
-        caption = f"<figcaption>{escape(block.caption)}</figcaption>"
+        caption = f"<figcaption>{_text(block.caption)}</figcaption>"
         return f"<figure><picture>{source}{image}</picture>{caption}</figure>"
-    return f"<p>{escape(block.text)}</p>"
+    return f"<p>{_text(block.text)}</p>"
+
+
+def _text(text: str) -> str:
+    """Escaped; what belongs to a number stays on its line."""
+    return _BESIDE_NUMBER.sub("&nbsp;", escape(text))
+
+
+def _anchor(heading: Heading) -> str:
+    """What a link to the section ends with."""
+    return re.sub("[^a-z0-9]+", "-", heading.text.lower()).strip("-")
+
+
+def _contents(sections: Iterable[Heading]) -> str:
+    links = "".join(f'<li><a href="#{_anchor(each)}">{_text(each.text)}</a></li>' for each in sections)
+    return f'<nav aria-label="Contents"><ul>{links}</ul></nav>'
 
 
 def _html_table(table: Table) -> str:
     head = "".join(_cell("th", index, cell, table) for index, cell in enumerate(table.header))
     lines = ["".join(_cell("td", index, cell, table) for index, cell in enumerate(row)) for row in table.rows]
     rows = "\n".join(f"<tr>{line}</tr>" for line in lines)
-    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-    return f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>'
+    # The caption stands outside of what scrolls sideways: on a narrow page it would be cut off with the columns.
+    caption = f"<figcaption>{_text(table.caption)}</figcaption>" if table.caption else ""
+    body = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>"
+    return f'<figure><div class="wide">{body}</div>{caption}</figure>'
 
 
 def _cell(tag: str, index: int, text: str, table: Table) -> str:
     kind = ' class="text"' if index in table.texts else ""
-    return f"<{tag}{kind}>{escape(text)}</{tag}>"
+    return f"<{tag}{kind}>{_text(text)}</{tag}>"
 
+
+_BESIDE_NUMBER = re.compile(r"(?<=\d) (?=(?:ms|s|Hz|%|rad/s[²³]?|°/s)(?:\W|$))|(?<=\bP) (?== \d)|(?<=\bP =) (?=\d)")
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1f24; --faint: #59636e; --line: #d1d9e0;
-  --band: #f6f8fa; }
+  --band: #f6f8fa; --link: #0969da; }
 @media (prefers-color-scheme: dark) {
-  :root { --paper: #0d1117; --ink: #e6edf3; --faint: #9198a1; --line: #3d444d; --band: #151b23; }
+  :root { --paper: #0d1117; --ink: #e6edf3; --faint: #9198a1; --line: #3d444d; --band: #151b23;
+    --link: #4493f8; }
 }
 body { margin: 0; background: var(--paper); color: var(--ink); font: 16px/1.55 system-ui, sans-serif; }
 main { max-width: 62rem; margin: 0 auto; padding: 2rem 1.25rem 4rem; }
 h1 { font-size: 1.9rem; line-height: 1.2; } h2 { margin-top: 2.6rem; border-bottom: 1px solid var(--line); }
 p { max-width: 48rem; }
+a { color: var(--link); } nav ul { padding-left: 1.2rem; columns: 22rem; }
 .wide { overflow-x: auto; }
-table { border-collapse: collapse; margin: 1rem 0; font-size: .92rem; font-variant-numeric: tabular-nums; }
-caption, figcaption { color: var(--faint); font-size: .9rem; text-align: left; padding: .3rem 0; caption-side: bottom; }
+table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
+figcaption { color: var(--faint); font-size: .9rem; padding: .3rem 0; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid var(--line); text-align: right; vertical-align: top; }
-.text { text-align: left; } td:not(.text) { white-space: nowrap; } tbody tr:nth-child(even) { background: var(--band); }
-th.text:first-child { min-width: 8.5rem; } h3 { margin-top: 1.8rem; }
-@media (max-width: 40rem) { main { padding: 1rem .8rem 3rem; } table { font-size: .82rem; }
-  th, td { padding: .3rem .4rem; } h1 { font-size: 1.5rem; } }
+.text { text-align: left; } td:not(.text), td.text:not(:first-child, :last-child) { white-space: nowrap; }
+tr { background: var(--paper); } tbody tr:nth-child(even) { background: var(--band); }
 figure { margin: 1.5rem 0; } img { max-width: 100%; height: auto; }
+th.text:first-child, td.text:last-child { min-width: 8.5rem; } h3 { margin-top: 1.8rem; }
+@media (max-width: 40rem) { main { padding: 1rem .8rem 3rem; } table { font-size: .82rem; }
+  th, td { padding: .3rem .4rem; } h1 { font-size: 1.5rem; } td.text:last-child { min-width: 13rem; }
+  tr > .text:first-child { position: sticky; left: 0; background: inherit; }
+  picture { display: block; overflow-x: auto; } img { max-width: none; width: 44rem; } }
 """

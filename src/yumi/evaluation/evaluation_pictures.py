@@ -108,15 +108,15 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
     """Name, height [inch], caption and how it is drawn."""
     if any(run.experiment.is_step for run in results.runs):
         caption = (
-            "Steps of 10° at full speed and reduced speed (thesis: figures 5.1 and 5.2). Dotted: reproduced, without a "
-            "guard; solid: as shipped; dashed: over the wire. The grey band is 0.1° around the goal."
+            "Steps of 10° at full speed and reduced speed (thesis: figures 5.1 and 5.2). A colour is a law. Dotted: "
+            "without a guard; solid: as shipped; dashed: over the wire. The grey band is 0.1° around the "
+            "goal."
         )
         yield "steps", 3.6, caption, lambda figure: _draw_steps(results, figure)
     if any(not run.experiment.is_step for run in results.runs):
         caption = (
             "A sine of 10° at 0.2 Hz followed with three laws, and how far the joint was from the reference of the "
-            "same "
-            "moment (thesis: figures 5.3a and 5.4a)."
+            "same moment (thesis: figures 5.3a and 5.4a)."
         )
         yield "sines", 4.6, caption, lambda figure: _draw_sines(results, figure)
         caption = (
@@ -129,14 +129,15 @@ def _pictures(results: Results) -> Iterable[tuple[str, float, str, Draw]]:
     if results.sweeps:
         caption = (
             "Steps of 10° with one gain after another: how long they take and how far they overshoot. The dashed line "
-            "is the gain at which the thesis saw oscillation begin."
+            "is the gain at which the thesis saw oscillation begin. On the left, a line ends where steps no longer "
+            "settle."
         )
         yield "sweep", 3.2, caption, lambda figure: _draw_sweeps(results, figure)
     if results.study is not None:
         caption = (
             "Control lags predicted at every frequency: mean (solid) and longest (dashed). The bands are the published "
-            "figures and a tenth to either side; a frequency explains both where each line is inside its own. The "
-            f"vertical line is ours, {FREQUENCY:g} Hz."
+            "figures and a tenth to either side: a frequency explains them where each line is inside the band of its "
+            f"colour. The dotted line is the frequency we take, {FREQUENCY:g} Hz."
         )
         yield "frequency", 3.2, caption, partial(_draw_frequencies, results.study)
     for system, measured in results.measured.items():
@@ -156,12 +157,11 @@ def _draw_steps(results: Results, figure: Any) -> None:
     for panel, mode in zip(panels, laws, strict=True):
         panel.axhspan(9.9, 10.1, color="#8b949e", alpha=0.4, linewidth=0.0)
         for law, color in zip(laws[mode], COLORS, strict=False):
-            named = False
-            for run in [results.find(system, step(law, mode)) for system in System]:
-                if run is not None:
-                    label = None if named else law.title
-                    named = True
-                    _plot(panel, run, LINES[run.system], color, label, until=_LONGEST[mode])
+            runs = [run for system in System if (run := results.find(system, step(law, mode))) is not None]
+            for run in runs:
+                _plot(panel, run, LINES[run.system], color, None, until=_LONGEST[mode])
+            if runs:
+                panel.plot([], [], color=color, label=law.title)  # solid, whichever line came first
         panel.set(title=f"{mode.word}, {mode.value.max_speed_deviation:g} °/s", xlabel="time [s]", ylabel="angle [°]")
         _name_lines(panel, loc="lower right")
 
@@ -181,7 +181,9 @@ def _draw_sines(results: Results, figure: Any) -> None:
         moved = [(time, value - degrees(reference(time))) for time, value in run.trace.measured_deg(6)]
         lower.plot(*zip(*moved, strict=True), color=color, linewidth=1.3)
     if runs:
-        upper.plot(*zip(*runs[0][0].trace.sent_deg, strict=True), color=_INK, linewidth=1.0, alpha=0.7, label="goals")
+        # Beneath the others, and wider: who follows without lag would be hidden by it.
+        goals = zip(*runs[0][0].trace.sent_deg, strict=True)
+        upper.plot(*goals, color=_INK, linewidth=3.5, alpha=0.3, zorder=1.5, label="goals")
     _name_lines(upper, ncols=2, loc="lower left")
     upper.set_ylabel("angle [°]")
     lower.set(xlabel="time [s]", ylabel="distance [°]")
@@ -227,9 +229,11 @@ def _draw_reduced(results: Results, figure: Any) -> None:
     panels = figure.subplots(1, 3, sharey=True)
     for panel, gain in zip(panels, (0.35, 0.6, 1.2), strict=True):
         runs = [results.find(system, sine(proportional(gain), Mode.REDUCED)) for system in System]
+        sent = next((run.trace.sent_deg for run in runs if run is not None), None)
+        if sent:
+            panel.plot(*zip(*sent, strict=True), color=_INK, linewidth=0.8, alpha=0.7, label="goals")
         for run, color in zip(runs, COLORS, strict=False):
             if run is not None:
-                panel.plot(*zip(*run.trace.sent_deg, strict=True), color=_INK, linewidth=0.8, alpha=0.7)
                 _plot(panel, run, "-", color, run.system.title)
         panel.set(title=f"P = {gain:g}", xlabel="time [s]")
     panels[0].set_ylabel("angle [°]")
@@ -272,7 +276,8 @@ def _draw_trips(trips: Sequence[Trip], figure: Any) -> None:
     left.set(xlabel="whole round trip [ms]", ylabel="round trips")
     found = legs(trips)
     names = [name for name in LEGS if found[name].highest > 0.0][::-1]
-    right.barh(names, [1e3 * found[name].mean for name in names], color=COLORS[0], label="mean")
-    right.barh(names, [1e3 * found[name].p99 for name in names], color="none", edgecolor=COLORS[1], label="p99")
+    titles = [name.replace("_", " ") for name in names]
+    right.barh(titles, [1e3 * found[name].mean for name in names], color=COLORS[0], label="mean")
+    right.barh(titles, [1e3 * found[name].p99 for name in names], color="none", edgecolor=COLORS[1], label="p99")
     right.set_xlabel("leg [ms]")
     _name_lines(right)

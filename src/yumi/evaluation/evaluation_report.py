@@ -30,10 +30,15 @@ from yumi.evaluation.kpis import legs, machine_legs
 TITLE = "Evaluation of the YuMi's joint control"
 
 _INTRODUCTION = (
-    "The experiments of the master's thesis this system comes from, repeated: step responses and followed sines of "
-    "axis 6, "
-    "each goal sent by an application, what counts being the measured position. Beside what was published stand our "
-    "figures and their ratio. None is of a real YuMi unless the settings below name one."
+    "The experiments of the master's thesis this system comes from, repeated: axis 6 makes steps and follows sines, "
+    "an application sends the goals, and what counts is the measured position. Our figures stand beside the published "
+    "ones, with their ratio. They are of a virtual robot unless the settings at the end name a real one."
+)
+_TERMS = (
+    "The words below: 'without a guard' is the thesis's system, in virtual time, with a virtual robot fitted to its "
+    "step times; 'as shipped' is what everybody gets, in virtual time, with a guard that limits the speed, "
+    "acceleration and jerk of commands; 'over the wire' is the same in real time, through ROS 2 and the network. P is "
+    "the controller's gain. A control lag is the time from a goal until the joint is within 0.1° of it."
 )
 _PARTIAL = "This evaluation is not complete: what is missing was not run."
 
@@ -59,6 +64,7 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
     return [
         Heading(TITLE, 1),
         Paragraph(_INTRODUCTION),
+        Paragraph(_TERMS),
         *([] if results.is_complete else [Paragraph(_PARTIAL)]),
         *(Paragraph(f"{name} could not be run: {why}") for name, why in results.failures.items()),
         Paragraph(headline(results)),
@@ -73,17 +79,17 @@ def report_blocks(results: Results, pictures: Mapping[str, Picture]) -> list[Blo
         *_round_trips(results, pictures),
         Heading("Settings and versions"),
         settings_table(results.settings),
-        Paragraph("Raw data: data/*.csv, a file an experiment, angles in degrees from where the joint began."),
+        Paragraph("Raw data: data/*.csv, one file for each experiment, angles in degrees from where the joint began."),
     ]
 
 
 def _indicators(results: Results) -> list[Block]:
     blocks: list[Block] = []
-    words = {System.SHIPPED: "virtual time", System.WIRE: "real time, over ROS 2 and the wire"}
+    words = {System.SHIPPED: "in virtual time", System.WIRE: "in real time"}
     for system, title in words.items():
         found = kpis_of(results, system)
         if found:
-            blocks += [Heading(f"Key performance indicators: {title}"), kpi_table(found)]
+            blocks += [Heading(f"Key performance indicators {system.title}, {title}"), kpi_table(found)]
     return blocks
 
 
@@ -113,10 +119,8 @@ def _better(results: Results) -> list[Block]:
         Heading("Better control laws, both arms, all joints"),
         Paragraph(
             "Feed-forward tells the robot the goal's speed beside its position; prediction forecasts where the goal "
-            "will "
-            "be when the robot gets there; a trajectory is known as a whole, and told ahead by the robot's delay. "
-            "Where "
-            "all joints move at once, the joint that follows worst is told."
+            "will be when the robot gets there; a trajectory with look-ahead is known as a whole, and is sent ahead by "
+            "the robot's delay. Where all joints move at once, the figures are those of the joint that follows worst."
         ),
         result_table(results, [each for each in better_experiments() if each.is_step], System),
         result_table(results, sines, System),

@@ -57,7 +57,7 @@ class System(Enum):
     @property
     def title(self) -> str:
         """What tables and pictures call it."""
-        return {System.BARE: "reproduced", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}[self]
+        return {System.BARE: "without a guard", System.SHIPPED: "as shipped", System.WIRE: "over the wire"}[self]
 
 
 @dataclass(frozen=True, slots=True)
