@@ -24,7 +24,7 @@ from yumi.robot.joints import Side
 from yumi.ros.driver import close_ros, open_ros
 from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
 from yumi.wire_runs import USUAL, run_undisturbed
-from yumi.wire_trips import join_recorded, machine_trips, send_nudges, state_machine_client
+from yumi.wire_trips import join_recorded, machine_trips, send_nudges, service_trips, state_machine_client
 
 _READY = 60.0  # [s]
 _SPARE = 20  # one more round trip in so many, since some goals are replaced before a cycle takes them
@@ -53,7 +53,7 @@ def wire_experiments() -> tuple[Experiment, ...]:
 
 def wire_step_count() -> int:
     """How often ``on_step`` is called."""
-    return len(wire_experiments()) + len(Mode) + 2
+    return len(wire_experiments()) + len(Mode) + 3
 
 
 def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: Callable[[], None]) -> None:
@@ -121,10 +121,13 @@ def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check:
         goals = send_nudges(node, plan.trips + plan.trips // _SPARE)
         states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
         after = node.counters()
+        on_step("Round trips to the robot manager")
+        services = service_trips(node, plan.trips)
+        node.stop_egm()
         on_step("Round trips to the state machine")
         with state_machine_client(plan.place, f"{where[1]}:{where[3]}") as client:
-            machine = machine_trips(node, client, plan.trips)
-        node.stop_egm()
+            requests, answers = machine_trips(node, client, plan.trips)
+        machine = {"ros_service": services, "request": requests, "answer": answers}
     lost = sum(after[name] - before[name] for name in ("missed", "lost"))
     measured = Measured(machine_trips=machine, datagrams=after["cycles"] - before["cycles"], lost=lost)
     return _Heard(goals, states, measured)

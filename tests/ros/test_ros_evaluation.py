@@ -19,7 +19,7 @@ from yumi.links.command import Command
 from yumi.robot.joints import Side
 from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
 from yumi.wire_runs import run_undisturbed
-from yumi.wire_trips import join_recorded, machine_trips, send_nudges, state_machine_client
+from yumi.wire_trips import join_recorded, machine_trips, send_nudges, service_trips, state_machine_client
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -77,6 +77,8 @@ def test_step_settles_and_round_trips_are_joined_with_the_recording(
     goals = send_nudges(node, 100)
     states = [HeardState(each.stamp, each.heard) for each in node.states]
     with state_machine_client(RobotPlace(None, robot.rws_port), f"127.0.0.1:{robot.rws_port}") as machine:
+        services = service_trips(node, 20)
+        node.stop_egm()
         legs = machine_trips(node, machine, 20)
     driver.stop()
     trips = join_recorded(goals, states, recording)
@@ -84,4 +86,4 @@ def test_step_settles_and_round_trips_are_joined_with_the_recording(
     assert figures.final_error_deg < 0.1
     assert len(trips) > 20
     assert all(trip.total > 0.008 for trip in trips)
-    assert {name: len(times) for name, times in legs.items()} == {"ros_service": 20, "robot_web_services": 20}
+    assert [len(times) for times in (services, *legs)] == [20, 20, 20]

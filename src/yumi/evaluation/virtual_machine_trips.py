@@ -1,8 +1,7 @@
 """Round trips from an application to the state machine and back in virtual time.
 
-The real client asks a virtual controller that executes the real RAPID: the application gives the state machine of the
-right arm a number and has it run a routine that answers with it; the answer comes back by subscription. Neither
-requests nor RAPID take time here, so that what is left is the controller's cycle, in which it tells of changes.
+The real client asks a virtual controller that executes the real RAPID. Neither requests nor RAPID take time here, so
+that what is left is the controller's cycle, in which it tells of changes.
 """
 
 from __future__ import annotations
@@ -11,31 +10,16 @@ from collections.abc import Mapping
 
 from yumi.clock import ManualClock
 from yumi.errors import RobotNotReady
+from yumi.evaluation.machine_answer import ANSWER, LONGEST, MODULE, SIDE, TEXT, ask, prepare, release
 from yumi.evaluation.memory_rws import MemoryRws
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.rapid_routines import RapidRoutines
 from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
+from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
-from yumi.rws.subscriptions import variable_value
 from yumi.virtual.world import World
 
-_SIDE = Side.RIGHT
 _EVERY = 0.0725  # [s] trips begin at any place in a cycle; the machine is idle then, and tells a change at once again
-_LONGEST = 1.0  # [s]
-
-_ROUTINE = "routine_name_input"
-_MODULE = "EvaluationAnswer"
-_TEXT = f"""MODULE {_MODULE}
-    VAR num asked:=-1;
-    PERS num answered:=-1;
-
-    PROC answer()
-        answered:=asked;
-    ENDPROC
-ENDMODULE
-"""
 
 
 class VirtualRobot(ManualClock):
@@ -86,10 +70,9 @@ def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
     with robot.client as client:
         bringup = Bringup(client, EgmMotionSettings(), robot, lambda step: None)
         bringup.make_ready()
-        RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(_SIDE, f"{_MODULE}.mod", _TEXT)
-        client.set_symbol(_SIDE.other.task, RAPID, _ROUTINE, '""')
-        answer = variable_value(_SIDE.task, _MODULE, "answered")
-        client.subscribe([answer], lambda change: answers.append(change.fields["value"]), answers.append)
+        RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(SIDE, f"{MODULE}.mod", TEXT)
+        prepare(client)
+        client.subscribe([ANSWER], lambda change: answers.append(change.fields["value"]), answers.append)
         begin = robot.now() + _EVERY
         trips = [_trip(robot, client, answers, str(number), begin + _EVERY * number) for number in range(count)]
     requests, replies = zip(*trips, strict=True)
@@ -97,14 +80,12 @@ def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
 
 
 def _trip(robot: VirtualRobot, client: RwsClient, answers: list[str], number: str, begin: float) -> tuple[float, float]:
-    client.set_signal(RUN_RAPID, 0)
+    release(client)
     robot.wait(begin - robot.now())
-    client.set_symbol(_SIDE.task, _MODULE, "asked", number)
-    client.set_symbol(_SIDE.task, RAPID, _ROUTINE, '"answer"')
-    client.set_signal(RUN_RAPID, 1)
+    ask(client, number)
     asked = robot.now()
     while answers[-1] != number:
         robot.wait_for_cycle()
-        if robot.now() - asked > _LONGEST:
-            raise RobotNotReady(f"The state machine did not answer within {_LONGEST:g} s; it said {answers[-1]}.")
+        if robot.now() - asked > LONGEST:
+            raise RobotNotReady(f"The state machine did not answer within {LONGEST:g} s; it said {answers[-1]}.")
     return asked - begin, robot.now() - asked

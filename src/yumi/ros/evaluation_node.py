@@ -18,6 +18,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from yumi_interfaces.srv import LoadModule
 
 from yumi.control.parameter import Values
 from yumi.control.spline import TrajectoryPoint
@@ -89,6 +90,11 @@ class EvaluationNode:
     def is_ready(self) -> bool:
         """Ask the robot manager, which answers at once while EGM runs."""
         return bool(self._ask(Trigger, "yumi_robot_manager/robot_is_ready", Trigger.Request()).success)
+
+    def load_module(self, side: Side, file_name: str, text: str) -> None:
+        """Have the robot manager load a RAPID module; raises RobotNotReady with its sentence."""
+        request = LoadModule.Request(arm=side.word, file_name=file_name, text=text)
+        self._call(LoadModule, "yumi_robot_manager/load_module", request)
 
     def set_law(self, values: Values) -> None:
         """Parameters of the arm's joint position controller.
