@@ -3,7 +3,7 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: answers (five), streams, ticker, slow-ticker, joint-states-r,
+                                   threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
                                             joint-states-l, hands, web-socket, robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
                                             full-recorder (--record)

@@ -12,7 +12,7 @@ from yumi.clock import Clock, SystemClock
 from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
-from yumi.links.realtime import prefer_process
+from yumi.links.realtime import brisk_threads, prefer_process
 from yumi.links.udp import UdpClient
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
@@ -58,7 +58,7 @@ def world_settings(
     )
 
 
-TIME_TO_ANSWER = 0.4 * CYCLE
+TIME_TO_ANSWER = 0.3 * CYCLE
 """What a datagram's answer has at least before the next cycle looks for it [s]."""
 
 LONGEST_LAG = 5 * CYCLE
@@ -70,7 +70,8 @@ class Pace:
 
     A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
     next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
-    every command after them is a cycle late until the session ends (reference/egm.md §4.3).
+    every command after them is a cycle late until the session ends (reference/egm.md §4.3). On a machine whose cycles
+    take longer than what is left beside that, the robot is slower than real time.
 
     Args:
         clock: the machine's.
@@ -115,7 +116,7 @@ class VirtualController:
             NoConnection: the port is taken.
         """
         prefer_process()
-        with self._server as server:
+        with brisk_threads(), self._server as server:
             on_ready(server.port)
             pace = Pace(self._clock)
             while not is_over.is_set():

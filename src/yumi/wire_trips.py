@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from pathlib import Path
-from threading import Condition
 
 from yumi.clock import SystemClock
-from yumi.errors import RobotNotReady
 from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
-from yumi.evaluation.machine_answer import ANSWER, LONGEST, MODULE, SIDE, TEXT, ask, is_idle, prepare, release
+from yumi.evaluation.machine_answer import MODULE, SIDE, TEXT, machine_trip, prepare
 from yumi.evaluation.recording import read_recording
 from yumi.evaluation.robot_place import RobotPlace
 from yumi.evaluation.virtual_experiment import moved
@@ -19,7 +16,6 @@ from yumi.evaluation.virtual_trips import PERIOD, nudge
 from yumi.hardware.rws_client import RwsClient
 from yumi.robot.joints import Side
 from yumi.ros.evaluation_node import EvaluationNode
-from yumi.rws.subscriptions import Change
 from yumi.wire_runs import standing
 
 AXIS_6 = 6
@@ -83,49 +79,9 @@ def machine_trips(node: EvaluationNode, client: RwsClient, count: int) -> tuple[
     """
     node.load_module(SIDE, f"{MODULE}.mod", TEXT)
     prepare(client)
-    answers = _Answers()
-    with closing(client.subscribe([ANSWER], answers.note, answers.end)):
-        trips = [_machine_trip(node, client, answers, str(number)) for number in range(count)]
-    requests, replies = zip(*trips, strict=True)
-    return requests, replies
-
-
-def _machine_trip(node: EvaluationNode, client: RwsClient, answers: _Answers, number: str) -> tuple[float, float]:
-    release(client)
-    node.until(lambda: is_idle(client), "the state machine becoming idle")
-    begin = time.monotonic()
-    ask(client, number)
-    asked = time.monotonic()
-    return asked - begin, answers.wait_for(number) - asked
-
-
-class _Answers:
-    """What the state machine answers, with when it was heard; told on the subscription's thread."""
-
-    def __init__(self) -> None:
-        self._news = Condition()
-        self._last = ("", 0.0)
-        self._reason = ""
-
-    def note(self, change: Change) -> None:
-        heard = time.monotonic()
-        with self._news:
-            self._last = (change.fields["value"], heard)
-            self._news.notify()
-
-    def end(self, reason: str) -> None:
-        with self._news:
-            self._reason = reason
-            self._news.notify()
-
-    def wait_for(self, number: str) -> float:
-        """When that answer was heard [s]; raises RobotNotReady when it was not."""
-        with self._news:
-            self._news.wait_for(lambda: self._reason or self._last[0] == number, LONGEST)
-            if self._last[0] != number:
-                why = self._reason or f"its last answer is {self._last[0]}"
-                raise RobotNotReady(f"The state machine did not answer {number} within {LONGEST:g} s: {why}")
-            return self._last[1]
+    trips = [machine_trip(client, str(number), time.monotonic, node.check) for number in range(count)]
+    requests, answers = zip(*trips, strict=True)
+    return requests, answers
 
 
 def _lasted(call: Callable[[], object]) -> float:

@@ -25,6 +25,7 @@ from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared,
 from yumi.evaluation.virtual_experiment import run_virtually
 from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
 from yumi.evaluation.virtual_trips import virtual_trips
+from yumi.robot.cycle import CYCLE
 from yumi.virtual.arm_model import ArmModel
 
 
@@ -80,11 +81,11 @@ def test_round_trip_in_virtual_time_is_two_cycles_and_the_wait_for_the_first() -
     assert all(0.008 < trip.total < 0.0121 for trip in trips)
 
 
-def test_state_machine_answers_in_virtual_time_within_three_cycles() -> None:
+def test_state_machine_answers_in_virtual_time_within_a_cycle() -> None:
     legs = virtual_machine_trips(40)
     assert set(legs["request"]) == {0.0}
-    assert 0.0 < min(legs["answer"]) < 0.004
-    assert max(legs["answer"]) < 0.0125
+    assert 0.0 < min(legs["answer"]) < 0.5 * CYCLE
+    assert max(legs["answer"]) < 1.001 * CYCLE
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,18 @@
-"""What round trips to the state machine ask of it, in virtual time and over the wire: it runs a routine that answers.
+"""A round trip to the state machine and back, in virtual time and over the wire: it runs a routine that answers.
 
-The application gives the right arm's task a number and has the state machine run a routine that copies it; the answer
-comes back by subscription.
+The application gives the right arm's task a number, has the state machine run a routine that copies it, and reads the
+copy until the number is there. A subscription would not do: a controller tells the next change 50 ms later at the
+earliest, and a round trip after the other would measure that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from yumi.errors import RobotNotReady
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import RAPID, RUN_RAPID
 from yumi.robot.joints import Side
-from yumi.rws.subscriptions import variable_value
 
 SIDE = Side.RIGHT
 """Whose state machine is asked."""
@@ -26,9 +29,6 @@ ENDMODULE
 """
 """The module with the routine, to be loaded into the task."""
 
-ANSWER = variable_value(SIDE.task, MODULE, "answered")
-"""Where the answer is told."""
-
 LONGEST = 1.0
 """An answer that takes longer does not come [s]."""
 
@@ -36,22 +36,44 @@ _ROUTINE = "routine_name_input"
 
 
 def prepare(client: RwsClient) -> None:
-    """Have only our task run a routine when both see the signal."""
+    """After the module was loaded: have only our task run a routine when both see the signal's next edge."""
     client.set_symbol(SIDE.other.task, RAPID, _ROUTINE, '""')
-
-
-def ask(client: RwsClient, number: str) -> None:
-    """Have the state machine answer ``number``; it is idle, and the signal is 0."""
-    client.set_symbol(SIDE.task, MODULE, "asked", number)
-    client.set_symbol(SIDE.task, RAPID, _ROUTINE, '"answer"')
-    client.set_signal(RUN_RAPID, 1)
-
-
-def release(client: RwsClient) -> None:
-    """Take the signal back."""
     client.set_signal(RUN_RAPID, 0)
 
 
-def is_idle(client: RwsClient) -> bool:
-    """Whether the routine has ended; the machine clears its name when it becomes idle."""
-    return client.symbol(SIDE.task, RAPID, _ROUTINE) == '""'
+def machine_trip(
+    client: RwsClient, number: str, now: Callable[[], float], pause: Callable[[], None]
+) -> tuple[float, float]:
+    """Have the idle state machine answer ``number``.
+
+    Args:
+        client: asks the controller.
+        number: one that it was not asked before.
+        now: tells the time [s].
+        pause: called before each look for the answer.
+
+    Returns:
+        Until it had been asked, and from then until its answer was read [s].
+
+    Raises:
+        RobotNotReady: it did not answer.
+    """
+    begin = now()
+    client.set_symbol(SIDE.task, MODULE, "asked", number)
+    client.set_symbol(SIDE.task, RAPID, _ROUTINE, '"answer"')
+    client.set_signal(RUN_RAPID, 1)
+    asked = now()
+    _wait_until(lambda: client.symbol(SIDE.task, MODULE, "answered") == number, now, pause)
+    answered = now()
+    client.set_signal(RUN_RAPID, 0)
+    _wait_until(lambda: client.symbol(SIDE.task, RAPID, _ROUTINE) == '""', now, pause)
+    return asked - begin, answered - asked
+
+
+def _wait_until(is_so: Callable[[], bool], now: Callable[[], float], pause: Callable[[], None]) -> None:
+    end = now() + LONGEST
+    pause()
+    while not is_so():
+        if now() > end:
+            raise RobotNotReady(f"The state machine of the {SIDE.word} arm did not answer within {LONGEST:g} s.")
+        pause()

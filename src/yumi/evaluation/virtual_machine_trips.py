@@ -1,7 +1,7 @@
 """Round trips from an application to the state machine and back in virtual time.
 
 The real client asks a virtual controller that executes the real RAPID. Neither requests nor RAPID take time here, so
-that what is left is the controller's cycle, in which it tells of changes.
+that what is left are the controller's cycles, in which RAPID goes on.
 """
 
 from __future__ import annotations
@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from yumi.clock import ManualClock
-from yumi.errors import RobotNotReady
-from yumi.evaluation.machine_answer import ANSWER, LONGEST, MODULE, SIDE, TEXT, ask, prepare, release
+from yumi.evaluation.machine_answer import MODULE, SIDE, TEXT, machine_trip, prepare
 from yumi.evaluation.memory_rws import MemoryRws
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.rapid_routines import RapidRoutines
@@ -19,7 +18,7 @@ from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.cycle import CYCLE
 from yumi.virtual.world import World
 
-_EVERY = 0.0725  # [s] trips begin at any place in a cycle; the machine is idle then, and tells a change at once again
+_SHIFT = 0.0125  # [s] no multiple of a cycle: trips begin at any place in one
 
 
 class VirtualRobot(ManualClock):
@@ -66,26 +65,17 @@ class _Unpaced:
 
 def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
     """``count`` round trips, leg by leg [s]: until the state machine has been asked, and until the answer has come."""
-    robot, answers = VirtualRobot(), list[str]()
+    robot = VirtualRobot()
     with robot.client as client:
         bringup = Bringup(client, EgmMotionSettings(), robot, lambda step: None)
         bringup.make_ready()
         RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(SIDE, f"{MODULE}.mod", TEXT)
         prepare(client)
-        client.subscribe([ANSWER], lambda change: answers.append(change.fields["value"]), answers.append)
-        begin = robot.now() + _EVERY
-        trips = [_trip(robot, client, answers, str(number), begin + _EVERY * number) for number in range(count)]
+        trips = [_trip(robot, client, number) for number in range(count)]
     requests, replies = zip(*trips, strict=True)
     return {"request": requests, "answer": replies}
 
 
-def _trip(robot: VirtualRobot, client: RwsClient, answers: list[str], number: str, begin: float) -> tuple[float, float]:
-    release(client)
-    robot.wait(begin - robot.now())
-    ask(client, number)
-    asked = robot.now()
-    while answers[-1] != number:
-        robot.wait_for_cycle()
-        if robot.now() - asked > LONGEST:
-            raise RobotNotReady(f"The state machine did not answer within {LONGEST:g} s; it said {answers[-1]}.")
-    return asked - begin, robot.now() - asked
+def _trip(robot: VirtualRobot, client: RwsClient, number: int) -> tuple[float, float]:
+    robot.wait(_SHIFT)
+    return machine_trip(client, str(number), robot.now, robot.wait_for_cycle)

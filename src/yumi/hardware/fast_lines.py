@@ -137,6 +137,8 @@ class FastLineProcess:
             raise RobotNotReady(ended(self._side)) from error
         if not self._answered.wait(_ANSWER_TIMEOUT):
             raise RobotNotReady(f"The fast line did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver.")
+        if not self._answers:
+            raise RobotNotReady(ended(self._side))
         return self._answers.pop()
 
     def _read(self) -> None:
@@ -144,6 +146,7 @@ class FastLineProcess:
             try:
                 value = self._child.pipe.receive()
             except PipeClosed:
+                self._answered.set()  # who waits for an answer waits in vain
                 if self._is_wanted:
                     self._child.join(_ANSWER_TIMEOUT)
                     self._on_event(FastLineEnded(self._side, self._child.exit_code))

@@ -9,15 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from threading import Condition, RLock, Thread
+from threading import Event as Flag
+from threading import RLock, Thread
 
 from yumi.clock import Clock
 
 Action = Callable[[], None]
 
+_BREATH = 0.001  # [s] even a thread that is behind lets others in between
+
 
 @dataclass(eq=False, slots=True)
 class _Repeated:
+    what: str
     action: Action
     period: float
     due: float
@@ -39,19 +43,23 @@ class Ticker:
         self._clock = clock
         self._complain = complain
         self._repeated: list[_Repeated] = []
-        self._news = Condition(RLock())
-        self._is_over = False
+        self._lock = RLock()
+        self._bell, self._is_over = Flag(), Flag()
         self._thread = Thread(target=self._run, name=name, daemon=True)
 
-    def every(self, period: float, action: Action) -> Callable[[], None]:
-        """Call ``action`` once each ``period`` [s]; returns what ends that, after which no call goes on."""
-        repeated = _Repeated(action, period, self._clock.now() + period)
-        with self._news:
+    def every(self, period: float, what: str, action: Action) -> Callable[[], None]:
+        """Call ``action``, which publishes ``what``, once each ``period`` [s].
+
+        Returns:
+            What ends that; no call goes on after it, but for one that ends itself.
+        """
+        repeated = _Repeated(what, action, period, self._clock.now() + period)
+        with self._lock:
             self._repeated.append(repeated)
-            self._news.notify()
+        self._bell.set()
 
         def end() -> None:
-            with self._news:
+            with self._lock:
                 if repeated in self._repeated:
                     self._repeated.remove(repeated)
 
@@ -62,14 +70,13 @@ class Ticker:
 
     def stop(self) -> None:
         """Call nothing any more; before what is called loses what it needs."""
-        with self._news:
-            self._is_over = True
-            self._news.notify()
+        self._is_over.set()
+        self._bell.set()
         if self._thread.ident is not None:
             self._thread.join()
 
     def tick(self) -> float:
-        """Call what is due; returns how long nothing will be [s]."""
+        """Call what is due; returns how long nothing will be [s]. The thread does that once it has started."""
         now = self._clock.now()
         for each in tuple(self._repeated):
             if each.due <= now:
@@ -78,10 +85,11 @@ class Ticker:
         return min((each.due for each in self._repeated), default=inf) - self._clock.now()
 
     def _run(self) -> None:
-        with self._news:
-            while not self._is_over:
+        while not self._is_over.is_set():
+            self._bell.clear()
+            with self._lock:
                 pause = self.tick()
-                self._news.wait(max(0.0, pause) if pause < inf else None)
+            self._bell.wait(max(_BREATH, pause) if pause < inf else None)
 
     def _call(self, each: _Repeated) -> None:
         try:
@@ -89,5 +97,5 @@ class Ticker:
             each.is_failing = False
         except Exception as error:  # the others still have to be published
             if not each.is_failing:
-                self._complain(f"A topic could not be published, {type(error).__name__}: {error}.")
+                self._complain(f"{each.what} could not be published, {type(error).__name__}: {error}.")
             each.is_failing = True

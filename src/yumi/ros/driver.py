@@ -44,6 +44,7 @@ from yumi.ros.command_topics import (
     JointCommandTopic,
     JointVelocityTopic,
 )
+from yumi.ros.controller_nodes import MakeInterface
 from yumi.ros.description_topic import publish_descriptions
 from yumi.ros.executors import Executors
 from yumi.ros.forward_controllers import forward_interfaces
@@ -119,9 +120,9 @@ class RosDriver:
         self._hand_parts = hands
         self._nodes = nodes = DriverNodes.make()
         complain = nodes.manager.get_logger().error
-        self._executors = executors = Executors(complain)
+        self._executors = Executors(complain)
         self._ticker = Ticker(clock, complain)
-        self._slow_ticker = Ticker(clock, complain, "slow-ticker")
+        self._slow_tickers = {side: Ticker(clock, complain, f"slow-ticker-{side.value}") for side in Side}
         self._trajectories = TrajectoryControllers(
             nodes.dual,
             {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
@@ -133,19 +134,8 @@ class RosDriver:
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
-        of_arms = {side: executors.answering(f"answers-{side.value}") for side in Side}
         self._arms = {
-            side: ArmManager(
-                side,
-                fast_lines,
-                own,
-                of_arms[side],
-                interfaces,
-                clock,
-                self._slow_ticker,
-                partial(self._follow_hardware, side),
-            )
-            for side, own in controllers.items()
+            side: self._make_arm(side, own, fast_lines, interfaces, clock) for side, own in controllers.items()
         }
         self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
         self._hands = Hands(
@@ -161,15 +151,15 @@ class RosDriver:
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
-        executors.answering("answers", nodes.manager)
-        executors.answering("answers-dual", nodes.dual)
-        executors.answering("answers-lives", *self._managed.all)
-        executors.streaming("streams", *nodes.streaming)
+        self._executors.add_answering("answers", nodes.manager)
+        self._executors.add_answering("answers-dual", nodes.dual)
+        self._executors.add_answering("answers-lives", *self._managed.all)
+        self._executors.add_streaming("streams", *nodes.streaming)
         self._publish(fast_lines, merged_rate, clock, limits)
 
     def start(self) -> None:
         """Answer from now on."""
-        for ticker in (self._ticker, self._slow_ticker):
+        for ticker in self._tickers:
             ticker.start()
         for publisher in self._states:
             publisher.start()
@@ -178,7 +168,7 @@ class RosDriver:
 
     def stop(self) -> None:
         """Answer nobody any more and destroy the nodes."""
-        for ticker in (self._ticker, self._slow_ticker):
+        for ticker in self._tickers:
             ticker.stop()
         for publisher in self._states:
             publisher.stop()
@@ -223,6 +213,21 @@ class RosDriver:
     def _look(self) -> None:
         for arm in self._arms.values():
             arm.look()
+
+    @property
+    def _tickers(self) -> tuple[Ticker, ...]:
+        return (self._ticker, *self._slow_tickers.values())
+
+    def _make_arm(
+        self,
+        side: Side,
+        own: Iterable[ControllerSettings],
+        fast_lines: FastLines,
+        interfaces: Mapping[str, MakeInterface],
+        clock: Clock,
+    ) -> ArmManager:
+        executor, follow = self._executors.add_answering(f"answers-{side.value}"), partial(self._follow_hardware, side)
+        return ArmManager(side, fast_lines, own, executor, interfaces, clock, self._slow_tickers[side], follow)
 
     def _follow_hardware(self, side: Side) -> None:
         self._managed.follow_hardware(side)

@@ -54,12 +54,18 @@ class EvaluationNode:
     Args:
         side: the arm.
         check: called while waiting; raises when waiting has become useless.
+
+    Attributes:
+        side: the arm.
+        states: what was heard of it.
+        check: as given.
     """
 
     def __init__(self, side: Side, check: Callable[[], None]) -> None:
         self.side = side
         self.states: list[HeardJointState] = []
-        self._check = check
+        self.check = check
+        # Without parameter services looking for work is quicker, and what is measured is less about the application.
         self._node = rclpy.create_node(f"evaluation_{side.value}", start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -180,7 +186,7 @@ class EvaluationNode:
     def spin_until(self, end: float) -> None:
         """Listen until that time [s]."""
         while (left := end - time.monotonic()) > 0.0:
-            self._check()
+            self.check()
             self._executor.spin_once(timeout_sec=left)
 
     def until(self, is_so: Callable[[], bool], what: str, timeout: float = _TIMEOUT) -> None:
@@ -191,7 +197,7 @@ class EvaluationNode:
         """
         end = time.monotonic() + timeout
         while not is_so():
-            self._check()
+            self.check()
             if time.monotonic() > end:
                 raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
             self._executor.spin_once(timeout_sec=0.05)

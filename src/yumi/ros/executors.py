@@ -14,9 +14,23 @@ from typing import Any
 from rclpy._rclpy_pybind11 import InvalidHandle
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
-_THREADS = 8  # more than a family has slow services and actions
-_GLANCE = 0.5  # [s] how soon a thread notices at the latest that it shall end
-_LAST_TURN = 2.0  # [s]
+_THREADS = 8  # so many slow callbacks of a family run side by side
+_GLANCE = 0.5  # [s] how soon a failed callback is told
+
+
+class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
+    """One that soon tells of a failed callback; rclpy's own looks when the next callback comes, however late."""
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        super().spin_once(timeout_sec)
+        for future in [each for each in self._futures if each.done()]:
+            self._futures.remove(future)
+            future.result()  # raises what the callback raised
+
+    def shutdown(self, timeout_sec: float | None = None) -> bool:
+        is_done = bool(super().shutdown(timeout_sec))
+        self._executor.shutdown(wait=False)  # the pool's threads end, which rclpy leaves to the garbage collector
+        return is_done
 
 
 class Executors:
@@ -32,12 +46,12 @@ class Executors:
         self._executors: list[Executor] = []
         self._threads: list[Thread] = []
 
-    def answering(self, name: str, *nodes: Any) -> Executor:
-        """Another one, for services and actions, which may take their time."""
-        return self._add(MultiThreadedExecutor(num_threads=_THREADS), name, nodes)
+    def add_answering(self, name: str, *nodes: Any) -> Executor:
+        """Add one for services and actions, which may take their time."""
+        return self._add(_AnsweringExecutor(num_threads=_THREADS), name, nodes)
 
-    def streaming(self, name: str, *nodes: Any) -> Executor:
-        """Another one, for topics that come hundreds of times a second."""
+    def add_streaming(self, name: str, *nodes: Any) -> Executor:
+        """Add one for topics that come hundreds of times a second."""
         return self._add(SingleThreadedExecutor(), name, nodes)
 
     def start(self) -> None:
@@ -46,10 +60,10 @@ class Executors:
             thread.start()
 
     def stop(self) -> None:
-        """Spin nothing any more."""
+        """Begin no callback any more; one that runs is not waited for."""
         self._is_over.set()
         for executor in self._executors:
-            executor.shutdown(timeout_sec=_LAST_TURN)
+            executor.shutdown()
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join()
@@ -68,4 +82,6 @@ class Executors:
             except InvalidHandle:
                 continue  # a controller's node went while the executor looked for work
             except Exception as error:  # of a callback; everybody else still wants to be answered
+                if self._is_over.is_set():
+                    return  # the executor was taken away while it looked for work
                 self._complain(f"A callback failed with {type(error).__name__}: {error}.")

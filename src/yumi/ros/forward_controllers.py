@@ -20,7 +20,7 @@ def forward_interfaces(
     """What forward controllers offer, by their type.
 
     Args:
-        nodes: each arm's node for topics alone, which the lean executor spins.
+        nodes: each arm's node for topics alone, whose executor has no services.
         fast_lines: where the controllers live.
         now: tells the time on the machine's monotonic clock [s].
     """

@@ -64,7 +64,7 @@ class GripperTopics:
         self._told: dict[int, bool] = {}
         self._last: HandState | None = None
         self._count = 0
-        ticker.every(PERIOD, self._publish)
+        ticker.every(PERIOD, f"{side.value}/gripper", self._publish)
 
     def _publish(self) -> None:
         reading = self._reading()

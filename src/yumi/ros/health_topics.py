@@ -46,9 +46,9 @@ class HealthTopics:
         self._hands = hands
         for side, stream in streams.items():
             publisher = stream.create_publisher(DiagnosticStatus, "egm_state", 1)
-            ticker.every(_EGM_STATE_PERIOD, partial(self._publish_arm, publisher, side))
+            ticker.every(_EGM_STATE_PERIOD, f"{side.value}/egm_state", partial(self._publish_arm, publisher, side))
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        ticker.every(_DIAGNOSTICS_PERIOD, self._publish_all)
+        ticker.every(_DIAGNOSTICS_PERIOD, "/diagnostics", self._publish_all)
 
     def _publish_arm(self, publisher: Any, side: Side) -> None:
         publisher.publish(egm_status(side, self._snapshot(side)))

@@ -124,7 +124,7 @@ class MergedJointStates:
         self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
-        ticker.every(1.0 / rate, self._publish)
+        ticker.every(1.0 / rate, "joint_states", self._publish)
 
     def _publish(self) -> None:
         names: list[str] = []

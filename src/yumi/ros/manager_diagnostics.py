@@ -61,7 +61,7 @@ class ManagerDiagnostics:
         self._threshold = threshold
         self._rate = rate
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        ticker.every(_PERIOD, self._publish)
+        ticker.every(_PERIOD, f"/diagnostics of {self._name}", self._publish)
 
     def _publish(self) -> None:
         array = DiagnosticArray()

@@ -40,7 +40,7 @@ class RobotStateTopic:
         self._clock = clock
         self._last: RobotState | None = None
         self._told = 0.0
-        ticker.every(GLANCE, self.update)
+        ticker.every(GLANCE, "yumi_robot_manager/state", self.update)
 
     def update(self) -> None:
         """Look, and tell what has changed, or what has not been told for a while."""

@@ -131,7 +131,7 @@ class TrajectoryAction:
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        self._end_feedback = ticker.every(_GLANCE, self._pass_on)
+        self._end_feedback = ticker.every(_GLANCE, f"The feedback of {name}", self._pass_on)
 
     def tell(self, notice: Any) -> None:
         """Take what the only arm's controller has told; from any thread."""

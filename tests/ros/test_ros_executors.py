@@ -1,0 +1,75 @@
+"""The driver's executors answer in families, and tell of callbacks that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from queue import SimpleQueue
+from threading import Event
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
+
+from yumi.ros.executors import Executors
+
+pytestmark = pytest.mark.ros
+
+LONG = 10.0
+
+
+class Family:
+    """A node whose one callback is the test's, spun by executors."""
+
+    def __init__(self, name: str = "family") -> None:
+        self.complaints: SimpleQueue[str] = SimpleQueue()
+        self.callback: Any = lambda: None
+        self.node: Any = rclpy.create_node(name)
+        self._condition = self.node.create_guard_condition(self._call_back, ReentrantCallbackGroup())
+        self.executors = Executors(self.complaints.put)
+
+    def call(self) -> None:
+        self._condition.trigger()
+
+    def close(self) -> None:
+        self.executors.stop()
+        self.node.destroy_node()
+
+    def _call_back(self) -> None:
+        self.callback()
+
+
+@pytest.fixture
+def family(ros: None) -> Iterator[Family]:
+    family = Family()
+    yield family
+    family.close()
+
+
+def test_a_failed_callback_is_told_though_no_other_one_comes(family: Family) -> None:
+    may_fail = Event()
+
+    def fail() -> None:
+        may_fail.wait(LONG)
+        raise ValueError("no such thing")
+
+    family.callback = fail
+    family.executors.add_answering("answers", family.node)
+    family.executors.start()
+    family.call()
+    may_fail.set()
+    assert family.complaints.get(timeout=LONG) == "A callback failed with ValueError: no such thing."
+
+
+def test_a_family_that_waits_keeps_no_other_one_waiting(family: Family) -> None:
+    other, may_end, has_come = Family("other"), Event(), Event()
+    family.callback, other.callback = lambda: may_end.wait(LONG), has_come.set
+    family.executors.add_streaming("one", family.node)
+    family.executors.add_answering("two", other.node)
+    family.executors.start()
+    family.call()
+    other.call()
+    assert has_come.wait(LONG)
+    may_end.set()
+    family.executors.stop()
+    other.close()
