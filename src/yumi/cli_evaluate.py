@@ -76,7 +76,7 @@ def evaluate(
     Examples:
       yumi evaluate --virtual-time                        everything but ROS 2, in about twenty seconds
       yumi evaluate --virtual-time --json figures.json
-      yumi evaluate                                       over ROS 2 and the wire, too: some minutes
+      yumi evaluate                                       over ROS 2 and the wire, too: about ten minutes
       yumi evaluate --robot 192.168.125.1                 on a real robot; the workspace has to be free
     """
     from yumi.evaluation.evaluation_results import Results, evaluate_virtually, virtual_step_count  # noqa: PLC0415
