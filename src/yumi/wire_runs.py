@@ -55,11 +55,15 @@ def run_undisturbed(
 
 
 def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """Run ``experiment`` with a driver that is up, and bring the arm back to where it stood.
+    """Run ``experiment`` with a driver that is up, in an EGM session of its own, and bring the arm back.
+
+    The robot takes one reply a cycle from its queue: a reply that once came too late to its cycle leaves all commands
+    after it a cycle late, until the session ends (reference/egm.md §4.3).
 
     Raises:
         RobotNotReady: the driver refused something, no state came for too long, or the arm did not come back.
     """
+    node.stop_egm()
     node.start_egm()
     if experiment.law.is_planned:
         return _run_planned(node, experiment)
