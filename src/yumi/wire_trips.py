@@ -8,7 +8,7 @@ from pathlib import Path
 
 from yumi.clock import SystemClock
 from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
-from yumi.evaluation.machine_answer import MODULE, SIDE, TEXT, machine_trip, prepare
+from yumi.evaluation.machine_answer import FILE_NAME, SIDE, TEXT, machine_trip, prepare
 from yumi.evaluation.recording import read_recording
 from yumi.evaluation.robot_place import RobotPlace
 from yumi.evaluation.virtual_experiment import moved
@@ -77,7 +77,7 @@ def machine_trips(node: EvaluationNode, client: RwsClient, count: int) -> tuple[
     Raises:
         RobotNotReady: it did not answer.
     """
-    node.load_module(SIDE, f"{MODULE}.mod", TEXT)
+    node.load_module(SIDE, FILE_NAME, TEXT)
     prepare(client)
     trips = [machine_trip(client, str(number), time.monotonic, node.check) for number in range(count)]
     requests, answers = zip(*trips, strict=True)

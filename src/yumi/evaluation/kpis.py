@@ -91,7 +91,7 @@ def kpis(measured: Measured) -> tuple[Kpi, ...]:
     egm = distribution([trip.total for trip in measured.trips])
     machine = distribution(machine_totals(measured.machine_trips))
     mean, jitter = _worst(egm.mean, machine.mean), _worst(egm.jitter, machine.jitter)
-    worst_to_mean = _worst(egm.highest / egm.mean if egm.count else None, _ratio(machine))
+    worst_to_mean = _worst(_ratio(egm), _ratio(machine))
     delay = max(measured.motion_delays, default=None)
     loss = measured.lost / measured.datagrams if measured.datagrams else None
     paths = "to the EGM loop" + (" or to the state machine, whichever takes longer" if machine.count else "")

@@ -18,6 +18,7 @@ SIDE = Side.RIGHT
 """Whose state machine is asked."""
 
 MODULE = "EvaluationAnswer"
+FILE_NAME = f"{MODULE}.mod"
 TEXT = f"""MODULE {MODULE}
     VAR num asked:=-1;
     PERS num answered:=-1;
@@ -29,9 +30,7 @@ ENDMODULE
 """
 """The module with the routine, to be loaded into the task."""
 
-LONGEST = 1.0
-"""An answer that takes longer does not come [s]."""
-
+_LONGEST = 1.0  # [s] an answer that takes longer does not come
 _ROUTINE = "routine_name_input"
 
 
@@ -71,9 +70,9 @@ def machine_trip(
 
 
 def _wait_until(is_so: Callable[[], bool], now: Callable[[], float], pause: Callable[[], None]) -> None:
-    end = now() + LONGEST
+    end = now() + _LONGEST
     pause()
     while not is_so():
         if now() > end:
-            raise RobotNotReady(f"The state machine of the {SIDE.word} arm did not answer within {LONGEST:g} s.")
+            raise RobotNotReady(f"The state machine of the {SIDE.word} arm did not answer within {_LONGEST:g} s.")
         pause()

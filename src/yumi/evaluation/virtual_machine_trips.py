@@ -1,7 +1,7 @@
 """Round trips from an application to the state machine and back in virtual time.
 
 The real client asks a virtual controller that executes the real RAPID. Neither requests nor RAPID take time here, so
-that what is left are the controller's cycles, in which RAPID goes on.
+that what is left is the controller's cycle, at whose end the answer is looked for.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from yumi.clock import ManualClock
-from yumi.evaluation.machine_answer import MODULE, SIDE, TEXT, machine_trip, prepare
+from yumi.evaluation.machine_answer import FILE_NAME, SIDE, TEXT, machine_trip, prepare
 from yumi.evaluation.memory_rws import MemoryRws
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.rapid_routines import RapidRoutines
@@ -69,7 +69,7 @@ def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
     with robot.client as client:
         bringup = Bringup(client, EgmMotionSettings(), robot, lambda step: None)
         bringup.make_ready()
-        RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(SIDE, f"{MODULE}.mod", TEXT)
+        RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(SIDE, FILE_NAME, TEXT)
         prepare(client)
         trips = [_trip(robot, client, number) for number in range(count)]
     requests, replies = zip(*trips, strict=True)
