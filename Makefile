@@ -40,8 +40,8 @@ constraints: setup
 	@.venv/bin/python -m venv build/uv
 	@build/uv/bin/pip --quiet install uv
 	@build/uv/bin/uv pip compile pyproject.toml --quiet --all-extras --universal --python-version 3.10 \
-	    --excludes setup/excluded.txt --no-annotate --no-header --output-file build/constraints.txt
-	@{ echo '# Every package of .venv, for Python 3.10 to 3.14; made from pyproject.toml by `make constraints`.'; \
+	    --excludes setup/excluded.txt --generate-hashes --no-annotate --no-header --output-file build/constraints.txt
+	@{ echo '# Every package of .venv with its hashes, for Python 3.10 to 3.14; made from pyproject.toml by `make constraints`.'; \
 	    cat build/constraints.txt; } > constraints.txt
 
 clean:

@@ -61,4 +61,6 @@ def _reason(words: str, complaint: str) -> str:
         return "pip cannot reach the package index; check the network, the proxy or PIP_INDEX_URL"
     if "No space left on device" in words:
         return f"{complaint}: the disk is full (about 1 GB is needed)"
+    if "DO NOT MATCH THE HASHES" in words:
+        return f"{complaint}: a file of the package index is not the one that constraints.txt has the hash of"
     return complaint

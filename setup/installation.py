@@ -17,6 +17,9 @@ from pathlib import Path
 from commands import environment, pip_install, run, say
 from prerequisites import Machine
 
+BROUGHT_BY_ROS = ("ros-", "numpy==", "catkin-pkg==", "cmake==", "empy==", "ninja==")
+"""How the pins begin that a sourced ROS 2 has no need of, or must not get."""
+
 
 @dataclass(frozen=True)
 class Clone:
@@ -128,27 +131,30 @@ def _make_venv(clone: Clone, machine: Machine) -> None:
 
 
 def _install_packages(clone: Clone, machine: Machine) -> None:
-    if machine.sourced:
-        _install_beside_ros(clone)
-        return
-    constraints = clone.root / "constraints.txt"
-    pins = [line for line in constraints.read_text().splitlines() if "==" in line]
-    say(f"installing {len(pins)} packages: a minute or two the first time")
-    # All is pinned, so nothing is resolved; and setuptools goes first, to build empy, which is no wheel.
-    tools = [pin for pin in pins if pin.startswith("setuptools==")]
-    pip_install(clone.python, ["--no-deps", *tools], clone.logs / "setuptools.log")
-    everything = ["--no-deps", "--no-build-isolation", "--requirement", str(constraints)]
-    pip_install(clone.python, everything, clone.logs / "packages.log")
+    """Install what constraints.txt pins: nothing is resolved, and pip refuses a file with another hash."""
+    requirements = _requirements(clone)
+    if machine.sourced:  # it brings ROS, and is built against the NumPy of its own machine
+        say("installing the packages that ROS 2 does not bring")
+        requirements = [each for each in requirements if not each.startswith(BROUGHT_BY_ROS)]
+    else:
+        say(f"installing {len(requirements)} packages: a minute or two the first time")
+        # setuptools goes first, to build empy, which is no wheel.
+        tools = [each for each in requirements if each.startswith("setuptools==")]
+        _install_hashed(clone, tools, "setuptools")
+    _install_hashed(clone, requirements, "packages")
 
 
-def _install_beside_ros(clone: Clone) -> None:
-    """Install less ROS and NumPy: a sourced ROS is built against the NumPy of its own machine."""
-    say("installing the packages that ROS 2 does not bring")
-    pins = (clone.root / "constraints.txt").read_text().splitlines()
-    kept = clone.logs / "constraints_beside_ros.txt"
-    kept.write_text("\n".join(pin for pin in pins if not pin.startswith(("ros-", "numpy=="))) + "\n")
-    wanted = ["--constraint", str(kept), "--editable", f"{clone.root}[plot,record,dev]"]
-    pip_install(clone.python, wanted, clone.logs / "packages.log")
+def _install_hashed(clone: Clone, requirements: list[str], name: str) -> None:
+    file = clone.logs / f"{name}.txt"
+    file.write_text("\n".join(requirements) + "\n")
+    hashed = ["--require-hashes", "--no-deps", "--no-build-isolation", "--requirement", str(file)]
+    pip_install(clone.python, hashed, clone.logs / f"{name}.log")
+
+
+def _requirements(clone: Clone) -> list[str]:
+    """The lines of constraints.txt: each a pin with its hashes, which stand on lines of their own there."""
+    lines = (clone.root / "constraints.txt").read_text().replace("\\\n", " ").splitlines()
+    return [" ".join(line.split()) for line in lines if "==" in line]
 
 
 def _install_clone(clone: Clone) -> None:

@@ -108,6 +108,7 @@ def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch:
             "pip cannot reach the package index",
         ),
         ("OSError: [Errno 28] No space left on device", "the disk is full"),
+        ("ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.", "is not the one that"),
         ("ERROR: No matching distribution found for x==1", "it failed; its words are in"),
     ],
 )
@@ -144,12 +145,44 @@ def test_pip_is_kept_to_the_virtual_environment(monkeypatch: pytest.MonkeyPatch)
     assert "MAKEFLAGS" not in given
 
 
+@pytest.mark.parametrize("sourced", [None, "jazzy"])
+def test_pip_is_given_every_pin_with_its_hashes_and_refuses_others(
+    tmp_path: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch, sourced: str | None
+) -> None:
+    runs: list[tuple[list[str], str]] = []
+
+    def note(_python: Path, arguments: list[str], _log: Path) -> None:
+        runs.append((arguments, Path(arguments[-1]).read_text()))
+
+    monkeypatch.setattr(installation, "pip_install", note)
+    (tmp_path / "constraints.txt").write_text(
+        "# all\nclick==8.5.1 \\\n    --hash=sha256:aa \\\n    --hash=sha256:bb\n"
+        "numpy==2.0 ; python_full_version < '3.11' \\\n    --hash=sha256:cc\n"
+        "ros-rclpy==7.1.6 \\\n    --hash=sha256:dd\n"
+    )
+    clone = installation.Clone(tmp_path)
+    clone.logs.mkdir(parents=True)
+    installation._install_packages(clone, machine._replace(sourced=sourced))
+    arguments, text = runs[-1]
+    assert {"--require-hashes", "--no-deps", "--requirement"} <= set(arguments)
+    expected = ["click==8.5.1 --hash=sha256:aa --hash=sha256:bb"]
+    if sourced is None:
+        expected += ["numpy==2.0 ; python_full_version < '3.11' --hash=sha256:cc", "ros-rclpy==7.1.6 --hash=sha256:dd"]
+    assert text.splitlines() == expected
+
+
+def test_every_pin_has_hashes() -> None:
+    pins = installation._requirements(installation.Clone(ROOT))
+    assert len(pins) > 100
+    assert [pin for pin in pins if "--hash=sha256:" not in pin] == []
+
+
 def pinned() -> dict[str, list[Requirement]]:
     """Each package of constraints.txt with its pins, one per range of Python versions."""
     pins: dict[str, list[Requirement]] = {}
     for line in (ROOT / "constraints.txt").read_text().splitlines():
         if "==" in line:
-            requirement = Requirement(line)
+            requirement = Requirement(line.rstrip(" \\"))
             pins.setdefault(canonicalize_name(requirement.name), []).append(requirement)
     return pins
 
