@@ -241,6 +241,7 @@ def make_parts(
     report: Callable[[str], None],
     leading: str = POSITION_CONTROLLER,
     arms: tuple[Side, ...] = tuple(Side),
+    warn: Callable[[str], None] | None = None,
 ) -> DriverParts:
     """The parts for the robot of ``settings``.
 
@@ -251,6 +252,7 @@ def make_parts(
         report: told each step of what is done to the robot.
         leading: the controller that commands an arm after EGM has started.
         arms: those that are guided; the others stand still.
+        warn: told what is not as it should be; None: ``report`` is.
 
     Raises:
         NoConnection: there is no way to the robot's address.
@@ -260,7 +262,7 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
-    bringup = Bringup(client, settings.egm_motion, clock, report, arms)
+    bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn)
     fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
     manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
@@ -278,6 +280,7 @@ def run_driver(
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
     Without ``ros.autostart`` it only serves ROS: connecting and what follows are left to who leads its managed nodes.
+    Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
 
     Args:
         settings: where the robot is, and how it shall move.
@@ -303,7 +306,13 @@ def run_driver(
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
-        parts = make_parts(settings, controllers, on_event, lambda step: ros.say(f"Bring-up: {step}"))
+        parts = make_parts(
+            settings,
+            controllers,
+            on_event,
+            lambda step: ros.say(f"Bring-up: {step}"),
+            warn=lambda remark: ros.warn(f"Bring-up: {remark}"),
+        )
         stack.callback(parts.client.close)
         connection = _connection_of(parts)
         if settings.ros.autostart:
@@ -325,7 +334,7 @@ def run_driver(
         ros.start()
         ros.say(fast_lines.started_as)
         if settings.ros.autostart:
-            ros.bring_up()
+            ros.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready()
         is_over.wait()
@@ -364,7 +373,7 @@ def build_grippers(
 
 def _end_motion(manager: RobotManager, connection: RobotConnection, say: Callable[[str], None]) -> None:
     try:
-        if connection.is_open:
+        if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()
     except YumiError as error:
         say(f"The robot could not be told to end EGM: {error}")

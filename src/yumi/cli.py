@@ -1,10 +1,11 @@
-"""The command line: ``yumi demo | up | controller | fault``; every refusal is one sentence and an exit code."""
+"""The command line: ``yumi demo | up | doctor | controller | fault``; a refusal is one sentence and an exit code."""
 
 from __future__ import annotations
 
 import json
 import logging
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -19,16 +20,30 @@ import click
 
 from yumi import __version__
 from yumi.cli_bench import bench
+from yumi.cli_doctor import doctor
 from yumi.cli_evaluate import evaluate, tune
 from yumi.cli_fault import fault
+from yumi.cli_options import limit_discovery, password_options
 from yumi.cli_record import record as record_commands
-from yumi.errors import MissingPrerequisite, SettingsError, YumiError
-from yumi.links.command import READY
+from yumi.errors import CommandRefused, MissingPrerequisite, SettingsError, YumiError
+from yumi.links.command import CONTROLLER_READY, DRIVER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
-from yumi.settings import MAX_PORT, Settings, override, read_controllers, read_settings
+from yumi.settings import (
+    MAX_PORT,
+    PASSWORD_VARIABLE,
+    RobotSettings,
+    Settings,
+    override,
+    read_controllers,
+    read_settings,
+)
 
 _INTERRUPTED = 130
+_ROS_ARGUMENTS = "yumi.ros_arguments"
+_NAMES_ALL_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
+"""A rule of rcl's remapping that gives nodes another namespace or name."""
+
 _UNTIL = click.option("--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process).")
 
 
@@ -56,10 +71,14 @@ class _Commands(click.Group):
     """Turns our errors into one sentence and exit code 1 (2 for wrong settings); leaves ROS's arguments to ROS."""
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
-        return super().make_context(info_name, _without_ros_arguments(args), *rest, **extra)
+        own, ros = _split_ros_arguments(args)
+        context = super().make_context(info_name, own, *rest, **extra)
+        context.meta[_ROS_ARGUMENTS] = ros
+        return context
 
     def invoke(self, context: click.Context) -> Any:
         try:
+            _refuse_other_names(context.meta[_ROS_ARGUMENTS])
             return super().invoke(context)
         except YumiError as error:
             click.echo(f"Error: {error}", err=True)
@@ -108,8 +127,8 @@ def main() -> None:
 @click.option("--left-leak", type=_LEAK, help="An object lies under the left hand's cups; 0 is tight, 1 as if none.")
 @click.option("--right-leak", type=_LEAK, help="And under the right hand's.")
 @click.option("--calibrated", is_flag=True, help="Somebody has calibrated the hands already.")
-@click.option("--user", default="Default User", show_default=True)
-@click.option("--password", default="robotics", show_default=True)
+@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@password_options
 @_UNTIL
 def controller(
     rws_port: int,
@@ -126,10 +145,12 @@ def controller(
     right_leak: float | None,
     calibrated: bool,
     user: str,
-    password: str,
+    password: str | None,
     until_stdin_closes: bool,
 ) -> None:
     """Run a virtual IRC5 with a YuMi: true wire, true RAPID; `yumi fault` lets things happen to it.
+
+    Its password is "robotics", as of a new controller, unless a file, a prompt or YUMI_PASSWORD gives another.
 
     \b
     Example:
@@ -147,8 +168,10 @@ def controller(
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
     )
-    virtual = VirtualController(settings, rws_port=rws_port, user=user, password=password, host=listen)
-    virtual.run(_end_flag(until_stdin_closes), lambda port: _say_ready(f"http://{listen}:{port}"))
+    chosen = password or RobotSettings().password
+    virtual = VirtualController(settings, rws_port=rws_port, user=user, password=chosen, host=listen)
+    is_over = _end_flag(until_stdin_closes)
+    virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))
 
 
 @main.command()
@@ -157,39 +180,61 @@ def controller(
 @click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams arrive.")
 @click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams arrive.")
 @click.option("--user", help="User name on the controller.")
-@click.option("--password", help="Its password.")
+@password_options
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
 @click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
 @click.option(
-    "--autostart/--no-autostart", default=None, help="Whether to connect and activate the managed nodes by itself."
+    "--bringup/--no-bringup",
+    default=None,
+    help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
+    "connects and only reads until start_egm, set_mode or recover is called.",
 )
+@click.option(
+    "--autostart/--no-autostart",
+    default=None,
+    help="Connect and activate the managed nodes at start. Without, the driver does not even connect until their "
+    "lifecycle services are called.",
+)
+@click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
 @_UNTIL
 def up(
-    config: Path | None, controllers: Path | None, record: Path | None, until_stdin_closes: bool, **options: Any
+    config: Path | None,
+    controllers: Path | None,
+    record: Path | None,
+    network: bool,
+    until_stdin_closes: bool,
+    **options: Any,
 ) -> None:
     """Run the driver: bring the robot to ready and serve ROS 2.
+
+    It says what it will do to the robot before it does it.
 
     \b
     Examples:
       yumi up --robot 192.168.125.1
       yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
+      yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
     _demand_ros()
+    click.echo(limit_discovery(is_open=network))
     from yumi.app import run_driver  # noqa: PLC0415 - a quick --help
 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = _end_flag(until_stdin_closes)
-    run_driver(settings, chosen, is_over, lambda: _say_ready(f"driving the robot at {address}"), record)
+    run_driver(settings, chosen, is_over, lambda: click.echo(f"{DRIVER_READY}serving the robot at {address}"), record)
 
 
 @main.command()
 @click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
+@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services, with --robot.")
+@click.option("--user", help="User name on it, with --robot.")
+@password_options
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @click.option(
     "--picture",
@@ -206,16 +251,28 @@ def up(
     show_default=True,
     help="Folder for the output of driver and controller.",
 )
-def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs: Path) -> None:
+def demo(
+    robot: str | None,
+    rws_port: int | None,
+    user: str | None,
+    password: str | None,
+    yes: bool,
+    picture: Path,
+    report: Path | None,
+    logs: Path,
+) -> None:
     """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
 
     \b
     Examples:
       yumi demo
       yumi demo --robot 192.168.125.1
+      yumi demo --robot 127.0.0.1 --rws-port 8080      rehearses that with `yumi controller` in another terminal
     """
+    if robot is None and (rws_port is not None or user is not None):
+        raise CommandRefused("--rws-port and --user are about a robot that runs already; name it with --robot.")
     _demand_ros()
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    limit_discovery()
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
     if robot and not yes:
@@ -227,7 +284,14 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
     is_over = _end_flag(False)
     with DemoScreen() as screen:
         try:
-            reports = run_demo(DemoPlan(robot, (), logs), screen, is_over.is_set)
+            options = tuple(
+                text
+                for name, value in (("--rws-port", rws_port), ("--user", user))
+                if value is not None
+                for text in (name, str(value))
+            )
+            secrets = {PASSWORD_VARIABLE: password} if password else {}
+            reports = run_demo(DemoPlan(robot, options, logs, secrets), screen, is_over.is_set)
         except Cancelled:
             screen.note("cancelled: motion stopped, EGM ended")
             sys.exit(_INTERRUPTED)
@@ -249,6 +313,7 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
 
 
 main.add_command(bench)
+main.add_command(doctor)
 main.add_command(fault)
 main.add_command(evaluate)
 main.add_command(tune)
@@ -261,7 +326,7 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     names = {
         "robot": {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"},
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
-        "ros": {"autostart": "autostart"},
+        "ros": {"autostart": "autostart", "bringup": "bringup"},
     }
     values = {
         group: {name: given[option] for option, name in entries.items() if option in given}
@@ -270,22 +335,35 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     return override(settings, values, "command line")
 
 
-def _without_ros_arguments(arguments: Sequence[str]) -> list[str]:
-    """``arguments`` less what stands from ``--ros-args`` to ``--`` or to the end; rclpy reads that by itself."""
-    kept: list[str] = []
+def _split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Our arguments, and those from ``--ros-args`` to ``--`` or to the end, which rclpy reads by itself."""
+    own: list[str] = []
+    ros: list[str] = []
     is_ours = True
     for argument in arguments:
         if argument == "--ros-args":
             is_ours = False
         elif is_ours:
-            kept.append(argument)
+            own.append(argument)
         elif argument == "--":
             is_ours = True
-    return kept
+        else:
+            ros.append(argument)
+    return own, ros
 
 
-def _say_ready(what: str) -> None:
-    click.echo(f"{READY}: {what}")
+def _refuse_other_names(ros_arguments: Sequence[str]) -> None:
+    """Refuse what would give the nodes of both arms one name: rcl puts it in the place of ``r`` and ``l``.
+
+    Raises:
+        SettingsError: there is such a rule; a launch file's namespace is one, too.
+    """
+    for rule in ros_arguments:
+        if _NAMES_ALL_NODES.match(rule):
+            raise SettingsError(
+                f"{rule!r} would merge both arms, whose nodes are told apart by the namespaces r and l; start without "
+                "it, and give each robot a ROS_DOMAIN_ID of its own."
+            )
 
 
 def _demand_ros() -> None:

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from yumi import __version__
+from yumi.cli_options import limit_discovery, password_options
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, YumiError
 from yumi.evaluation.robot_place import DEFAULT_PASSWORD, DEFAULT_USER, RobotPlace
 from yumi.settings import MAX_PORT
@@ -43,7 +44,7 @@ class _Ended(Exception):
     "--rws-port", type=click.IntRange(1, MAX_PORT), default=80, show_default=True, help="Of a real controller."
 )
 @click.option("--user", default=DEFAULT_USER, show_default=True, help="On a real controller.")
-@click.option("--password", default=DEFAULT_PASSWORD, help="On a real controller.")
+@password_options
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @click.option(
     "--round-trips",
@@ -61,7 +62,7 @@ def evaluate(
     robot: str | None,
     rws_port: int,
     user: str,
-    password: str,
+    password: str | None,
     yes: bool,
     round_trips: int,
     output: Path,
@@ -95,7 +96,7 @@ def evaluate(
             with _bar(console, virtual_step_count(), check) as on_step:
                 evaluate_virtually(results, on_step)
             if not virtual_time:
-                place = RobotPlace(robot, rws_port, user, password)
+                place = RobotPlace(robot, rws_port, user, password or DEFAULT_PASSWORD)
                 _evaluate_on_wire(results, console, check, place, round_trips, output)
             results.is_complete = not results.failures
         except _Ended:
@@ -119,7 +120,7 @@ def _evaluate_on_wire(
     output: Path,
 ) -> None:
     os.environ.setdefault("ROS_LOG_DIR", str((output / "ros").absolute()))
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    limit_discovery()
     try:
         from yumi.wire_evaluation import WirePlan, evaluate_on_wire, wire_step_count  # noqa: PLC0415 - needs ROS 2
     except ImportError as error:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from yumi.errors import RobotNotReady, YumiError
+from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.links.command import Command
 from yumi.links.udp import free_port
 from yumi.robot.joints import Side
@@ -28,11 +29,13 @@ class DemoPlan:
         robot: address of a real controller; None brings a virtual one.
         options: further options for the driver, e.g. a settings file.
         logs: folder for the processes' output.
+        secrets: environment variables for the driver and the virtual controller: the password.
     """
 
     robot: str | None
     options: tuple[str, ...]
     logs: Path
+    secrets: Mapping[str, str] = field(default_factory=dict, repr=False)
 
 
 class Cancelled(Exception):
@@ -82,9 +85,17 @@ def _driver(plan: DemoPlan, progress: Progress, check: Callable[[], None]) -> It
     with ExitStack() as stack:
         where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack, check)
         progress.step("start the driver")
-        driver = stack.enter_context(Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log"))
-        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check))
+        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        driver = stack.enter_context(command)
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, lambda line: _pass_on(line, progress)))
         yield driver
+
+
+def _pass_on(line: str, progress: Progress) -> None:
+    """Of what the driver logs, what it will do to the robot is for the person at the terminal."""
+    _, announces, steps = line.partition(ANNOUNCEMENT)
+    if announces:
+        progress.note(f"{ANNOUNCEMENT}{steps}")
 
 
 def _start_controller(
@@ -95,7 +106,7 @@ def _start_controller(
     left, right = free_port(), free_port()
     ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
     arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
-    command = Command("virtual controller", arguments, plan.logs / "controller.log")
+    command = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
     address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT, check)
     progress.note(address)
     host, _, rws_port = address.removeprefix("http://").partition(":")

@@ -5,6 +5,7 @@ Each group is declared as a dataclass; a field's metadata gives its unit and bou
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
@@ -26,6 +27,9 @@ from yumi.robot.joints import Side
 T = TypeVar("T")
 
 MAX_PORT = 65535
+PASSWORD_VARIABLE = "YUMI_PASSWORD"
+"""The environment variable with the robot's password; it wins over the settings file."""
+
 _UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
 
 MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
@@ -40,14 +44,14 @@ class RobotSettings:
         address: the controller's address; 192.168.125.1 is the service port of every IRC5.
         rws_port: HTTP port of Robot Web Services.
         user: user name; ABB's default is public knowledge.
-        password: its password.
+        password: its password; never shown, as no field that has no part in ``repr``.
         timeout: longest wait for one answer [s].
     """
 
     address: str = "192.168.125.1"
     rws_port: int = bounded(80, 1, MAX_PORT)
     user: str = "Default User"
-    password: str = "robotics"
+    password: str = field(default="robotics", repr=False)
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
 
 
@@ -108,10 +112,12 @@ class RosSettings:
     Attributes:
         merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
         autostart: whether the driver connects and leads its managed nodes to active by itself.
+        bringup: whether it then brings the robot to ready by itself; else it only reads, until it is asked for more.
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
     autostart: bool = True
+    bringup: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +177,11 @@ class Settings:
     watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
+
+
+def password_of_environment() -> str | None:
+    """The password that ``YUMI_PASSWORD`` holds; None where it is not set."""
+    return os.environ.get(PASSWORD_VARIABLE) or None
 
 
 def config_folder() -> Path:
@@ -253,7 +264,10 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
     except yaml.YAMLError as error:
-        raise SettingsError(f"{path} is no YAML: {' '.join(str(error).split())}.") from error
+        # Without PyYAML's context and problem, which quote the file: a password may stand there.
+        mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise SettingsError(f"{path} is not YAML{where}; quote texts with special characters.") from None
     if not isinstance(document, dict):
         raise SettingsError(f"{path} must hold a mapping of settings.")
     return document
@@ -300,6 +314,8 @@ def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if type(value) is not kind:
+        if not item.repr:
+            raise SettingsError(f"{place} must be a text; put it in quotes.")
         raise SettingsError(f"{place} is {value!r}; it must be of type {kind.__name__}.")
     _check_range(item, value, place)
     return value

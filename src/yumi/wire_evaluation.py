@@ -138,7 +138,8 @@ def _robot(plan: WirePlan, stack: ExitStack, check: Callable[[], None]) -> tuple
     if plan.place.robot:
         return ("--robot", plan.place.robot, "--rws-port", str(plan.place.rws_port))
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    command = Command("virtual controller", ("controller", "--rws-port", "0", *ports), plan.folder / "controller.log")
+    arguments = ("controller", "--rws-port", "0", *ports)
+    command = Command("virtual controller", arguments, plan.folder / "controller.log", plan.place.secrets)
     address = stack.enter_context(command).wait_until_ready(_READY, check)
     host, _, port = address.removeprefix("http://").partition(":")
     return ("--robot", host, "--rws-port", port, *ports)
@@ -152,8 +153,8 @@ def _driver(plan: WirePlan, where: Sequence[str], mode: Mode, check: Callable[[]
         f"egm_motion: {{max_speed_deviation: {mode.value.max_speed_deviation:.1f}}}\n", encoding="utf-8"
     )
     what = ("--config", str(settings), "--record", str(_recording(plan, mode)))
-    login = ("--user", plan.place.user, "--password", plan.place.password)
-    with Command("driver", ("up", *where, *login, *what), plan.folder / f"driver_{mode.word}.log") as command:
+    arguments = ("up", *where, "--user", plan.place.user, *what)
+    with Command("driver", arguments, plan.folder / f"driver_{mode.word}.log", plan.place.secrets) as command:
         command.wait_until_ready(_READY, check)
         yield command
 

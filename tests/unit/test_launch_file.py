@@ -78,9 +78,9 @@ def test_virtual_robot_is_started_first_and_then_its_driver_once(launch_file: di
     told = handler.values[0]
     assert told.target_action is controller
     assert told.on_stdout(SimpleNamespace(text=b"INFO something else")) is None
-    (driver,) = told.on_stdout(SimpleNamespace(text=b"yumi is up: http://127.0.0.1:8080"))
+    (driver,) = told.on_stdout(SimpleNamespace(text=b"Virtual controller ready: http://127.0.0.1:8080"))
     assert (parse(driver)["robot"], parse(driver)["rws_port"]) == ("127.0.0.1", 8080)
-    assert told.on_stdout(SimpleNamespace(text=b"yumi is up: again")) is None
+    assert told.on_stdout(SimpleNamespace(text=b"Virtual controller ready: again")) is None
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,14 @@ from yumi.app import Controllers
 from yumi.errors import SettingsError
 from yumi.parameter_file import Entry
 from yumi.robot.joints import Side
-from yumi.settings import ControllerSettings, Settings, override, read_controllers, read_settings
+from yumi.settings import (
+    ControllerSettings,
+    Settings,
+    override,
+    password_of_environment,
+    read_controllers,
+    read_settings,
+)
 
 P = ParamSpec("P")
 Given = Mapping[str, Any]
@@ -62,7 +69,7 @@ def connect(
         left_egm_port: UDP port where the left arm's datagrams arrive.
         right_egm_port: the same of the right arm.
         user: user name on the controller; ABB's default unless given.
-        password: its password.
+        password: its password; unless given the one in the environment variable ``YUMI_PASSWORD``, or the settings'.
         config: settings instead of the delivered ``yumi.yaml``.
         controllers: controllers instead of the delivered ``controllers.yaml``.
 
@@ -70,7 +77,8 @@ def connect(
         SettingsError: a value is wrong; nothing was connected.
     """
     where = {"left_port": left_egm_port, "right_port": right_egm_port}
-    settings = settings_for(address, rws_port, {"user": user, "password": password}, where, config)
+    login = {"user": user, "password": password_of_environment() if password is None else password}
+    settings = settings_for(address, rws_port, login, where, config)
     return Robot(settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms))
 
 

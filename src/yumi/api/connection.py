@@ -15,8 +15,9 @@ from yumi.app import Controllers, make_parts, only_at_robot
 from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
+from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import set_up_hands
+from yumi.hardware.hand_setup import hand_steps, set_up_hands
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
@@ -65,6 +66,7 @@ class Connection:
             atexit.register(self.close)  # a notebook that is shut down ends its motions too
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
+            self._announce()
             self.manager.make_ready()
             self._set_up_hands()  # not while arms are guided
             self.manager.start_egm()
@@ -91,14 +93,23 @@ class Connection:
         stack, self._stack = self._stack, ExitStack()
         stack.close()
 
+    def _announce(self) -> None:
+        """Say what will be done to the robot; as a warning, which a script without logging shows, too."""
+        steps = [*self.manager.steps_to_ready(), *hand_steps(self.grippers, is_tested=self._are_tested)]
+        whom = "both arms" if len(self._arms) > 1 else f"the {self._arms[0].word} arm"
+        log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, f"start EGM on {whom} (to hold where they are)"]))
+
+    @property
+    def _are_tested(self) -> bool:
+        return self._settings.gripper.test_at_start and not self._were_tested
+
     def _set_up_hands(self) -> None:
-        is_tested = self._settings.gripper.test_at_start and not self._were_tested
+        set_up_hands(self.grippers, log.info, log.warning, is_tested=self._are_tested)
         self._were_tested = True
-        set_up_hands(self.grippers, log.info, log.warning, is_tested=is_tested)
 
     def _start(self, stack: ExitStack) -> None:
-        settings, report = self._settings, partial(log.info, "%s")
-        parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms)
+        settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
+        parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms, warn)
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
         stack.callback(parts.client.close)
         parts.client.connect()

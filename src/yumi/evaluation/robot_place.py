@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from yumi.hardware.rws_client import DEFAULT_PASSWORD, DEFAULT_USER
+from yumi.settings import PASSWORD_VARIABLE
 
 __all__ = ["DEFAULT_PASSWORD", "DEFAULT_USER", "RobotPlace"]
 
@@ -22,4 +24,9 @@ class RobotPlace:
     robot: str | None
     rws_port: int
     user: str = DEFAULT_USER
-    password: str = DEFAULT_PASSWORD
+    password: str = field(default=DEFAULT_PASSWORD, repr=False)
+
+    @property
+    def secrets(self) -> Mapping[str, str]:
+        """Environment variables that tell our commands the password: every user can read their arguments."""
+        return {PASSWORD_VARIABLE: self.password}

@@ -11,15 +11,19 @@ from contextlib import contextmanager, suppress
 
 from yumi.clock import Clock
 from yumi.errors import RobotNotReady
-from yumi.hardware.cabinet import Cabinet
+from yumi.hardware.cabinet import STOPPED_FOR_GOOD, Cabinet
 from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
 from yumi.hardware.manager_state import Report
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EgmMotionSettings, MachineState
 from yumi.hardware.state_machines import StateMachines
 from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState, OperatingMode
 
 _IDLE_DEADLINE = 5.0
+
+ANNOUNCEMENT = "Bring-up will: "
+"""How the line begins that says what will be done to the robot, before the first of it is done."""
 
 
 class Bringup:
@@ -31,6 +35,7 @@ class Bringup:
         clock: where waiting time comes from.
         report: told each step.
         arms: those that EGM shall guide unless told otherwise; the others stand still meanwhile.
+        warn: told what is not as it should be, in place of ``report``.
 
     Attributes:
         client: the same client.
@@ -45,11 +50,13 @@ class Bringup:
         clock: Clock,
         report: Report,
         arms: tuple[Side, ...] = tuple(Side),
+        warn: Report | None = None,
     ) -> None:
         self.client = client
         self.cabinet = Cabinet(client, clock)
         self.machines = StateMachines(client, motion, clock)
         self._reports = [report]
+        self._warn = warn or report
         self._arms = arms
         self._is_checked = False
         self._addresses: Mapping[Side, EgmAddress] | None = None
@@ -87,13 +94,29 @@ class Bringup:
         """
         if not self._is_checked:
             self.check_controller()
-        self._tell_remarks()
+        self.tell_remarks()
         self.cabinet.check_automatic()
         if not self.cabinet.are_motors_on:
             self.report("motors on")
             self.cabinet.switch_motors_on()
         if not self._is_idle():
             self.restart_program()
+
+    def steps_to_ready(self) -> list[str]:
+        """What :meth:`make_ready` will do to the robot as it is now, in words; nothing where it will be refused."""
+        state, mode = self.client.controller_state(), self.client.operating_mode()
+        if mode is not OperatingMode.AUTO or state in STOPPED_FOR_GOOD:
+            return []
+        steps = [] if state is ControllerState.MOTORS_ON else ["switch the motors on"]
+        is_running, machines = self.cabinet.is_running, set(self.machines.states().values())
+        if is_running and MachineState.RUN_EGM_ROUTINE in machines:
+            steps.append("end the EGM motion that runs (the arms come to rest)")
+        elif is_running and machines != {MachineState.IDLE}:
+            steps.append("stop the RAPID program")
+            is_running = False
+        if not is_running:
+            steps += ["move the program pointers to main", "start the RAPID program"]
+        return steps
 
     def _is_idle(self) -> bool:
         """Whether the program runs with both machines idle; an EGM motion that was left behind comes to rest gently."""
@@ -151,9 +174,12 @@ class Bringup:
         for report in self._reports:
             report(step)
 
-    def _tell_remarks(self) -> None:
+    def tell_remarks(self) -> None:
+        """Warn of what the check has found to be odd, once each."""
         for remark in self._remarks:
-            self.report(remark)
+            self._warn(remark)
+            for report in self._reports[1:]:
+                report(remark)
         self._told_remarks += self._remarks
         self._remarks = []
 

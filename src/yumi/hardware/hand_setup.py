@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 
 from yumi.errors import ControllerRefused, GoalNotReached, ProtocolError, RobotNotReady
 from yumi.hardware.gripper import Gripper
@@ -32,6 +33,18 @@ def set_up_hands(grippers: Mapping[Side, Gripper], say: Say, complain: Say, *, i
                 say(f"The {side.word} gripper {_tested(gripper)}.")
         except (RobotNotReady, ControllerRefused, ProtocolError, GoalNotReached) as error:
             complain(f"The {side.word} gripper cannot be used: {error}")
+
+
+def hand_steps(grippers: Mapping[Side, Gripper], *, is_tested: bool = False) -> list[str]:
+    """What :func:`set_up_hands` will do to the hands as they are now, in words; nothing for one that cannot be used."""
+    steps = []
+    for side, gripper in grippers.items():
+        with suppress(RobotNotReady, ControllerRefused, ProtocolError):  # set_up_hands says why
+            if not gripper.is_calibrated():
+                steps.append(f"calibrate the {side.word} gripper (its fingers close)")
+            if is_tested and not gripper.is_holding():
+                steps.append(f"close the {side.word} gripper as a test")
+    return steps
 
 
 def _tested(gripper: Gripper) -> str:

@@ -17,9 +17,12 @@ OLDEST_ROBOTWARE = (6, 9)
 
 OPTIONS: Mapping[str, str] = {
     "689-1 Externally Guided Motion (EGM)": "no arm can be guided",
-    "623-1 Multitasking": "the two arms cannot have programs of their own",
 }
-"""What the controller must have, and what does not work without."""
+"""What the controller must have, and what does not work without.
+
+The programs of two arms need 604-1 MultiMove, with which every YuMi is delivered; that both tasks are there is checked
+itself. 623-1 Multitasking and 616-1 PC Interface are not needed.
+"""
 
 GRIPPER_PRODUCT = "SmartGripper"
 
@@ -77,7 +80,7 @@ class LaunchChecks:
         """
         self._check_system(self._client.system())
         for side in Side:
-            self._check_unit(side)
+            self.check_unit(side)
         self.check_tasks()
 
     def check_tasks(self) -> None:
@@ -87,7 +90,7 @@ class LaunchChecks:
             RobotNotReady: it is not there, or in another version.
         """
         for side in Side:
-            self._check_task(side)
+            self.check_task(side)
 
     def check_devices(self) -> None:
         """See that the robot's datagrams come here.
@@ -110,7 +113,8 @@ class LaunchChecks:
         if GRIPPER_PRODUCT not in system.options:
             self.remarks.append(f"the controller lacks the product {GRIPPER_PRODUCT!r}; the hands cannot be used")
 
-    def _check_unit(self, side: Side) -> None:
+    def check_unit(self, side: Side) -> None:
+        """See that the controller moves an arm; raises RobotNotReady."""
         try:
             self._client.joint_target(side.unit)
         except ControllerRefused as error:
@@ -118,7 +122,8 @@ class LaunchChecks:
                 f"The controller has no mechanical unit {side.unit}; it does not move a YuMi's {side.word} arm."
             ) from error
 
-    def _check_task(self, side: Side) -> None:
+    def check_task(self, side: Side) -> None:
+        """See that an arm's task has the robot-side program, in its version; raises RobotNotReady."""
         task, remedy = side.task, "load the RAPID modules of this package on it"
         try:
             kind = self._client.symbol_type(task, MAIN, "current_state")

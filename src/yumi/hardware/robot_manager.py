@@ -42,6 +42,7 @@ class RobotManager:
     Attributes:
         watch: what is known of the robot.
         watchdog: on the robot, and our signs of life to it.
+        has_acted: whether it was asked to change anything on the robot; before, it has only read.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class RobotManager:
         self._arms = arms
         self._lock = Lock()  # one at a time; the robot has one state
         self._stops = 0  # how many were asked for
+        self.has_acted = False
 
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
@@ -104,6 +106,15 @@ class RobotManager:
     def describe(self) -> str:
         """The robot's state in one line."""
         return str(self.state())
+
+    def steps_to_ready(self) -> list[str]:
+        """What :meth:`make_ready` will do to the robot as it is now, in words. Raises YumiError."""
+        is_ours = self._guidance.wanted and self._guidance.are_guided(self._arms)
+        return [] if is_ours else self._bringup.steps_to_ready()
+
+    def tell_remarks(self) -> None:
+        """Warn of what the check of the controller has found to be odd, once each."""
+        self._bringup.tell_remarks()
 
     # Named states
 
@@ -280,6 +291,7 @@ class RobotManager:
         stops = self._stops
         with self._lock:
             self._check_not_stopped(stops)
+            self.has_acted = True
             try:
                 yield
             finally:

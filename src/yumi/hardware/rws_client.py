@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import datetime
 from types import TracebackType
 from typing import TypeVar
 from weakref import WeakSet
@@ -109,6 +110,10 @@ class RwsClient:
         """Name, RobotWare version and options."""
         return self._read(requests.get_system(), replies.system, "reading the system")
 
+    def clock(self) -> datetime:
+        """Its local time; the controller does not say in which zone."""
+        return self._read(requests.get_clock(), replies.clock, "reading the clock")
+
     def controller_state(self) -> ControllerState:
         """Motors on or off, or the stop that keeps them off."""
         return self._read(requests.get_controller_state(), replies.controller_state, "reading the state of the motors")
@@ -163,6 +168,11 @@ class RwsClient:
     def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
         return self._read(requests.get_modules(task), replies.modules, f"reading the modules of {task}")
+
+    def module_text(self, task: str, module: str) -> str:
+        """The text of a module that is loaded, as the controller writes it: PERS data have their present values."""
+        request = requests.get_module_text(task, module)
+        return self._read(request, replies.module_text, f"reading the module {module} of {task}")
 
     def load_module(self, task: str, path: str, replace: bool = True) -> None:
         """Load a file of the controller, such as ``HOME:/pick.mod``, as a module of ``task``.

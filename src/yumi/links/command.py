@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
@@ -12,8 +13,9 @@ from types import TracebackType
 
 from yumi.errors import RobotNotReady
 
-READY = "yumi is up"
-"""First words of the line a command prints when it serves."""
+CONTROLLER_READY = "Virtual controller ready: "
+DRIVER_READY = "Driver ready: "
+"""How the line begins that either command prints when it serves."""
 
 _STOP_TIMEOUT = 20.0
 _GLANCE = 0.1  # [s]
@@ -26,13 +28,17 @@ class Command:
 
     Args:
         name: for sentences.
-        arguments: what follows ``yumi``.
+        arguments: what follows ``yumi``; every user of the machine can read them.
         log: where its output goes.
+        environment: variables beside this process's own; where secrets go.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
+    def __init__(
+        self, name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str] | None = None
+    ) -> None:
         self.name = name
         self.log = log
+        self._environment = environment or {}
         self._arguments = [sys.executable, "-m", "yumi", *arguments, "--until-stdin-closes"]
         self._lines: Queue[str | None] = Queue()
 
@@ -44,6 +50,7 @@ class Command:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            env={**os.environ, **self._environment},
         )
         self._reader = Thread(target=self._read, name=f"{self.name}-output")
         self._reader.start()
@@ -64,12 +71,18 @@ class Command:
         """Number of its process."""
         return self._process.pid
 
-    def wait_until_ready(self, timeout: float, check: Callable[[], None] = lambda: None) -> str:
+    def wait_until_ready(
+        self,
+        timeout: float,
+        check: Callable[[], None] = lambda: None,
+        on_line: Callable[[str], None] = lambda line: None,
+    ) -> str:
         """Wait for its ready line; returns what follows the first words.
 
         Args:
             timeout: longest wait [s].
             check: called again and again; raises when waiting has become useless.
+            on_line: given each line that comes before.
 
         Raises:
             RobotNotReady: it ended or did not become ready in time; the message is its last line.
@@ -84,8 +97,10 @@ class Command:
                 continue
             if line is None:
                 raise RobotNotReady(last or f"The {self.name} ended without a word; see {self.log}.")
-            if line.startswith(READY):
-                return line.removeprefix(READY).strip(" :")
+            for ready in (CONTROLLER_READY, DRIVER_READY):
+                if line.startswith(ready):
+                    return line.removeprefix(ready).strip()
+            on_line(line)
             last = line.removeprefix("Error: ") or last
         raise RobotNotReady(f"The {self.name} was not ready within {timeout:g} s; see {self.log}.")
 

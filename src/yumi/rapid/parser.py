@@ -64,7 +64,7 @@ def parse_module(text: str, filename: str) -> Module:
         RapidSyntaxError: with file, line, column, what was found and what would be allowed.
     """
     module: Module = _parse(text, "module", filename)
-    return module.named(filename)
+    return module.read_from(filename, text)
 
 
 def parse_parameters(text: str) -> tuple[Parameter, ...]:

@@ -6,7 +6,7 @@ blamed for something carries the line it starts on, counted from 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 
@@ -326,11 +326,12 @@ class Module:
     data: tuple[Data, ...]
     routines: tuple[Routine, ...]
     filename: str
+    text: str = field(default="", repr=False, compare=False)
 
     @property
     def is_system(self) -> bool:
         return "SYSMODULE" in self.attributes
 
-    def named(self, filename: str) -> Module:
+    def read_from(self, filename: str, text: str) -> Module:
         """This module as read from a file."""
-        return replace(self, filename=filename)
+        return replace(self, filename=filename, text=text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from yumi.errors import RobotNotReady
 from yumi.rapid import syntax as s
@@ -46,6 +46,7 @@ class ModuleInfo:
     name: str
     is_system: bool
     filename: str
+    text: str = field(default="", repr=False)
 
 
 class Task:
@@ -93,7 +94,8 @@ class Task:
 
     @property
     def modules(self) -> tuple[ModuleInfo, ...]:
-        return tuple(ModuleInfo(m.name, m.syntax.is_system, m.syntax.filename) for m in self.program.modules.values())
+        syntaxes = ((module.name, module.syntax) for module in self.program.modules.values())
+        return tuple(ModuleInfo(name, each.is_system, each.filename, each.text) for name, each in syntaxes)
 
     def load(self, text: str, filename: str, *, replace: bool = False) -> str:
         """Load a module, in the place of one of the same name if it may; returns its name.

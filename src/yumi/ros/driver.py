@@ -32,8 +32,9 @@ from rclpy.signals import SignalHandlerOptions
 from yumi.clock import Clock
 from yumi.control.requests import Event
 from yumi.errors import YumiError
+from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.hand_setup import set_up_hands
+from yumi.hardware.hand_setup import hand_steps, set_up_hands
 from yumi.hardware.robot_manager import RobotManager
 from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
@@ -190,16 +191,34 @@ class RosDriver:
         """Log one line of the robot manager."""
         self._nodes.manager.get_logger().info(sentence)
 
-    def bring_up(self) -> None:
-        """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not."""
+    def warn(self, sentence: str) -> None:
+        """Log one line of the robot manager that a person should do something about."""
+        self._nodes.manager.get_logger().warning(sentence)
+
+    def bring_up(self, *, is_reading_only: bool = False) -> None:
+        """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not.
+
+        Args:
+            is_reading_only: whether the robot is left as it is.
+        """
         self._managed.bring_up()
         try:
             demand(self._managed.permission.to_move())
+            if is_reading_only:
+                self._manager.tell_remarks()
+                self.say("The robot is left as it is until start_egm, set_mode or recover is called.")
+                return
+            steps = [*self._manager.steps_to_ready(), *self._hand_steps()]
+            if steps:
+                self.warn(f"{ANNOUNCEMENT}{', '.join(steps)}.")
             self._manager.make_ready()
             self._set_up_hands()
             self.say("The robot is ready.")
         except YumiError as error:
             self._nodes.manager.get_logger().error(str(error))
+
+    def _hand_steps(self) -> list[str]:
+        return hand_steps(self._hand_parts.grippers, is_tested=self._hand_parts.settings.test_at_start)
 
     def _set_up_hands(self) -> None:
         complain = self._nodes.manager.get_logger().error

@@ -6,9 +6,11 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from enum import Enum
 from math import radians
 from typing import TypeVar
+from urllib.parse import unquote, unquote_plus
 
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
@@ -135,6 +137,15 @@ def system(page: Page) -> SystemInfo:
     return SystemInfo(state.text("name"), tuple(int(part) for part in version.split(".")), options)
 
 
+def clock(page: Page) -> datetime:
+    """``/ctrl/clock``: the controller's local time, as it has no zone."""
+    text = page.one("ctrl-clock-info", "ctrl-clock-info-li").text("datetime")
+    try:
+        return datetime.strptime(text, "%Y-%m-%d T %H:%M:%S")
+    except ValueError as error:
+        raise ProtocolError(f"The controller's clock shows {text!r}, which is not a time.") from error
+
+
 def controller_state(page: Page) -> ControllerState:
     """``/rw/panel/ctrlstate``."""
     return _enum(ControllerState, page.one("pnl-ctrlstate").text("ctrlstate"))
@@ -164,6 +175,13 @@ def modules(page: Page) -> tuple[ModuleInfo, ...]:
     """``/rw/rapid/modules``."""
     states = page.of_type("rap-module-info-li")
     return tuple(ModuleInfo(state.text("name"), state.text("type")) for state in states)
+
+
+def module_text(page: Page) -> str:
+    """``/rw/rapid/modules/{module}?resource=module-text``: URL-encoded, in Latin-1 as RAPID's files."""
+    text = page.one("rap-module-text").text("module-text")
+    decode = unquote if "%20" in text else unquote_plus  # which of the two encodings it is, ABB does not say
+    return decode(text, encoding="latin-1")
 
 
 def symbol(page: Page) -> str:

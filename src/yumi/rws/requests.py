@@ -71,6 +71,10 @@ def get_system() -> Request:
     return get("/rw/system")
 
 
+def get_clock() -> Request:
+    return get("/ctrl/clock")
+
+
 def get_controller_state() -> Request:
     return get("/rw/panel/ctrlstate")
 
@@ -125,6 +129,10 @@ def get_tasks() -> Request:
 
 def get_modules(task: str) -> Request:
     return get("/rw/rapid/modules", ("task", task))
+
+
+def get_module_text(task: str, module: str) -> Request:
+    return get(f"/rw/rapid/modules/{module}", ("resource", "module-text"), ("task", task))
 
 
 def get_symbol(task: str, module: str, name: str) -> Request:

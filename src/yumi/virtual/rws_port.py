@@ -81,6 +81,10 @@ class Controller(Protocol):
         """Override of all speeds [%]."""
 
     @property
+    def time(self) -> float:
+        """What its clock shows [s]; seconds since 1970 where people shall read it."""
+
+    @property
     def events(self) -> EventLog: ...
 
     @property

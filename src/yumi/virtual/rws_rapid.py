@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import TypeVar
+from urllib.parse import quote
 
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rws import forms
@@ -123,6 +124,23 @@ def _modules(controller: Controller, call: Call) -> Page:
     return resource("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
+def _module_text(controller: Controller, call: Call) -> Page:
+    """The text, URL-encoded; what else is known of a module nobody has asked for yet."""
+    if call.option("resource") != "module-text":
+        raise invalid("of a module its text alone is given: resource=module-text")
+    task = _find_task(controller, call.option("task") or "")
+    wanted = call.names["module"]
+    module = next((each for each in task.modules if each.name.lower() == wanted.lower()), None)
+    if module is None:
+        raise Failure(404, Code.FAIL, f"the task {task.name} has no module {wanted!r}")
+    fields = {
+        "change-count": "0",
+        "module-text": quote(module.text, encoding="latin-1"),
+        "module-length": str(len(module.text)),
+    }
+    return resource("rapid", f"{_BASE}modules/", module.name, State("rap-module-text", module.name, fields))
+
+
 def _symbol(controller: Controller, call: Call) -> Page:
     url = call.names["symbol"]
     value = _at(controller, url, lambda task, module, name: task.read(module, name), missing=400)
@@ -204,6 +222,7 @@ ROUTES = (
     Route("POST", "/rw/rapid/tasks/{task}", _load_module, "loadmod"),
     Route("POST", "/rw/rapid/tasks/{task}", _unload_module, "unloadmod"),
     Route("GET", "/rw/rapid/modules", _modules),
+    Route("GET", "/rw/rapid/modules/{module}", _module_text),
     Route("GET", _SYMBOL, _symbol),
     Route("POST", _SYMBOL, _set_symbol, "set"),
     Route("GET", "/rw/rapid/symbol/properties/RAPID/{symbol*}", _properties),

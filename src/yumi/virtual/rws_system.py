@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 from yumi.rws.pages import Link, Page, State
 from yumi.virtual.rws_port import Controller
 from yumi.virtual.rws_routes import Call, Route, entry, resource
@@ -26,6 +28,12 @@ def _controller(controller: Controller, call: Call) -> Page:
 def _identity(controller: Controller, call: Call) -> Page:
     fields = {**_identity_fields(controller), "ctrl-level": "System Level"}
     return resource("ctrl", "/ctrl/", "identity", State("ctrl-identity-info", "identity", fields))
+
+
+def _clock(controller: Controller, call: Call) -> Page:
+    """Local time without its zone, as on the pendant."""
+    shown = datetime.fromtimestamp(controller.time).strftime("%Y-%m-%d T %H:%M:%S")
+    return resource("ctrl", "/ctrl/", "clock", State("ctrl-clock-info", "clock", {"datetime": shown}))
 
 
 def _identity_fields(controller: Controller) -> dict[str, str]:
@@ -62,6 +70,7 @@ ROUTES = (
     Route("GET", "/rw", _services),
     Route("GET", "/ctrl", _controller),
     Route("GET", "/ctrl/identity", _identity),
+    Route("GET", "/ctrl/clock", _clock),
     Route("GET", "/rw/system", _system),
     Route("GET", "/rw/system/options", _options),
 )
