@@ -252,8 +252,8 @@ def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding
     ]
     if changed:
         verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
-        why = ", as those of ABB's add-in do" if has_add_in else ""
-        found = f"{', '.join(changed)} differ from this package's{why}"
+        why = ", as ABB's add-in has its own" if has_add_in else ""
+        found = f"{', '.join(changed)} not as in this package{why}"
         findings.append(Finding(name, verdict, found, f"unless that is meant, {_LOAD}"))
     elif not missing:
         findings.append(Finding(name, Verdict.OK, "all loaded, as in this package"))

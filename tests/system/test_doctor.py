@@ -1,0 +1,330 @@
+"""The doctor against the virtual controller: a healthy one, and every fault that a new set-up may have."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from memory_http import MemoryHttp
+from yumi.cli import main
+from yumi.clock import ManualClock
+from yumi.hardware import doctor
+from yumi.hardware.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
+from yumi.hardware.launch_checks import EgmAddress
+from yumi.hardware.rws_client import RwsClient
+from yumi.links.http import HttpReply, HttpRequest
+from yumi.links.http_server import HttpServer
+from yumi.links.udp import UdpServer, free_port
+from yumi.robot.joints import Side
+from yumi.rws.states import OperatingMode
+from yumi.virtual.irc5 import Irc5
+from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.world import World, WorldSettings
+
+HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
+NOON = datetime(2026, 7, 9, 12, 0, 0).timestamp()
+
+
+def world(**settings: object) -> World:
+    return World(replace(WorldSettings(start_time=NOON), **settings))  # type: ignore[arg-type]
+
+
+def findings(
+    controller: Irc5, addresses: Mapping[Side, EgmAddress] = HERE, now: float = NOON, password: str = "robotics"
+) -> list[Finding]:
+    """What the doctor finds on a controller, in no time."""
+    clock = ManualClock()
+    client = RwsClient(MemoryHttp(controller, clock), password=password, clock=clock)
+    return list(examine_controller(client, addresses, lambda: datetime.fromtimestamp(now)))
+
+
+def problems(*args: object, **options: object) -> list[tuple[str, str, str]]:
+    found = findings(*args, **options)  # type: ignore[arg-type]
+    return [(each.requirement, each.found, each.remedy) for each in found if each.verdict is Verdict.PROBLEM]
+
+
+def notes(*args: object, **options: object) -> dict[str, str]:
+    found = findings(*args, **options)  # type: ignore[arg-type]
+    return {each.requirement: each.found for each in found if each.verdict is Verdict.NOTE}
+
+
+def without_option(controller: Irc5, start: str) -> None:
+    options = tuple(each for each in controller.identity.options if not each.startswith(start))
+    controller.identity = replace(controller.identity, options=options)
+
+
+def load(controller: Irc5, module: str, old: str, new: str) -> None:
+    """Somebody loads the program with one module changed into both tasks."""
+    modules = {name: text.replace(old, new) if name == module else text for name, text in delivered_modules().items()}
+    assert modules != delivered_modules()
+    controller.replace_program({f"HOME:/other/{name}.mod": text for name, text in modules.items()})
+
+
+def test_healthy_robot_has_no_problem_and_is_said_to_start_with_motors_off() -> None:
+    controller = world().controller
+    assert problems(controller) == []
+    assert notes(controller) == {
+        "motors": "motoroff; `yumi up` switches them on",
+        "RAPID program": "stopped; `yumi up` moves its pointers to main and starts it",
+    }
+
+
+def test_running_robot_has_not_even_a_note() -> None:
+    running = world()
+    running.controller.set_motors(True)
+    running.controller.start_rapid()
+    for _ in range(100):  # the programs write their PERS data, which are part of the modules' texts
+        running.cycle({})
+    assert [each for each in findings(running.controller) if each.verdict is not Verdict.OK] == []
+
+
+def test_wrong_password_is_the_only_problem_and_nothing_more_is_asked() -> None:
+    ((requirement, found, remedy),) = problems(world().controller, password="wrong")
+    assert requirement == "login"
+    assert found == "The controller at memory does not accept user 'Default User' with this password"
+    assert remedy.startswith("give the right ones")
+
+
+def test_robotware_without_egm_for_seven_axes_is_a_problem() -> None:
+    controller = world().controller
+    controller.identity = replace(controller.identity, robotware="6.08.01.00")
+    assert problems(controller) == [
+        (
+            "RobotWare",
+            "6.8.1.0, which has no EGM for seven axes",
+            "have it updated to RobotWare 6.09 or newer, but not 7",
+        )
+    ]
+
+
+def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() -> None:
+    controller = world().controller
+    for start in ("689-1", "623-1", "616-1"):
+        without_option(controller, start)
+    assert problems(controller) == [
+        (
+            "option",
+            "689-1 Externally Guided Motion (EGM) is missing: no arm can be guided",
+            "have ABB add it to the system",
+        )
+    ]
+
+
+def test_missing_gripper_product_is_a_note() -> None:
+    controller = world().controller
+    without_option(controller, "SmartGripper")
+    assert notes(controller)["gripper product"] == "SmartGripper is missing: the grippers cannot be used"
+
+
+def test_manual_mode_is_a_problem() -> None:
+    controller = world().controller
+    controller.mode = OperatingMode.MANUAL_REDUCED
+    assert problems(controller) == [("operating mode", "MANR", "turn it to AUTO on the FlexPendant")]
+
+
+def test_pressed_emergency_stop_is_a_problem() -> None:
+    controller = world().controller
+    controller.press_emergency_stop()
+    assert problems(controller) == [
+        ("motors", "emergencystop: an emergency stop is pressed", "release it where it was pressed")
+    ]
+
+
+def test_datagrams_that_go_to_another_machine_are_a_problem() -> None:
+    controller = world(egm_host="127.0.0.9").controller
+    assert [each[:2] for each in problems(controller)] == [
+        (
+            f"UDPUC device {side.unit}",
+            f"the {side.word} arm's datagrams go to 127.0.0.9:{HERE[side].port}, here they are awaited at "
+            f"127.0.0.1:{HERE[side].port}",
+        )
+        for side in HERE
+    ]
+
+
+def test_datagrams_that_go_to_another_port_are_a_problem_of_that_arm() -> None:
+    controller = world(egm_ports={Side.RIGHT: 7000}).controller
+    ((requirement, found, remedy),) = problems(controller)
+    assert requirement == "UDPUC device ROB_R"
+    assert "go to 127.0.0.1:7000, here they are awaited at 127.0.0.1:6512" in found
+    assert remedy == "make the UDPUC device ROB_R or the settings fit"
+
+
+def test_missing_module_is_a_problem_of_its_task() -> None:
+    controller = world().controller
+    controller.unload_module("T_ROB_R", "TRobRAPID")
+    ((requirement, found, remedy),) = problems(controller)
+    assert (requirement, found) == ("modules in T_ROB_R", "TRobRAPID missing")
+    assert remedy.startswith("load the RAPID modules of this package")
+
+
+def test_missing_watchdog_is_a_note_that_says_what_is_lost() -> None:
+    controller = world().controller
+    controller.unload_module("T_ROB_R", "TRobWatchdog")
+    assert (
+        notes(controller)["modules in T_ROB_R"] == "TRobWatchdog missing: the robot does not stop when the driver dies"
+    )
+
+
+def test_changed_module_is_a_problem_unless_the_add_in_brings_its_own() -> None:
+    controller = world().controller
+    load(controller, "TRobEGM", "ENDMODULE", "CONST num more:=1;\nENDMODULE")
+    for side in Side:
+        found = notes(controller)[f"modules in {side.task}"]
+        assert found == "TRobEGM not as in this package, as ABB's add-in has its own"
+    without_option(controller, "StateMachine Core")
+    assert [each[:2] for each in problems(controller)] == [
+        (f"modules in {side.task}", "TRobEGM not as in this package") for side in Side
+    ]
+
+
+def test_program_of_another_version_is_a_problem() -> None:
+    controller = world().controller
+    load(controller, "TRobMain", "VERSION:=1.1", "VERSION:=1.0")
+    assert ("version in T_ROB_R", "Task T_ROB_R has version 1.0 of the state machine, not 1.1") in [
+        each[:2] for each in problems(controller)
+    ]
+
+
+def test_clock_that_is_off_is_a_note_with_both_times() -> None:
+    controller = world().controller
+    assert notes(controller, now=NOON + 3600.0)["clock"].startswith(
+        "2026-07-09 12:00:00 there, 2026-07-09 13:00:00 here"
+    )
+
+
+def test_module_with_other_spaces_cases_comments_and_pers_values_is_the_same() -> None:
+    text = 'MODULE A\n  PERS num a{2}:=[1,\n    2]; ! first\n  CONST string s:="a!b";\nENDMODULE\n'
+    same = 'module A\n! other words\nPERS   num a{2} := [7, 8];\nCONST string s := "a!b";\nendmodule'
+    assert essence(text) == essence(same)
+    assert essence(text) != essence(text.replace("a!b", "a!c"))
+    assert essence(text) != essence(text.replace("s:=", "t:="))
+
+
+def test_port_that_is_taken_here_is_a_problem() -> None:
+    with UdpServer("127.0.0.1", 0) as taken:
+        addresses = {Side.LEFT: EgmAddress("127.0.0.1", taken.port), Side.RIGHT: EgmAddress("127.0.0.1", free_port())}
+        found = [each for each in examine_machine("127.0.0.1", addresses) if each.verdict is Verdict.PROBLEM]
+    (port,) = (address.port for address in addresses.values() if str(address.port) in found[0].requirement)
+    assert [each.found for each in found] == [f"UDP port {port} is taken: another driver may be running"]
+    assert port == addresses[Side.LEFT].port
+
+
+@pytest.mark.parametrize(
+    ("code", "output", "verdict", "words"),
+    [
+        (1, "", Verdict.NOTE, "nft: not readable without root"),
+        (0, "", Verdict.OK, "nft shows nothing that closes UDP ports 6511:6512"),
+        (0, "chain input { type filter hook input priority 0; policy drop; }", Verdict.NOTE, "closes something"),
+        (
+            0,
+            "chain input { type filter hook input priority 0; policy drop; udp dport { 6511, 6512 } accept }",
+            Verdict.OK,
+            "shows nothing that closes",
+        ),
+    ],
+)
+def test_firewall_is_told_as_far_as_it_is_readable(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, code: int, output: str, verdict: Verdict, words: str
+) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name, path: f"/usr/sbin/{name}" if name == "nft" else None)
+    found = firewall(lambda command: subprocess.CompletedProcess(command, code, output, ""), tmp_path / "none")
+    assert found.verdict is verdict
+    assert words in found.found
+
+
+def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_the_ports(tmp_path: Path) -> None:
+    ufw = tmp_path / "ufw.conf"
+    ufw.write_text("# /etc/ufw/ufw.conf\nENABLED=yes\n")
+    found = firewall(lambda command: subprocess.CompletedProcess(command, 1, "", ""), ufw)
+    assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"
+
+
+def firewall(run: doctor.Run, ufw: Path) -> Finding:
+    return next(each for each in examine_machine("192.0.2.1", HERE, run, ufw) if each.requirement == "firewall")
+
+
+@dataclass
+class Served:
+    """A virtual controller on loopback, with what it was asked."""
+
+    port: int = 0
+    requests: list[HttpRequest] = field(default_factory=list)
+
+
+@contextmanager
+def served(controller: Irc5) -> Iterator[Served]:
+    adapter, what = RwsAdapter(controller, user="Default User", password="robotics"), Served()
+
+    def handle(request: HttpRequest) -> HttpReply:
+        what.requests.append(request)
+        reply = adapter.handle(request, time.monotonic())
+        assert isinstance(reply, HttpReply)
+        return reply
+
+    with HttpServer(handle, port=0) as server:
+        what.port = server.port
+        yield what
+
+
+@pytest.fixture
+def here() -> Iterator[tuple[Served, list[str]]]:
+    """A healthy controller whose datagrams come here, and the options to find it."""
+    ports = {side: free_port() for side in Side}
+    egm = [text for side, port in ports.items() for text in (f"--{side.word}-egm-port", str(port))]
+    with served(world(egm_ports=ports, start_time=time.time()).controller) as what:
+        yield what, ["--robot", "127.0.0.1", "--rws-port", str(what.port), *egm]
+
+
+def run(*arguments: str, environment: Mapping[str, str] | None = None) -> Result:
+    return CliRunner().invoke(main, ["doctor", *arguments], env=environment)
+
+
+def test_doctor_only_reads(here: tuple[Served, list[str]]) -> None:
+    what, options = here
+    assert run(*options).exit_code == 0
+    assert {request.method for request in what.requests} == {"GET"}
+    assert any("module-text" in request.target for request in what.requests)
+    assert not any("subscription" in request.target for request in what.requests)
+
+
+def test_doctor_prints_one_line_a_requirement_and_that_nothing_is_missing(here: tuple[Served, list[str]]) -> None:
+    result = run(*here[1])
+    assert result.exit_code == 0
+    assert "Nothing stands against driving this robot" in result.output
+    lines = [line.split()[0] for line in result.output.splitlines()[1:-1]]
+    assert set(lines) <= {"ok", "note"}
+
+
+def test_doctor_writes_its_findings_as_json(here: tuple[Served, list[str]]) -> None:
+    report = json.loads(run(*here[1], "--json", "-").stdout)
+    assert report["robot"] == f"127.0.0.1:{here[0].port}"
+    assert {"requirement": "operating mode", "verdict": "ok", "found": "AUTO", "remedy": ""} in report["findings"]
+
+
+def test_doctor_ends_with_code_1_where_there_is_a_problem(here: tuple[Served, list[str]]) -> None:
+    result = run(*here[1], "--json", "-", environment={"YUMI_PASSWORD": "not-it-4711"})
+    assert result.exit_code == 1
+    assert "does not accept user 'Default User'" in result.output
+    assert "not-it-4711" not in result.output
+
+
+def test_doctor_says_that_nothing_answers() -> None:
+    result = run("--robot", "127.0.0.1", "--rws-port", str(_closed_port()))
+    assert result.exit_code == 1
+    assert "problem  reachable" in result.output
+
+
+def _closed_port() -> int:
+    with HttpServer(lambda _: HttpReply(204), port=0) as server:
+        return server.port
