@@ -9,6 +9,7 @@ import pytest
 from system.virtual_time_bench import System
 from yumi.errors import RobotNotReady, SettingsError
 from yumi.hardware.bringup import Bringup
+from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.rapid.errors import UnknownSymbol
 from yumi.robot.joints import Side
@@ -27,6 +28,57 @@ def test_bringup_switches_on_starts_and_waits_for_idle(system: System) -> None:
     assert system.client.controller_state() is ControllerState.MOTORS_ON
     assert system.client.execution() is ExecutionState.RUNNING
     assert [system.bringup.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
+
+
+def test_what_bringup_will_do_is_known_before_it_is_done(system: System) -> None:
+    expected = ["switch the motors on", "move the program pointers to main", "start the RAPID program"]
+    before = len(system.client.events())
+    assert system.manager.steps_to_ready() == expected
+    assert len(system.client.events()) == before  # nothing was done
+    system.bringup.make_ready()
+    assert len(system.steps) == len(expected)
+    assert system.manager.steps_to_ready() == []
+
+
+def test_only_what_will_be_done_is_announced(system: System) -> None:
+    system.client.set_motors(True)
+    assert system.manager.steps_to_ready() == ["move the program pointers to main", "start the RAPID program"]
+    system.start_egm()
+    system.start_driver()  # a new one finds a motion that was left behind
+    assert system.manager.steps_to_ready() == ["end the EGM motion that runs (the arms come to rest)"]
+    system.manager.make_ready()
+    assert system.steps[-1] == "stop EGM"
+
+
+@pytest.mark.parametrize("stop", ["manual", "emergency stop"])
+def test_nothing_is_announced_for_a_robot_that_will_be_left_as_it_is(system: System, stop: str) -> None:
+    if stop == "manual":
+        system.world.controller.mode = OperatingMode.MANUAL_REDUCED
+    else:
+        system.world.controller.press_emergency_stop()
+    assert system.manager.steps_to_ready() == []
+    with pytest.raises(RobotNotReady):
+        system.bringup.make_ready()
+
+
+def test_manager_that_was_only_asked_what_it_knows_has_not_acted(system: System) -> None:
+    system.manager.steps_to_ready()
+    system.manager.state()
+    assert not system.manager.has_acted
+    system.manager.make_ready()
+    assert system.manager.has_acted
+
+
+def test_datagrams_that_go_elsewhere_are_warned_of_once(system: System) -> None:
+    warnings: list[str] = []
+    bringup = Bringup(system.client, EgmMotionSettings(), system, system.steps.append, warn=warnings.append)
+    bringup.check_controller({Side.LEFT: EgmAddress("192.0.2.1", 6511)})
+    bringup.make_ready()
+    bringup.make_ready()
+    assert [remark.split(";")[0] for remark in warnings] == [
+        "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.0.2.1:6511"
+    ]
+    assert not any("datagrams" in step for step in system.steps)
 
 
 def test_bringup_does_nothing_to_a_robot_that_is_ready(system: System) -> None:

@@ -11,7 +11,7 @@ import pytest
 from system.virtual_time_bench import DriverArm, System
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import set_up_hands
+from yumi.hardware.hand_setup import hand_steps, set_up_hands
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, THINNEST, TRAVEL, Direction, GripperModules, HandState, Outcome
 from yumi.robot.hand import HandOrder, go_to, grip
@@ -55,6 +55,13 @@ def left(calibrated: System) -> Gripper:
 def right(calibrated: System) -> Gripper:
     """Nothing lies between its fingers."""
     return calibrated.grippers[Side.RIGHT]
+
+
+def test_hands_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
+    assert hand_steps(system.grippers) == [f"calibrate the {side.word} gripper (its fingers close)" for side in Side]
+    set_up_hands(system.grippers, print, print)
+    assert hand_steps(system.grippers) == []
+    assert hand_steps(system.grippers, is_tested=True) == [f"close the {side.word} gripper as a test" for side in Side]
 
 
 def done(gripper: Gripper, order: HandOrder) -> Outcome | None:

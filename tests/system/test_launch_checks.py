@@ -36,10 +36,10 @@ def test_controller_that_has_everything_passes_without_remarks(system: System) -
     assert remarks(system, HERE) == []
 
 
-def test_controller_without_multitasking_is_refused(system: System) -> None:
-    without(system, "623-1")
-    with pytest.raises(RobotNotReady, match="lacks the option '623-1 Multitasking'; without it the two arms cannot"):
-        remarks(system, HERE)
+@pytest.mark.parametrize("option", ["623-1", "616-1"])
+def test_controller_without_an_option_that_is_not_needed_is_used(system: System, option: str) -> None:
+    without(system, option)
+    assert remarks(system, HERE) == []
 
 
 def test_controller_without_grippers_is_used_with_a_remark(system: System) -> None:

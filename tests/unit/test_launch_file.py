@@ -72,6 +72,13 @@ def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_
     assert options["config"] == tmp_path
 
 
+def test_driver_brings_up_on_this_machine_alone_unless_told_otherwise(launch_file: dict[str, Any]) -> None:
+    (driver,) = start(launch_file)
+    assert [parse(driver)[name] for name in ("bringup", "autostart", "network")] == [True, True, False]
+    (driver,) = start(launch_file, bringup="false", network="true")
+    assert [parse(driver)[name] for name in ("bringup", "autostart", "network")] == [False, True, True]
+
+
 def test_virtual_robot_is_started_first_and_then_its_driver_once(launch_file: dict[str, Any]) -> None:
     handler, controller = start(launch_file, virtual="true")
     assert parse(controller)["rws_port"] == 8080
@@ -93,4 +100,4 @@ def test_virtual_robot_is_started_first_and_then_its_driver_once(launch_file: di
     ],
 )
 def test_arguments_of_ros_are_left_to_ros(given: list[str], kept: list[str]) -> None:
-    assert cli._without_ros_arguments(given) == kept
+    assert cli._split_ros_arguments(given)[0] == kept

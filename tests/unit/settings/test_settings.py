@@ -61,7 +61,7 @@ def test_settings_may_name_only_what_differs(file: Path) -> None:
         ("egm: {wake: now}", "egm: wake is 'now'; choose one of auto, blocking, hot, ahead."),
         ("robot: here", "mine.yaml: robot needs a mapping, it has 'here'."),
         ("- 1", "must hold a mapping of settings."),
-        ("robot: [", "is no YAML:"),
+        ("robot: [", "mine.yaml is not YAML in line 1, column 9"),
     ],
 )
 def test_settings_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:

@@ -1,0 +1,66 @@
+"""Who sees the driver's ROS 2 graph, and which names its nodes may not be given."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from click.testing import CliRunner
+
+from yumi.cli import main
+from yumi.cli_options import limit_discovery
+
+VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
+
+
+@pytest.fixture(autouse=True)
+def _ros_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in (*VARIABLES, "ROS_DOMAIN_ID"):
+        monkeypatch.setenv(name, "")  # so that what is set in the test is taken back
+        monkeypatch.delenv(name)
+
+
+def test_ros_is_visible_on_this_machine_only_unless_told_otherwise() -> None:
+    assert limit_discovery() == "ROS 2 is visible on this machine only; --network opens it to the subnet."
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_network_leaves_the_range_to_ros_and_says_who_can_move_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    said = limit_discovery(is_open=True)
+    assert said == "ROS 2 is open to the subnet: every machine with ROS_DOMAIN_ID=7 in it can move the robot."
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+
+
+@pytest.mark.parametrize("name", VARIABLES)
+@pytest.mark.parametrize("is_open", [False, True])
+def test_variables_of_ros_win(monkeypatch: pytest.MonkeyPatch, name: str, is_open: bool) -> None:
+    monkeypatch.setenv(name, "0")
+    assert limit_discovery(is_open=is_open) == f"ROS 2 discovery is as the environment says: {name}=0."
+    assert [each for each in VARIABLES if each in os.environ] == [name]
+
+
+@pytest.mark.parametrize(
+    "rule", ["__ns:=/lab", "yumi_robot_manager:__ns:=/lab", "__node:=driver", "__name:=driver", "/r/arm:__ns:=/x"]
+)
+@pytest.mark.parametrize("flag", ["-r", "--remap"])
+@pytest.mark.parametrize("command", [("up",), ("demo",), ("evaluate",)])
+def test_name_for_all_nodes_is_refused_since_it_would_merge_both_arms(
+    command: tuple[str, ...], flag: str, rule: str
+) -> None:
+    result = CliRunner().invoke(main, [*command, "--ros-args", flag, rule])
+    assert result.exit_code == 2
+    assert result.output.startswith(f"Error: '{rule}' would merge both arms")
+    assert result.output.count("\n") == 1
+
+
+@pytest.mark.parametrize("rule", ["joint_states:=robot/joint_states", "a__ns:=b", "r/joint_commands:=goals"])
+def test_names_of_topics_may_be_remapped(rule: str) -> None:
+    result = CliRunner().invoke(main, ["record", "list", "--folder", "none", "--ros-args", "-r", rule])
+    assert (result.exit_code, result.output) == (0, "There are no records in none.\n")
+
+
+def test_demo_refuses_a_port_without_a_robot() -> None:
+    result = CliRunner().invoke(main, ["demo", "--rws-port", "8080"])
+    assert result.exit_code == 1
+    assert "name it with --robot" in result.output
