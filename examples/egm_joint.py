@@ -1,6 +1,6 @@
 """Swing the last axis of any ABB robot by 5 degrees, with EGM in joint mode.
 
-Start it, then run EGMRunJoint on the controller: `python examples/egm_joint.py [port]`.
+Start it, then run EGMRunJoint on the controller: `python examples/egm_joint.py [port [address]]`.
 """
 
 import sys
@@ -25,5 +25,5 @@ def swing(server: EgmServer, duration: float) -> None:
 
 
 if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510) as server:
+    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
         swing(server, duration=4 * PERIOD)

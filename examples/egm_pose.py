@@ -1,6 +1,6 @@
 """Lead the tool of any six-axis ABB robot round a circle of 40 mm, with EGM in pose mode.
 
-Start it, then run EGMRunPose on the controller: `python examples/egm_pose.py [port]`.
+Start it, then run EGMRunPose on the controller: `python examples/egm_pose.py [port [address]]`.
 """
 
 import sys
@@ -29,5 +29,5 @@ def circle(server: EgmServer, rounds: int) -> None:
 
 
 if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510) as server:
+    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
         circle(server, rounds=4)

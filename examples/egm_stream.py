@@ -1,6 +1,6 @@
 """Show where any ABB robot is, twice a second, from EGM's position stream; nothing is sent.
 
-Start it, then run EGMStreamStart on the controller: `python examples/egm_stream.py [port]`.
+Start it, then run EGMStreamStart on the controller: `python examples/egm_stream.py [port [address]]`.
 """
 
 import sys
@@ -24,5 +24,5 @@ def watch(server: EgmServer, show: Callable[[str], object]) -> None:
 
 
 if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510) as server:
+    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
         watch(server, print)

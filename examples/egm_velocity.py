@@ -1,6 +1,6 @@
 """Turn the last axis of any ABB robot forth and back at up to 5 degrees per second, with EGM as a velocity loop.
 
-Start it, then run EGMRunJoint with PosCorrGain 0 on the controller: `python examples/egm_velocity.py [port]`.
+Start it, then run EGMRunJoint with PosCorrGain 0 on the controller: `python examples/egm_velocity.py [port [address]]`.
 """
 
 import sys
@@ -25,5 +25,5 @@ def turn(server: EgmServer, duration: float) -> None:
 
 
 if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510) as server:
+    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
         turn(server, duration=4 * PERIOD)

@@ -232,8 +232,10 @@ def up(
 
 @main.command()
 @click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
-@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services, with --robot.")
-@click.option("--user", help="User name on it, with --robot.")
+@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
+@click.option("--left-egm-port", type=_PORT, help="UDP port where its left arm's datagrams arrive.")
+@click.option("--right-egm-port", type=_PORT, help="UDP port where its right arm's datagrams arrive.")
+@click.option("--user", help="User name on it.")
 @password_options
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @click.option(
@@ -253,13 +255,12 @@ def up(
 )
 def demo(
     robot: str | None,
-    rws_port: int | None,
-    user: str | None,
     password: str | None,
     yes: bool,
     picture: Path,
     report: Path | None,
     logs: Path,
+    **where: str | int | None,
 ) -> None:
     """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
 
@@ -269,8 +270,14 @@ def demo(
       yumi demo --robot 192.168.125.1
       yumi demo --robot 127.0.0.1 --rws-port 8080      rehearses that with `yumi controller` in another terminal
     """
-    if robot is None and (rws_port is not None or user is not None):
-        raise CommandRefused("--rws-port and --user are about a robot that runs already; name it with --robot.")
+    options = tuple(
+        text
+        for name, value in where.items()
+        if value is not None
+        for text in (f"--{name.replace('_', '-')}", str(value))
+    )
+    if options and robot is None:
+        raise CommandRefused(f"{options[0]} is about a robot that runs already; name it with --robot.")
     _demand_ros()
     limit_discovery()
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
@@ -284,12 +291,6 @@ def demo(
     is_over = _end_flag(False)
     with DemoScreen() as screen:
         try:
-            options = tuple(
-                text
-                for name, value in (("--rws-port", rws_port), ("--user", user))
-                if value is not None
-                for text in (name, str(value))
-            )
             secrets = {PASSWORD_VARIABLE: password} if password else {}
             reports = run_demo(DemoPlan(robot, options, logs, secrets), screen, is_over.is_set)
         except Cancelled:

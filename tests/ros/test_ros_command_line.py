@@ -143,8 +143,13 @@ def expect_one_sentence(outcome: tuple[int, str, float], part: str) -> None:
     assert duration < 5.0
 
 
-def test_driver_says_that_the_password_is_wrong(robot: Robot) -> None:
-    expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--password", "no"), "password")
+def test_driver_says_that_the_password_is_wrong_without_showing_it(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("YUMI_PASSWORD", "not-it-4711")
+    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port))
+    expect_one_sentence(outcome, "password")
+    assert "not-it-4711" not in outcome[1]
 
 
 def test_driver_says_that_nobody_is_there(robot: Robot) -> None:
@@ -175,7 +180,7 @@ def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["demo"], ["up"], ["controller"], ["record"], ["record", "show"], ["record", "list"]]
+    "command", [[], ["demo"], ["up"], ["doctor"], ["controller"], ["record"], ["record", "show"], ["record", "list"]]
 )
 def test_every_command_has_help_with_an_example(command: list[str]) -> None:
     done = subprocess.run([*YUMI, *command, "--help"], capture_output=True, text=True, check=True)
@@ -196,7 +201,7 @@ def test_driver_that_starts_nothing_by_itself_needs_no_robot(tmp_path: Path) -> 
         options = ["--robot", "127.0.0.1", "--rws-port", str(taken.getsockname()[1]), "--no-autostart"]
         ports = ["--left-egm-port", str(free_port()), "--right-egm-port", str(free_port())]
         with Command("driver", ["up", *options, *ports], tmp_path / "driver.log") as driver:
-            assert driver.wait_until_ready(60.0).startswith("driving the robot at 127.0.0.1")
+            assert driver.wait_until_ready(60.0).startswith("serving the robot at 127.0.0.1")
 
 
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:

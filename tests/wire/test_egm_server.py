@@ -279,3 +279,20 @@ def test_package_has_nothing_else_to_offer() -> None:
 
     with pytest.raises(AttributeError, match="no attribute 'EgmClient'"):
         yumi.EgmClient  # noqa: B018
+
+
+def test_server_hears_this_machine_alone_unless_told_where_the_robot_is() -> None:
+    with EgmServer(0) as server:
+        assert server.address == "127.0.0.1"
+    with EgmServer(0, robot="127.0.0.2") as server:
+        assert server.address.startswith("127.")
+    with EgmServer(0, host="") as server:
+        assert server.address == "0.0.0.0"
+
+
+def test_server_that_hears_this_machine_alone_says_so_when_no_robot_spoke() -> None:
+    with (
+        EgmServer(0, timeout=0.05) as server,
+        pytest.raises(NoConnection, match="without robot= or host= this machine"),
+    ):
+        next(iter(server))

@@ -16,7 +16,7 @@ from yumi.hardware.egm_arm import period, wire_counters
 from yumi.hardware.egm_reference import correction, is_placed, moves, reference, standstill
 from yumi.hardware.robot_state import RobotState
 from yumi.links.poller import Poller
-from yumi.links.udp import UdpServer
+from yumi.links.udp import UdpServer, address_towards
 from yumi.robot.values import Pose, Vector
 
 GLANCE = 0.050
@@ -40,7 +40,8 @@ class EgmServer:
 
     Args:
         port: UDP port that the controller sends to; 0 for any free one.
-        host: address to listen on, all by default.
+        host: address to listen on: this machine's own towards the robot, or ``""`` for all; by default the one that
+            faces ``robot``, else the loopback, where only programs of this machine are heard.
         robot: only datagrams from this address are taken; None takes all.
         axes: 7 for a seven-axis arm, 6 for a robot whose external axes are no part of it; None takes the first
             external axis that the robot sends, if it does, for the arm's seventh.
@@ -56,7 +57,7 @@ class EgmServer:
         self,
         port: int,
         *,
-        host: str = "",
+        host: str | None = None,
         robot: str | None = None,
         axes: int | None = None,
         timeout: float | None = None,
@@ -71,6 +72,9 @@ class EgmServer:
         self._state: RobotState | None = None
         self._held = SensorMessage(0)
         self._is_stopped = False
+        self._hint = "; without robot= or host= this machine alone is heard" if host is None and robot is None else ""
+        if host is None:
+            host = address_towards(robot) if robot else "127.0.0.1"
         self._link = UdpServer(host, port, remote=robot)
         self._poller = Poller()
         self._poller.watch(self._link, self._take)
@@ -95,12 +99,17 @@ class EgmServer:
         if self._state is None and not self._is_stopped:
             raise NoConnection(
                 f"No robot spoke on UDP port {self.port} within {self._timeout:g} s: start EGM in the RAPID program, "
-                "and check the remote address and port of its UDPUC device."
+                f"and check the remote address and port of its UDPUC device{self._hint}."
             )
 
     @property
     def port(self) -> int:
         return self._link.port
+
+    @property
+    def address(self) -> str:
+        """Where it listens; 0.0.0.0 is all of this machine's addresses."""
+        return self._link.host
 
     @property
     def wire(self) -> WireCounters:

@@ -1,20 +1,27 @@
-"""Makes sure that a program runs once on this machine, and knows which process is the one."""
+"""Makes sure that a program runs once for this user on this machine, and knows which process is the one."""
 
 from __future__ import annotations
 
-import socket
-import struct
+import os
+import re
+import stat
 import sys
+import tempfile
+from pathlib import Path
 
 from yumi.errors import RobotNotReady
 
-_PEER_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
+if sys.platform != "win32":
+    import fcntl
+
+_NO_FILE_NAME = re.compile(r"[^\w.:-]")
 
 
 class Only:
-    """The one of its ``name`` on this machine, from ``claim`` to ``release`` or the end of the process.
+    """The one of its ``name``, from ``claim`` to ``release`` or the end of the process.
 
-    It is a socket with a name of its own and no file (Linux); other systems do not supervise it.
+    It is a locked file in a folder that only this user may enter, so that no other user can take its place first. The
+    file stays: removing it could take away the lock of a process that has just opened it.
 
     Args:
         name: what there shall be one of.
@@ -22,38 +29,63 @@ class Only:
     """
 
     def __init__(self, name: str, refusal: str) -> None:
+        self._name = f"{_NO_FILE_NAME.sub('_', name)}.lock"
         self._refusal = refusal
-        self._address = f"\0{name}"
-        self._socket: socket.socket | None = None
+        self._file: int | None = None
 
     def claim(self) -> None:
         """Become the one.
 
         Raises:
-            RobotNotReady: another process is; the message names it.
+            RobotNotReady: another process is, whose number the message has; or there is no folder for the lock.
         """
-        if sys.platform != "linux":
+        if sys.platform == "win32":
             return
-        claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        folder = lock_folder()
         try:
-            claimed.bind(self._address)
+            file = os.open(folder / self._name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
         except OSError as error:
-            claimed.close()
-            raise RobotNotReady(self._refusal.format(owner=self._owner())) from error
-        claimed.listen()
-        self._socket = claimed
+            raise _no_lock(folder, error.strerror) from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            number = os.read(file, 32).decode("ascii", "replace").strip()
+            os.close(file)
+            owner = f"process {number}" if number else "it is starting"
+            raise RobotNotReady(self._refusal.format(owner=owner)) from error
+        os.truncate(file, 0)
+        os.write(file, f"{os.getpid()}\n".encode("ascii"))
+        self._file = file
 
     def release(self) -> None:
         """Let another be the one."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
 
-    def _owner(self) -> str:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as visitor:
-            try:
-                visitor.connect(self._address)
-                credentials = visitor.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER_CREDENTIALS.size)
-            except OSError:
-                return "it is ending"
-        return f"process {_PEER_CREDENTIALS.unpack(credentials)[0]}"
+
+def lock_folder() -> Path:
+    """The folder for locks: the user's own of this login, else one of his in the folder for temporary files.
+
+    Raises:
+        RobotNotReady: it cannot be made, or others may enter it.
+    """
+    for runtime in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{os.getuid()}"):
+        if runtime and os.access(runtime, os.W_OK | os.X_OK):
+            return Path(runtime)
+    folder = Path(tempfile.gettempdir()) / f"yumi-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise _no_lock(folder, error.strerror) from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise _no_lock(folder, "it is not this user's own, or open to others")
+    return folder
+
+
+def _no_lock(folder: Path, reason: str | None) -> RobotNotReady:
+    return RobotNotReady(
+        f"No lock against a second driver can be made in {folder}: {reason}; set XDG_RUNTIME_DIR to a folder that only "
+        "you may enter."
+    )

@@ -47,6 +47,10 @@ class UdpServer:
         self._socket.close()
 
     @property
+    def host(self) -> str:
+        return str(self._socket.getsockname()[0])
+
+    @property
     def port(self) -> int:
         return int(self._socket.getsockname()[1])
 
