@@ -95,6 +95,10 @@ class PlainController:
         self.restarts = 0
         self.loaded: list[tuple[str, str, bool]] = []
 
+    @property
+    def time(self) -> float:
+        return self.clock.now()
+
     def set_motors(self, on: bool) -> None:
         if self.mode is not OperatingMode.AUTO:
             raise Refused(Refusal.WRONG_MODE, "motors are switched by hand in manual mode.")

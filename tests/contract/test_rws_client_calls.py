@@ -70,6 +70,10 @@ def test_tasks_are_listed(client: RwsClient) -> None:
     assert client.tasks() == tuple(TaskInfo(name, ready, True, True) for name in ("T_ROB_R", "T_ROB_L"))
 
 
+def test_clock_is_read_as_the_pendant_shows_it(client: RwsClient, controller: PlainController) -> None:
+    assert client.clock().timestamp() == pytest.approx(controller.time, abs=1.0)
+
+
 def test_modules_are_listed(client: RwsClient) -> None:
     assert client.modules("T_ROB_L") == (ModuleInfo("TRobMain", "ProgMod"), ModuleInfo("TRobSystem", "SysMod"))
 

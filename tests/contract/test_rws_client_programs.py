@@ -119,6 +119,15 @@ def test_module_that_cannot_be_loaded_changes_nothing(
     assert client.symbol(LEFT, "Greeter", "greetings") == "0"
 
 
+def test_text_of_a_loaded_module_is_read_as_it_was_written(client: RwsClient) -> None:
+    text = 'MODULE Added\n  ! 100 % + "ümlaut" & a=b\n  CONST string s:="a+b&c%20";\nENDMODULE\n'
+    client.upload("HOME:/added.mod", text)
+    client.load_module("T_ROB_R", "HOME:/added.mod")
+    assert client.module_text("T_ROB_R", "added") == text
+    with pytest.raises(ControllerRefused, match="has no module 'Other'"):
+        client.module_text("T_ROB_R", "Other")
+
+
 def test_modules_stay_while_rapid_runs(plant: Plant, client: RwsClient) -> None:
     client.upload(PATH, GREETER)
     plant.start()

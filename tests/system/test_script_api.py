@@ -60,6 +60,26 @@ def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
     assert robot.right.pose.orientation != pytest.approx(before.orientation, abs=0.1)
 
 
+def test_script_is_told_what_bringup_will_do_before_it_is_done(tmp_path: Path) -> None:
+    fresh = VirtualRobot(tmp_path)
+    fresh.start()
+    try:
+        script = fresh.script("import yumi\nwith yumi.connect(**OPTIONS):\n    print('connected', flush=True)\n")
+        with script:
+            assert script.stdout is not None
+            output = script.stdout.read()
+    finally:
+        fresh.stop()
+    assert script.returncode == 0, output
+    first, *_, last = output.splitlines()
+    assert last == "connected"
+    assert first == (
+        "Bring-up will: switch the motors on, move the program pointers to main, start the RAPID program, calibrate "
+        "the right gripper (its fingers close), calibrate the left gripper (its fingers close), start EGM on both arms "
+        "(to hold where they are)."
+    )
+
+
 def test_both_arms_move_at_once(robot: Robot) -> None:
     robot.move_to(right=TURNED, left=(*LEFT[:6], 0.3), speed=1.0, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)

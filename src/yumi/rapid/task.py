@@ -46,7 +46,7 @@ class ModuleInfo:
     name: str
     is_system: bool
     filename: str
-    text: str = field(default="", repr=False)
+    text: str = field(default="", repr=False, compare=False)
 
 
 class Task:
