@@ -12,7 +12,6 @@ from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO
 
-
 _IN_RADIANS = "joint_commands takes radians"
 _DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
 _LONGEST_NAME = 60  # characters of somebody else's text in a refusal
