@@ -54,6 +54,9 @@ class Gripper:
         self._picked_pressure = picked_pressure
         self._direction = Direction.INWARDS  # of the last grip
 
+    def __repr__(self) -> str:
+        return f"<yumi.Gripper {self.side.word}>"
+
     @property
     def position(self) -> float:
         """Measured distance of each finger from the middle [m], 0 to 0.025; half of :attr:`width`.

@@ -112,7 +112,7 @@ class Robot:
             RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
             GoalNotReached: a motion ended elsewhere; both arms hold.
         """
-        goals = _named(right, left)
+        goals: dict[Side, Position] = _named(right, left)
         guidance = self.guidance
         motions = guidance.move(goals, speed, acceleration)
         if wait:
