@@ -16,11 +16,11 @@ from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import set_up_hands
+from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
-from yumi.settings import Settings
+from yumi.settings import CalibrateWhen, Settings
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class Connection:
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             self.manager.make_ready()
-            self._set_up_hands()  # not while arms are guided
+            self._test_grippers()  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
@@ -91,15 +91,32 @@ class Connection:
         stack, self._stack = self._stack, ExitStack()
         stack.close()
 
-    def _set_up_hands(self) -> None:
-        is_tested = self._settings.gripper.test_at_start and not self._were_tested
-        self._were_tested = True
-        set_up_hands(self.grippers, log.info, log.warning, is_tested=is_tested)
+    def calibrate(self, side: Side) -> None:
+        """Close the fingers of a hand and call that zero; EGM on its arm, during which that is impossible, is paused.
+
+        Raises:
+            RobotNotReady: the hand did not become calibrated, or EGM did not start again.
+        """
+        if side not in self.manager.wanted:
+            self.grippers[side].calibrate()
+            return
+        self._end_motion()
+        try:
+            self.grippers[side].calibrate()
+        finally:
+            self.manager.start_egm()
+
+    def _test_grippers(self) -> None:
+        if self._settings.gripper.test_at_start and not self._were_tested:
+            self._were_tested = True
+            close_as_test(self.grippers, log.info, log.warning)
 
     def _start(self, stack: ExitStack) -> None:
         settings, report = self._settings, partial(log.info, "%s")
         parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms)
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
+        is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
+        parts.manager.when_ready(GripperSetup(parts.grippers, report, log.warning, is_wanted=is_wanted).run)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

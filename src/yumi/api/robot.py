@@ -41,7 +41,11 @@ class Robot:
         self._is_connected = False
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
-            Arm(side, lambda: self.guidance, Gripper(side, partial(self._hand, side), force, picked))
+            Arm(
+                side,
+                lambda: self.guidance,
+                Gripper(side, partial(self._hand, side), force, picked, partial(self._calibrate, side)),
+            )
             for side in (Side.RIGHT, Side.LEFT)
         )
 
@@ -195,6 +199,10 @@ class Robot:
     def _hand(self, side: Side) -> Hand:
         self._check_connected()
         return self._connection.grippers[side]
+
+    def _calibrate(self, side: Side) -> None:
+        self._check_connected()
+        self._connection.calibrate(side)
 
     def _check_connected(self) -> None:
         if not self._is_connected:

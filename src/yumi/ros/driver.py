@@ -33,7 +33,7 @@ from yumi.clock import Clock
 from yumi.control.requests import Event
 from yumi.errors import YumiError
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.hand_setup import set_up_hands
+from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
 from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
@@ -58,7 +58,7 @@ from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.robot_state_topic import RobotStateTopic
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
-from yumi.settings import ControllerSettings
+from yumi.settings import CalibrateWhen, ControllerSettings
 
 
 class DriverNodes(NamedTuple):
@@ -147,6 +147,15 @@ class RosDriver:
             self._managed.why_no_grip,
             self._managed.may_ask_hand,
         )
+        manager.when_ready(
+            GripperSetup(
+                hands.grippers,
+                lambda step: self.say(f"Bring-up: {step}"),
+                nodes.manager.get_logger().error,
+                is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
+                why_not=self._managed.why_no_grip,
+            ).run
+        )
         self._commands = command_topics(nodes.streams, fast_lines, clock)
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
@@ -196,14 +205,14 @@ class RosDriver:
         try:
             demand(self._managed.permission.to_move())
             self._manager.make_ready()
-            self._set_up_hands()
+            self._test_grippers()
             self.say("The robot is ready.")
         except YumiError as error:
             self._nodes.manager.get_logger().error(str(error))
 
-    def _set_up_hands(self) -> None:
-        complain = self._nodes.manager.get_logger().error
-        set_up_hands(self._hand_parts.grippers, self.say, complain, is_tested=self._hand_parts.settings.test_at_start)
+    def _test_grippers(self) -> None:
+        if self._hand_parts.settings.test_at_start:
+            close_as_test(self._hand_parts.grippers, self.say, self._nodes.manager.get_logger().error)
 
     @property
     def is_connected(self) -> bool:
