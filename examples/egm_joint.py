@@ -5,8 +5,10 @@ Start it, then run EGMRunJoint on the controller: `python examples/egm_joint.py 
 
 import sys
 from math import cos, pi, radians
+from signal import SIGINT, signal
 
 from yumi import EgmServer
+from yumi.errors import YumiError
 
 AMPLITUDE = radians(5.0)
 PERIOD = 4.0  # [s]
@@ -24,6 +26,14 @@ def swing(server: EgmServer, duration: float) -> None:
             return
 
 
+def main(port: int, robot: str | None) -> None:
+    with EgmServer(port, robot=robot) as server:
+        signal(SIGINT, lambda *_: server.stop())  # Ctrl-C ends the loop in order
+        swing(server, duration=2 * PERIOD)
+
+
 if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
-        swing(server, duration=4 * PERIOD)
+    try:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, next(iter(sys.argv[2:]), None))
+    except YumiError as error:
+        sys.exit(f"Error: {error}")

@@ -6,8 +6,10 @@ Start it, then run EGMRunPose on the controller: `python examples/egm_pose.py [p
 import sys
 from dataclasses import replace
 from math import cos, pi, sin
+from signal import SIGINT, signal
 
 from yumi import EgmServer
+from yumi.errors import RobotNotReady, YumiError
 
 RADIUS = 0.02  # [m]
 PERIOD = 4.0  # [s]
@@ -19,7 +21,7 @@ def circle(server: EgmServer, rounds: int) -> None:
         if state.is_first:
             start, elapsed = state.pose, 0.0
         if start is None:
-            raise SystemExit("The robot sends no pose.")
+            raise RobotNotReady("The robot sends no pose; run EGMSetupUC with \\Pose.")
         elapsed += state.dt
         x, y, z = start.position
         angle = 2.0 * pi * min(elapsed / PERIOD, float(rounds))
@@ -28,6 +30,14 @@ def circle(server: EgmServer, rounds: int) -> None:
             return
 
 
-if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
+def main(port: int, robot: str | None) -> None:
+    with EgmServer(port, robot=robot) as server:
+        signal(SIGINT, lambda *_: server.stop())  # Ctrl-C ends the loop in order
         circle(server, rounds=4)
+
+
+if __name__ == "__main__":
+    try:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, next(iter(sys.argv[2:]), None))
+    except YumiError as error:
+        sys.exit(f"Error: {error}")

@@ -6,8 +6,10 @@ Start it, then run EGMStreamStart on the controller: `python examples/egm_stream
 import sys
 from collections.abc import Callable
 from math import degrees
+from signal import SIGINT, signal
 
 from yumi import EgmServer
+from yumi.errors import YumiError
 
 INTERVAL = 0.5  # [s]
 
@@ -23,6 +25,14 @@ def watch(server: EgmServer, show: Callable[[str], object]) -> None:
             show(f"{state.message.measured_time:10.3f} s  {joints}")
 
 
-if __name__ == "__main__":
-    with EgmServer(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, robot=next(iter(sys.argv[2:]), None)) as server:
+def main(port: int, robot: str | None) -> None:
+    with EgmServer(port, robot=robot) as server:
+        signal(SIGINT, lambda *_: server.stop())  # Ctrl-C ends the loop in order
         watch(server, print)
+
+
+if __name__ == "__main__":
+    try:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 6510, next(iter(sys.argv[2:]), None))
+    except YumiError as error:
+        sys.exit(f"Error: {error}")

@@ -30,4 +30,10 @@ async def main(address: str) -> None:
         print(f"right arm: {robot.right.state.value}, left arm: {robot.left.state.value}")
 
 
-asyncio.run(main(sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1"))
+if __name__ == "__main__":
+    try:
+        asyncio.run(main(sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1"))
+    except yumi.errors.YumiError as error:
+        sys.exit(f"Error: {error}")
+    except KeyboardInterrupt:
+        sys.exit("Stopped.")

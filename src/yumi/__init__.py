@@ -6,15 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from yumi.api.angles import degrees, in_degrees
+    from yumi import errors
+    from yumi.api.angles import abb_degrees, degrees, in_degrees
     from yumi.api.connect import connect, connect_async
     from yumi.hardware.egm_server import EgmServer
 
 __version__ = "0.1.0"
-__all__ = ["EgmServer", "__version__", "connect", "connect_async", "degrees", "in_degrees"]
+__all__ = ["EgmServer", "__version__", "abb_degrees", "connect", "connect_async", "degrees", "errors", "in_degrees"]
 
 _OFFERS = {
     "EgmServer": "yumi.hardware.egm_server",
+    "abb_degrees": "yumi.api.angles",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.angles",
@@ -24,6 +26,13 @@ _OFFERS = {
 
 def __getattr__(name: str) -> object:
     """Load what the package offers when it is asked for; ``import yumi`` itself loads nothing."""
+    if name == "errors":
+        return import_module("yumi.errors")
     if name in _OFFERS:
         return getattr(import_module(_OFFERS[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """What a script needs, for tab completion."""
+    return __all__

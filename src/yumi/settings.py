@@ -78,6 +78,13 @@ class EgmSettings:
         return self.left_port if side is Side.LEFT else self.right_port
 
 
+class CalibrateWhen(Enum):
+    """When a gripper is calibrated without being asked for."""
+
+    AT_START = "at_start"
+    NEVER = "never"
+
+
 @dataclass(frozen=True, slots=True)
 class GripperSettings:
     """Both hands.
@@ -89,6 +96,7 @@ class GripperSettings:
         speed: of each finger where a goal names none [m/s].
         timeout: a gripper that has not come to rest after this time has failed [s].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
+        calibrate: whether a gripper that needs it is calibrated when the robot becomes ready, which closes its fingers.
         test_at_start: whether each hand is closed once when the driver starts, to see that it does.
     """
 
@@ -98,6 +106,7 @@ class GripperSettings:
     speed: float = bounded(0.025, 0.003, 0.025, "m/s")
     timeout: float = bounded(10.0, 0.5, 60.0, "s")
     picked_pressure: float = bounded(70_000.0, 5_000.0, 95_000.0, "Pa")
+    calibrate: CalibrateWhen = CalibrateWhen.AT_START
     test_at_start: bool = False
 
     def modules(self, side: Side) -> GripperModules:

@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from yumi.clock import ManualClock
 from yumi.control.goals import GoalKind, peek_goal
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
@@ -154,10 +155,17 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
         ([NAMES[2]], [nan], "yumi_joint_7_r is nan; a position is a finite number of radians."),
         ([NAMES[2]], [inf], "yumi_joint_7_r is inf; a position is a finite number of radians."),
         ([NAMES[1]], [pi], "yumi_joint_2_r is 180.0°; its range is -143.5° to 43.5°."),
-        (["yumi_joint_1_l"], [0.0], "'yumi_joint_1_l' is no joint of the right arm; it has yumi_joint_1_r, "),
-        ([NAMES[0], NAMES[0]], [0.0, 0.1], "a joint is named twice in yumi_joint_1_r, yumi_joint_1_r."),
-        ([NAMES[0]], [], "it names 1 joints and has 0 positions; give one each."),
-        ([], [], "it names 0 joints and has 0 positions; give one each."),
+        (["yumi_joint_1_l"], [0.0], "'yumi_joint_1_l' is not a joint of the right arm; it has yumi_joint_1_r, "),
+        ([NAMES[0], NAMES[0]], [0.0, 0.1], "yumi_joint_1_r is named twice; give each joint once."),
+        ([NAMES[0]], [], "name has 1 entry, position has 0; give one position for each name."),
+        ([], [], "name has 0 entries, position has 0; give one position for each name."),
+        ([], [0.0] * 7, "name has 0 entries, position has 7; give one position for each name."),
+        (
+            [NAMES[1]],
+            [-130.0],
+            "yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees: joint_commands takes "
+            "radians.",
+        ),
     ],
 )
 def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
@@ -266,6 +274,12 @@ def test_forward_topic_passes_seven_speeds_on(node: Node, boxes: Boxes) -> None:
             [9.0] * 7,
             "Goal refused: yumi_joint_1_r is 515.7°; its range is -168.5°",
         ),
+        (
+            GoalKind.FORWARD_POSITION,
+            {"mine"},
+            [0.0, -130.0, -135.0, 30.0, 0.0, 40.0, 0.0],
+            "Goal refused: yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees: ",
+        ),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [0.0] * 14, "Speed refused: it has 14 values; an arm has 7 joints."),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [inf] * 7, "Speed refused: yumi_joint_1_r is inf; a speed is a finite"),
         (GoalKind.POSITION, {"other"}, [0.0] * 7, "Command refused: no forward controller is active on the right arm;"),
@@ -286,7 +300,12 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
     [
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[nan]), "yumi_joint_1_r is nan; a speed is a finite"),
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; it reaches 180°/s."),
-        (JointVelocityTopic, JointState(name=[NAMES[0]]), "it names 1 joints and has 0 velocities; give one each."),
+        (
+            JointVelocityTopic,
+            JointState(name=[NAMES[0]], velocity=[30.0]),
+            "is 1718.9°/s; it reaches 180°/s; 30 looks like degrees: speeds are in radians a second.",
+        ),
+        (JointVelocityTopic, JointState(name=[NAMES[0]]), "name has 1 entry, velocity has 0; give one velocity for"),
     ],
 )
 def test_other_topics_refuse_with_a_sentence_and_change_nothing(
@@ -311,3 +330,50 @@ def test_topics_refuse_what_no_active_controller_takes(
     kind(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots)).take(kind.type())
     assert boxes.goals.peek() is None
     assert node.warnings[0].startswith(sentence)
+
+
+def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
+    node: Node, boxes: Boxes, clock: ManualClock
+) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    bad = [
+        goal([NAMES[1]], [4.0]),
+        goal([NAMES[1]], [nan]),
+        goal(["yumi_joint_8_r"], [0.0]),
+        goal(["joint_2"], [0.0]),
+        goal([], [0.0] * 7),
+        goal([NAMES[0]], [0.0, 0.1]),
+    ]
+    for message in bad:
+        topic.take(message)
+        clock.advance(0.6)
+    assert [re.search(r"refused: (.{18})", warning)[1] for warning in node.warnings] == [  # type: ignore[index]
+        "yumi_joint_2_r is ",
+        "yumi_joint_2_r is ",
+        "'yumi_joint_8_r' i",
+        "'joint_2' is not a",
+        "name has 0 entries",
+        "name has 1 entry, ",
+    ]
+
+
+def test_stream_of_bad_goals_is_logged_once_a_second_with_its_count(
+    node: Node, boxes: Boxes, clock: ManualClock
+) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    for number in range(6400):
+        topic.take(goal([NAMES[1]], [4.0 + 1e-4 * number]))  # every sentence another number
+        clock.advance(1.0 / 3200.0)
+    assert len(node.warnings) == 2
+    assert node.warnings[1].endswith("(3199 more refusals since the last line)")
+
+
+def test_stream_of_invented_names_cannot_flood_the_log(node: Node, boxes: Boxes, clock: ManualClock) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    for number in range(6400):
+        topic.take(goal([f"joint_{number}" + "x" * 1000], [0.0]))
+        clock.advance(1.0 / 3200.0)
+    assert len(node.warnings) == 20
+    assert max(map(len, node.warnings)) < 300
+    counts = [int(found[1]) for found in re.finditer(r"\((\d+) more", " ".join(node.warnings))]
+    assert sum(counts) + len(node.warnings) == pytest.approx(6400, abs=3200)

@@ -132,7 +132,7 @@ def test_arm_goes_where_joint_commands_say(guided: Client) -> None:
         ("yumi_joint_1_r", nan, "yumi_joint_1_r is nan"),
         ("yumi_joint_1_r", float("inf"), "yumi_joint_1_r is inf"),
         ("yumi_joint_2_r", 1.0, "yumi_joint_2_r is 57.3°; its range is -143.5° to 43.5°."),
-        ("elbow", 0.0, "'elbow' is no joint of the right arm"),
+        ("elbow", 0.0, "'elbow' is not a joint of the right arm"),
     ],
 )
 def test_commands_a_robot_must_never_see_change_nothing(
@@ -147,7 +147,7 @@ def test_commands_a_robot_must_never_see_change_nothing(
 
 
 def _publish_until_heard(client: Client, arm: Arm, name: str, position: float, sentence: str) -> bool:
-    """Refusals are throttled to one a second, and the log must have found us: ask again until it is told."""
+    """Each refusal is logged once a second, and the log must have found us: ask again until it is told."""
     arm.command([name], [position])
     return client.hears(sentence)()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +15,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
 EXPECTED = {
     "move_one_joint.py": "EGM has ended on both arms",
-    "grip.py": "left gripper: holding at 10.0 mm",
+    "bad_goal.py": "Goal refused: yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°.",
+    "grip.py": "left gripper: holding, 20.0 mm between the fingers",
     "recover.py": "left arm RUN_EGM_ROUTINE, right arm IDLE",
 }
 
@@ -23,3 +26,32 @@ def test_example_does_what_it_says(idle: Client, name: str) -> None:
     done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=90)
     assert done.returncode == 0, done.stdout + done.stderr
     assert EXPECTED[name] in done.stdout
+
+
+def test_example_that_is_stopped_ends_egm_and_says_so_in_a_word(idle: Client) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-u", EXAMPLES / "move_one_joint.py"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as example:
+        assert example.stdout is not None
+        assert example.stdout.readline() == "EGM runs on both arms, the controllers are active\n"
+        example.send_signal(signal.SIGINT)
+        assert example.communicate(timeout=30)[0].splitlines() == ["EGM has ended on both arms", "Stopped."]
+    assert example.returncode == 1
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED))
+def test_example_without_a_driver_says_so_in_a_sentence(name: str) -> None:
+    environment = {**os.environ, "ROS_DOMAIN_ID": "231"}
+    code = "import yumi.ros.robot_manager_client as m, yumi.ros.gripper_client as g, runpy, sys\n"
+    code += "m._ANSWER = m._READ = g._ACCEPTANCE = 0.5\n"
+    code += f"runpy.run_path({str(EXAMPLES / name)!r}, run_name='__main__')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=90, env=environment
+    )
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("Error: The ")
+    assert line.endswith("its appearance did not happen within 0.5 s.")

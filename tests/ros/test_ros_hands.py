@@ -343,11 +343,26 @@ def test_application_switches_vacuum_and_blow_off(hand: Hand) -> None:
 
 def test_application_is_told_what_was_refused_or_not_reached(hand: Hand) -> None:
     gripper = hand.application
-    with pytest.raises(CommandRefused, match="The left gripper refused the goal; the driver's log says why"):
+    with pytest.raises(CommandRefused, match=r"The left gripper refused the goal: .*position 0\.03 m is out of range"):
         gripper.move_to(0.03)
     hand.robot.gate.clear()
     wait = gripper.begin(0.0)
     gripper.cancel()
     hand.robot.gate.set()
-    with pytest.raises(GoalNotReached, match="The left gripper did not do it; the driver's log says why"):
+    with pytest.raises(GoalNotReached, match="The left gripper's goal was cancelled; its fingers stand"):
         wait()
+
+
+def test_application_is_told_why_a_goal_failed(hand: Hand) -> None:
+    hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    hand.robot.wait(CYCLE)
+    with pytest.raises(GoalNotReached, match=r"The left gripper is not calibrated; calibrate it first: service l/grip"):
+        hand.application.move_to(0.01)
+    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.application.clear_error()
+    hand.application.calibrate()
+    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.robot.wait(CYCLE)
+    with pytest.raises(GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear it"):
+        hand.application.move_to(0.01)
+    hand.application.clear_error()

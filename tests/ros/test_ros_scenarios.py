@@ -149,7 +149,9 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(UNCALIBRATED):
         stage.notice(lambda: stage.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT), "not calibrated; call calibrate")
-        with pytest.raises(GoalNotReached, match="The left gripper did not do it; the driver's log says why"):
+        with pytest.raises(
+            GoalNotReached, match="The left gripper is not calibrated; calibrate it first: service l/gr"
+        ):
             gripper.begin(0.0)()
         stage.until_heard("The left gripper is not calibrated; calibrate it first")
         assert "is not calibrated while its arm is guided" in stage.calibrate(Side.LEFT)

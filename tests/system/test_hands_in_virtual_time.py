@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from math import nan, radians
+from typing import Any
 
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import hand_steps, set_up_hands
+from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, THINNEST, TRAVEL, Direction, GripperModules, HandState, Outcome
 from yumi.robot.hand import HandOrder, go_to, grip
@@ -24,7 +25,6 @@ from yumi.virtual.vacuum_cup import CupObject
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)
 OPEN = go_to(TRAVEL)
-SET_UP = ("calibrated", "closed as a test")
 TOLD = 0.1
 """By then the controller has told what became of a hand [s]."""
 
@@ -58,10 +58,15 @@ def right(calibrated: System) -> Gripper:
 
 
 def test_hands_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
-    assert hand_steps(system.grippers) == [f"calibrate the {side.word} gripper (its fingers close)" for side in Side]
-    set_up_hands(system.grippers, print, print)
-    assert hand_steps(system.grippers) == []
-    assert hand_steps(system.grippers, is_tested=True) == [f"close the {side.word} gripper as a test" for side in Side]
+    setup = GripperSetup(system.grippers, print, print)
+    assert setup.steps() == [f"calibrate the {side.word} gripper (its fingers close)" for side in Side]
+    setup.run()
+    assert setup.steps() == []
+    assert setup.steps(is_tested=True) == [f"close the {side.word} gripper as a test" for side in Side]
+
+
+def test_grippers_that_are_not_calibrated_unasked_are_not_announced(system: System) -> None:
+    assert GripperSetup(system.grippers, print, print, is_wanted=False).steps() == []
 
 
 def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
@@ -69,12 +74,109 @@ def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
     return gripper.wait(order)
 
 
-def test_gripper_is_calibrated_only_where_it_is_needed(system: System) -> None:
-    gripper = system.grippers[Side.RIGHT]
-    assert gripper.calibrate_if_needed()
-    assert not gripper.calibrate_if_needed()
+class Preparing:
+    """A system whose grippers are set up each time it becomes ready, as the driver has it."""
+
+    def __init__(self, system: System, **options: Any) -> None:
+        self.said: list[str] = []
+        self.complaints: list[str] = []
+        setup = GripperSetup(system.grippers, self.said.append, self.complaints.append, **options)
+        system.manager.when_ready(setup.run)
+
+
+def are_calibrated(system: System) -> list[bool]:
+    return [gripper.is_calibrated() for gripper in system.grippers.values()]
+
+
+def test_grippers_are_calibrated_only_where_it_is_needed(system: System) -> None:
+    gripper, prepared = system.grippers[Side.RIGHT], Preparing(system)
+    system.manager.make_ready()
+    system.manager.make_ready()
+    assert prepared.said == ["calibrate the right and left grippers: the fingers close"]
     gripper.calibrate()
     assert (gripper.is_calibrated(), gripper.position()) == (True, 0.0)
+
+
+def test_both_grippers_are_calibrated_in_the_time_of_one(system: System) -> None:
+    begin = system.now()
+    system.grippers[Side.RIGHT].calibrate()
+    one = system.now() - begin
+    for side in Side:
+        system.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, side)
+    begin = system.now()
+    system.grippers[Side.RIGHT].calibrate(system.grippers[Side.LEFT])
+    assert system.now() - begin < 1.2 * one
+    assert are_calibrated(system) == [True, True]
+
+
+def test_grippers_that_lost_their_calibration_in_a_restart_are_calibrated_by_recovery(calibrated: System) -> None:
+    prepared = Preparing(calibrated)
+    calibrated.manager.start_egm()
+    assert prepared.said == []
+    calibrated.faults.happen(Fault.WARM_RESTART)
+    for side in Side:
+        calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, side)
+    calibrated.wait(0.5)
+    assert calibrated.manager.recover(lambda step: None).endswith("EGM runs on both arms, the controllers are active.")
+    assert are_calibrated(calibrated) == [True, True]
+    assert prepared.complaints == []
+
+
+def test_grippers_of_a_robot_that_becomes_ready_late_are_calibrated_before_egm_starts() -> None:
+    system = System()
+    prepared = Preparing(system)
+    system.faults.happen(Fault.MANUAL_MODE)
+    with pytest.raises(RobotNotReady, match="MANR"):
+        system.manager.make_ready()
+    system.faults.happen(Fault.AUTO_MODE)
+    system.manager.start_egm()
+    assert are_calibrated(system) == [True, True]
+    assert prepared.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"is_wanted": False}, "gripper.calibrate is never"),
+        (
+            {"is_confirmed": lambda: False},
+            "the robot was stopped, and a gripper without calibration does not know what",
+        ),
+        ({"why_not": lambda side: f"the {side.word} gripper is inactive"}, "the right gripper is inactive"),
+    ],
+)
+def test_gripper_that_may_not_be_calibrated_is_reported_once_with_the_command(
+    system: System, options: dict[str, Any], reason: str
+) -> None:
+    prepared = Preparing(system, **options)
+    system.manager.start_egm()
+    system.manager.stop_egm()
+    system.manager.start_egm()
+    assert are_calibrated(system) == [False, False]
+    right, _ = prepared.complaints
+    assert right.startswith(f"The right gripper is not calibrated, and is not calibrated now: {reason}")
+    assert right.endswith("service r/gripper/calibrate, or robot.right.gripper.calibrate() in a script.")
+
+
+def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: System, left: Gripper) -> None:
+    prepared = Preparing(calibrated)
+    done(left, OPEN)
+    done(left, CLOSE)
+    calibrated.world.grippers[Side.LEFT].is_calibrated = False
+    calibrated.wait(TOLD)
+    calibrated.manager.make_ready()
+    (complaint,) = prepared.complaints
+    assert "The left gripper is not calibrated, and is not calibrated now: it presses on something" in complaint
+    assert calibrated.world.grippers[Side.LEFT].is_holding
+
+
+def test_gripper_that_somebody_jogs_is_not_calibrated_under_his_hands(system: System) -> None:
+    prepared = Preparing(system)
+    system.grippers[Side.RIGHT].jog(opens=True)
+    system.manager.make_ready()
+    (complaint,) = prepared.complaints
+    assert "The right gripper is not calibrated, and is not calibrated now: its fingers move" in complaint
+    assert are_calibrated(system) == [False, True]
 
 
 def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gripper) -> None:
@@ -234,9 +336,9 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
     calibrated.wait(TOLD)
-    with pytest.raises(RobotNotReady, match="The right gripper is not calibrated; calibrate it first"):
+    with pytest.raises(RobotNotReady, match="is not calibrated; calibrate it first: service r/gripper/calibrate, or r"):
         right.begin(OPEN)
-    assert right.calibrate_if_needed()
+    right.calibrate()
     assert done(right, OPEN) is Outcome.OPEN
 
 
@@ -343,17 +445,17 @@ def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
     assert beside.measured[:count] == alone.measured[:count]
 
 
-def test_hands_are_calibrated_and_closed_as_a_test_where_that_is_wanted(system: System) -> None:
+def test_grippers_are_closed_as_a_test_where_that_is_wanted(calibrated: System) -> None:
     said: list[str] = []
-    set_up_hands(system.grippers, said.append, said.append, is_tested=True)
-    assert said == [f"The {side.word} gripper was {done}." for side in system.grippers for done in SET_UP]
-    assert all(gripper.position() <= THINNEST for gripper in system.grippers.values())
+    close_as_test(calibrated.grippers, said.append, said.append)
+    assert said == [f"The {side.word} gripper was closed as a test." for side in calibrated.grippers]
+    assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
 
 
 def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
     said: list[str] = []
     done(left, OPEN)
-    set_up_hands(calibrated.grippers, said.append, said.append, is_tested=True)
+    close_as_test(calibrated.grippers, said.append, said.append)
     assert said[0] == "The right gripper was closed as a test."
     assert said[1].startswith(
         "The left gripper cannot be used: Its test failed: it was to close, and its fingers are at "
@@ -364,6 +466,6 @@ def test_hand_that_holds_something_is_not_tested(calibrated: System, left: Gripp
     said: list[str] = []
     done(left, OPEN)
     done(left, CLOSE)
-    set_up_hands({Side.LEFT: left}, said.append, said.append, is_tested=True)
+    close_as_test({Side.LEFT: left}, said.append, said.append)
     assert said == ["The left gripper holds something and was not closed as a test."]
     assert left.is_holding()

@@ -142,6 +142,13 @@ def test_gripper_grasps_what_lies_between_its_fingers(robot: Robot) -> None:
         gripper.grasp(width=0.01)
 
 
+def test_gripper_is_calibrated_again_on_demand_and_the_arms_move_on(robot: Robot) -> None:
+    robot.right.gripper.calibrate()
+    assert robot.right.gripper.position == 0.0
+    robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+    assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
 def test_gripper_that_grasps_nothing_says_so(robot: Robot) -> None:
     with pytest.raises(GoalNotReached, match="The right gripper holds nothing: it is closed"):
         robot.right.gripper.grasp()

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import re
 import runpy
-from collections.abc import Iterator
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
 from math import degrees, pi
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
 from egm_robots import GuidedArm, ObedientRobot, Wired
 
 from yumi import EgmServer
+from yumi.links.udp import free_port
 from yumi.virtual.egm_settings import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -73,6 +78,46 @@ def test_stream_example_shows_where_the_robot_is_and_says_nothing(server: EgmSer
     assert len(lines) == 3
     shown = [float(value) for value in lines[0].split("s")[1].split()]
     assert shown == pytest.approx([degrees(value) for value in arm.arm.position], abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["joint", "pose", "velocity", "stream"])
+def test_example_ends_in_order_on_ctrl_c(name: str) -> None:
+    script = str(EXAMPLES / f"egm_{name}.py")
+    code = "import sys, runpy, signal\n"
+    code += "real = signal.signal\n"
+    code += "signal.signal = lambda *each: (real(*each), print('ready', flush=True))\n"
+    code += f"sys.argv = [{script!r}, '{free_port()}']\nrunpy.run_path({script!r}, run_name='__main__')"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as example:
+        assert example.stdout is not None
+        assert example.stdout.readline() == "ready\n"
+        example.send_signal(signal.SIGINT)
+        assert example.communicate(timeout=10)[0] == ""
+    assert example.returncode == 0
+
+
+def test_example_whose_port_is_taken_says_so_in_a_sentence(server: EgmServer) -> None:
+    command = [sys.executable, str(EXAMPLES / "egm_joint.py"), str(server.port)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert re.fullmatch(r"Error: .*port.* is taken.*\n", done.stderr)
+
+
+def test_velocity_example_tells_the_robot_to_stand_when_it_is_stopped(server: EgmServer) -> None:
+    robot, stands = ObedientRobot(), Event()
+
+    def cycle(inbox: Sequence[bytes]) -> bytes:
+        datagram = robot.cycle(inbox)
+        if len(robot.heard) == 200:
+            server.stop()
+        if len(robot.heard) > 200 and not any(robot.heard[-1].velocity):
+            stands.set()
+        return datagram
+
+    with Wired(server.port, cycle, patience=0.01):
+        example("velocity")["turn"](server, 1000.0)
+        assert stands.wait(5.0)
 
 
 def test_guide_shows_nothing_but_what_the_examples_do() -> None:

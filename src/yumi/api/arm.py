@@ -54,6 +54,9 @@ class Arm:
         self.gripper = gripper
         self._guidance = guidance
 
+    def __repr__(self) -> str:
+        return f"<yumi.Arm {self.side.word}>"
+
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints in the order of all positions, as ROS has them."""
@@ -104,7 +107,8 @@ class Arm:
         """Move to ``position``, all joints together; a motion under way bends into the new one without a stop.
 
         Args:
-            position: joint positions [rad], (7,); see :func:`yumi.degrees`.
+            position: joint positions [rad], (7,) in chain order, or by joint name; see :func:`yumi.degrees` and, for
+                the FlexPendant's order, :func:`yumi.abb_degrees`.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
             speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
@@ -114,7 +118,7 @@ class Arm:
             The motion; over, unless ``wait`` is False.
 
         Raises:
-            CommandRefused: the position is impossible (length, NaN, range), or a share is; nothing was changed.
+            CommandRefused: the position is impossible (length, names, NaN, range), or a share is; nothing was changed.
             RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
@@ -136,7 +140,8 @@ class Arm:
 
         Args:
             trajectory: points ``(time, position)``, ``(time, position, velocity)`` or ``(time, position, velocity,
-                acceleration)``: the time since the begin [s], then (7,) each in [rad], [rad/s] and [rad/s²].
+                acceleration)``: the time since the begin [s], then (7,) each in [rad], [rad/s] and [rad/s²]; or by
+                joint name.
             wait: return when the arm stands at the last point; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
 
@@ -171,7 +176,7 @@ class Arm:
         position; :meth:`move_to` or :meth:`stop` end the stream. A motion under way ends before the stream begins.
 
         Args:
-            position: joint positions [rad], (7,).
+            position: joint positions [rad], (7,) in chain order, or by joint name.
 
         Raises:
             CommandRefused: the position is impossible; the arm keeps the one before.

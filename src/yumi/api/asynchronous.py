@@ -31,6 +31,9 @@ class AsyncGripper:
         self._gripper = gripper
         self.side = gripper.side
 
+    def __repr__(self) -> str:
+        return f"<yumi.AsyncGripper {self.side.word}>"
+
     async def position(self) -> float:
         """Measured distance of each finger from the middle [m], 0 to 0.025."""
         return await _in_thread(lambda: self._gripper.position)
@@ -92,6 +95,9 @@ class AsyncArm:
         self._arm = arm
         self.side: Side = arm.side
         self.gripper = AsyncGripper(arm.gripper)
+
+    def __repr__(self) -> str:
+        return f"<yumi.AsyncArm {self.side.word}>"
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -163,6 +169,9 @@ class AsyncRobot:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.right, self.left = (AsyncArm(robot, arm) for arm in (robot.right, robot.left))
+
+    def __repr__(self) -> str:
+        return repr(self._robot).replace("yumi.Robot", "yumi.AsyncRobot")
 
     async def __aenter__(self) -> AsyncRobot:
         return await self.open()

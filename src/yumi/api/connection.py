@@ -17,11 +17,11 @@ from yumi.control.point_motion import slower
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import hand_steps, set_up_hands
+from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
-from yumi.settings import Settings
+from yumi.settings import CalibrateWhen, Settings
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class Connection:
             stack.callback(self._end_motion)
             self._announce()
             self.manager.make_ready()
-            self._set_up_hands()  # not while arms are guided
+            self._test_grippers()  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
@@ -94,23 +94,42 @@ class Connection:
         stack.close()
 
     def _announce(self) -> None:
-        """Say what will be done to the robot; as a warning, which a script without logging shows, too."""
-        steps = [*self.manager.steps_to_ready(), *hand_steps(self.grippers, is_tested=self._are_tested)]
+        """Report what will be done to the robot; as a warning, which a script without logging shows, too."""
+        steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=self._is_test_due)]
         whom = "both arms" if len(self._arms) > 1 else f"the {self._arms[0].word} arm"
         log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, f"start EGM on {whom} (to hold where they are)"]))
 
     @property
-    def _are_tested(self) -> bool:
+    def _is_test_due(self) -> bool:
         return self._settings.gripper.test_at_start and not self._were_tested
 
-    def _set_up_hands(self) -> None:
-        set_up_hands(self.grippers, log.info, log.warning, is_tested=self._are_tested)
-        self._were_tested = True
+    def calibrate(self, side: Side) -> None:
+        """Close the fingers of a hand and call that zero; EGM on its arm, during which that is impossible, is paused.
+
+        Raises:
+            RobotNotReady: the hand did not become calibrated, or EGM did not start again.
+        """
+        if side not in self.manager.wanted:
+            self.grippers[side].calibrate()
+            return
+        self._end_motion()
+        try:
+            self.grippers[side].calibrate()
+        finally:
+            self.manager.start_egm()
+
+    def _test_grippers(self) -> None:
+        if self._is_test_due:
+            self._were_tested = True
+            close_as_test(self.grippers, log.info, log.warning)
 
     def _start(self, stack: ExitStack) -> None:
         settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
         parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms, warn)
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
+        is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
+        self._gripper_setup = GripperSetup(parts.grippers, report, log.warning, is_wanted=is_wanted)
+        parts.manager.when_ready(self._gripper_setup.run)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

@@ -40,19 +40,29 @@ class Gripper:
         hand: the robot's, while it is connected; raises when it is not.
         force: holding force where a call names none [N].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
+        calibrate: calibrates it, whatever its arm does; None where nothing guides the arm.
 
     Attributes:
         side: which arm carries it.
     """
 
     def __init__(
-        self, side: Side, hand: Callable[[], Hand], force: float, picked_pressure: float = PICKED_PRESSURE
+        self,
+        side: Side,
+        hand: Callable[[], Hand],
+        force: float,
+        picked_pressure: float = PICKED_PRESSURE,
+        calibrate: Callable[[], None] | None = None,
     ) -> None:
         self.side = side
         self._hand = hand
         self._force = force
         self._picked_pressure = picked_pressure
+        self._calibrate = calibrate or (lambda: hand().calibrate())
         self._direction = Direction.INWARDS  # of the last grip
+
+    def __repr__(self) -> str:
+        return f"<yumi.Gripper {self.side.word}>"
 
     @property
     def position(self) -> float:
@@ -142,12 +152,14 @@ class Gripper:
         return grip
 
     def calibrate(self) -> None:
-        """Close the fingers and call that zero; connecting does it where it is needed.
+        """Close the fingers and call that zero; connecting and recovering do it where it is needed.
+
+        The arm comes to rest, and EGM on it pauses meanwhile.
 
         Raises:
             RobotNotReady: the gripper did not become calibrated.
         """
-        self._hand().calibrate()
+        self._calibrate()
 
     def clear_error(self) -> None:
         """Acknowledge the hand's error.

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, SupportsFloat
 
+from yumi.api.angles import in_chain_order
 from yumi.api.motions import LAST_STOP, Motion, MotionBook
 from yumi.clock import Clock
 from yumi.control.calming import STANDING
@@ -33,8 +34,9 @@ TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
 
-Position = Sequence[SupportsFloat]
-"""Seven joint positions in chain order (axes 1, 2, 7, 3, 4, 5, 6) [rad]: a list, a tuple, an array."""
+Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat]
+"""Seven joint positions [rad]: a list, a tuple or an array in chain order (axes 1, 2, 7, 3, 4, 5, 6), or a mapping by
+joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``)."""
 
 
 TimedPosition = Sequence[Any]
@@ -126,7 +128,7 @@ class Guidance:
             RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        plans = {side: self._plan(side, _timed_points(points)) for side, points in trajectories.items()}
+        plans = {side: self._plan(side, _timed_points(side, points)) for side, points in trajectories.items()}
         for side in plans:
             self._check_follows(side)
         for side in plans:
@@ -217,10 +219,10 @@ class Guidance:
         return motions
 
 
-def _timed_points(points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
+def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
     try:
         return tuple(
-            TrajectoryPoint(float(time), *(tuple(float(value) for value in each) for each in values))
+            TrajectoryPoint(float(time), *(tuple(map(float, in_chain_order(side, each))) for each in values))
             for time, *values in points
         )
     except (TypeError, ValueError) as error:
@@ -234,19 +236,19 @@ def checked_goal(side: Side, goal: Position) -> Joints:
     """``goal`` [rad] in chain order, when an arm can be there.
 
     Raises:
-        CommandRefused: not seven numbers, or one of them is impossible.
+        CommandRefused: not seven numbers, not the arm's joints, or a value is impossible.
     """
     try:
-        values = [float(value) for value in goal]
+        values = [float(value) for value in in_chain_order(side, goal)]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: {goal!r} is no list of numbers; give seven angles in radians.") from error
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(goal)[:100]}.") from error
     if len(values) != JOINT_COUNT:
         raise CommandRefused(
             f"Goal refused: it has {len(values)} positions; an arm has {JOINT_COUNT} joints: "
             f"{', '.join(joint_names(side))}."
         )
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
-        check_position(name, index, value)
+        check_position(name, index, value, "use yumi.degrees(...)")
     return joints(values)
 
 

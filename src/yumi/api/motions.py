@@ -36,6 +36,9 @@ class Motion:
         self.future: Future[None] = Future()
         self.future.set_running_or_notify_cancel()  # who no longer waits does not end the motion
 
+    def __repr__(self) -> str:
+        return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {'ended' if self.is_done else 'under way'}>"
+
     @property
     def is_done(self) -> bool:
         """Whether it has ended, at its goal or elsewhere."""

@@ -41,7 +41,11 @@ class Robot:
         self._is_connected = False
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
-            Arm(side, lambda: self.guidance, Gripper(side, partial(self._hand, side), force, picked))
+            Arm(
+                side,
+                lambda: self.guidance,
+                Gripper(side, partial(self._hand, side), force, picked, partial(self._calibrate, side)),
+            )
             for side in (Side.RIGHT, Side.LEFT)
         )
 
@@ -112,7 +116,7 @@ class Robot:
             RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
             GoalNotReached: a motion ended elsewhere; both arms hold.
         """
-        goals = _named(right, left)
+        goals: dict[Side, Position] = _named(right, left)
         guidance = self.guidance
         motions = guidance.move(goals, speed, acceleration)
         if wait:
@@ -195,6 +199,10 @@ class Robot:
     def _hand(self, side: Side) -> Hand:
         self._check_connected()
         return self._connection.grippers[side]
+
+    def _calibrate(self, side: Side) -> None:
+        self._check_connected()
+        self._connection.calibrate(side)
 
     def _check_connected(self) -> None:
         if not self._is_connected:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntFlag
-from math import degrees, isfinite, isnan, nan
+from math import degrees, isfinite, isnan, nan, pi, radians
 from typing import NamedTuple
 
 from yumi.control.mailbox import Mailbox
@@ -101,20 +101,31 @@ class GoalInbox:
         return goal._replace(time=now)
 
 
-def check_position(name: str, index: int, position: float) -> None:
+def check_position(name: str, index: int, position: float, advice: str = "positions are in radians") -> None:
     """Refuse a position that a joint cannot have.
 
     Args:
         name: the joint's, for the refusal.
         index: its place in the chain.
         position: [rad].
+        advice: what to do about a value that looks like degrees.
 
     Raises:
         CommandRefused: it is no finite number, or out of the joint's range.
     """
     if not isfinite(position):
         raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
-    if not YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
-        raise CommandRefused(
-            f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}."
-        )
+    if YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
+        return
+    refusal = f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}"
+    if looks_like_degrees(index, position):
+        refusal += f"; {position:g} looks like degrees: {advice}"
+    raise CommandRefused(f"{refusal}.")
+
+
+def looks_like_degrees(index: int, position: float) -> bool:
+    """Whether a position [rad] that a joint cannot have would be one in degrees.
+
+    No range of a joint reaches a whole turn, so that a value beyond one was hardly meant in radians.
+    """
+    return abs(position) > 2.0 * pi and YUMI_LIMITS.lower[index] <= radians(position) <= YUMI_LIMITS.upper[index]

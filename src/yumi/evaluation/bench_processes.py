@@ -9,6 +9,7 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 from threading import Timer
 from time import monotonic
@@ -31,6 +32,7 @@ _STOP_TIMEOUT = 15.0
 _SLACK = 60.0
 _GENERATOR_PRIORITY = 80
 _PORTS = 2
+_SHORTEST_COUNTED = 0.1  # [s]; the kernel counts CPU time in ticks of 10 ms
 
 
 class Server:
@@ -168,8 +170,8 @@ def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> tuple[
         case=case,
         cycles=load.summary["cycles"],
         duration=load.summary["duration_s"],
-        cpu_percent=100.0 * load.cpu[0] / load.wall,
-        cpu_all_percent=100.0 * load.cpu[1] / load.wall,
+        cpu_percent=cpu_percent(load.cpu[0], load.wall),
+        cpu_all_percent=cpu_percent(load.cpu[1], load.wall),
         generator_late_max_us=load.summary["generator_late_max_us"],
         arms=arm_runs(load),
         heard=server.heard,
@@ -248,6 +250,11 @@ def _read_latencies(file: Path, arms: int) -> tuple[array[int], ...]:
 def _resident_kib(pid: int) -> int:
     status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
+
+
+def cpu_percent(used: float, wall: float) -> float:
+    """``used`` [s] of ``wall`` [s] in percent of one core; nan of a run that is too short for the kernel's ticks."""
+    return 100.0 * used / wall if wall >= _SHORTEST_COUNTED else nan
 
 
 def _cpu_seconds(pids: Sequence[int]) -> float:

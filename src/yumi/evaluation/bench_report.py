@@ -113,11 +113,11 @@ def _latency(figure: str) -> Any:
 
 
 def _median(spread: Spread | None, form: str, unit: str = "") -> str:
-    return f"{spread.median:{form}}{unit}" if spread else "-"
+    return f"{spread.median:{form}}{unit}" if spread else "–"
 
 
 def _with_range(spread: Spread | None) -> str:
-    return f"{spread.median:.2f} ({spread.lowest:.2f}-{spread.highest:.2f})" if spread else "-"
+    return f"{spread.median:.2f} ({spread.lowest:.2f}-{spread.highest:.2f})" if spread else "–"
 
 
 def _finite(value: Any) -> Any:

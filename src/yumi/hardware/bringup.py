@@ -6,7 +6,7 @@ for, with a deadline, and says what is wrong when it does not come.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 
 from yumi.clock import Clock
@@ -41,6 +41,8 @@ class Bringup:
         client: the same client.
         cabinet: the controller's switches.
         machines: the state machines on it.
+        when_ready: called each time the robot has become ready, and before EGM starts: what has to be done with the
+            program running and no arm guided.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class Bringup:
         self._reports = [report]
         self._warn = warn or report
         self._arms = arms
+        self.when_ready: Callable[[], None] = lambda: None
         self._is_checked = False
         self._addresses: Mapping[Side, EgmAddress] | None = None
         self._remarks: list[str] = []
@@ -101,6 +104,7 @@ class Bringup:
             self.cabinet.switch_motors_on()
         if not self._is_idle():
             self.restart_program()
+        self.when_ready()
 
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words; nothing where it will be refused."""

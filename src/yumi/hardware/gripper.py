@@ -24,6 +24,7 @@ from yumi.robot.gripper import (
     outcome_of,
 )
 from yumi.robot.hand import HandOrder, HandReading, hand_state, position_of, speed_count
+from yumi.robot.joints import Side
 
 STALL_TIME = 1.0
 """Fingers that have stood still for so long on their way to a position are stopped by something [s]."""
@@ -44,6 +45,11 @@ Check = Callable[[], None]
 
 def _always() -> None:
     """Nothing stands against it."""
+
+
+def how_to_calibrate(side: Side) -> str:
+    """The commands that calibrate a hand, for a sentence."""
+    return f"service {side.value}/gripper/calibrate, or robot.{side.word}.gripper.calibrate() in a script"
 
 
 class Gripper:
@@ -99,29 +105,36 @@ class Gripper:
         """Whether its positions mean anything."""
         return self._io.ask("hand_StatusCalibrated") != 0
 
-    def calibrate_if_needed(self) -> bool:
-        """Calibrate it, unless that has been done since the hand has power; whether it was needed.
+    def why_not_calibrate(self) -> str | None:
+        """Why its fingers should not be closed without being asked for: they hold something, or move; else None.
+
+        Positions mean nothing before calibration, so that a force is taken for something held.
 
         Raises:
-            RobotNotReady: the controller has no such gripper, or it did not become calibrated.
+            RobotNotReady: the controller has no such gripper.
         """
-        if self.is_calibrated():
-            return False
-        self.calibrate()
-        return True
+        state = hand_state(self._io.ask("hand_SysState"))
+        if state is HandState.KEEP_OBJECT:
+            return "it presses on something"
+        return None if state in _STANDING else "its fingers move"
 
-    def calibrate(self) -> None:
+    def calibrate(self, *others: Gripper) -> None:
         """Close the fingers and call that zero.
 
+        Args:
+            others: hands of the same robot that are calibrated at the same time.
+
         Raises:
-            RobotNotReady: the controller has no such gripper, or it did not become calibrated.
+            RobotNotReady: the controller has no such gripper, its arm is guided, or it did not become calibrated.
         """
-        self._routines.run(self.side, SgCommand.CALIBRATE, self._timeout)
-        self._wait(
-            self.is_calibrated,
-            self._timeout,
-            f"The {self.side.word} gripper could not be calibrated; check its 24 V supply and its fingers.",
-        )
+        hands = (self, *others)
+        self._routines.calibrate([hand.side for hand in hands], self._timeout)
+        for hand in hands:
+            self._wait(
+                hand.is_calibrated,
+                _MOMENT,
+                f"The {hand.side.word} gripper could not be calibrated; check its 24 V supply and its fingers.",
+            )
 
     def begin(self, order: HandOrder, check: Check = _always) -> None:
         """Start to move the fingers.
@@ -295,7 +308,9 @@ class Gripper:
     def _check_ready(self) -> None:
         """What was told may be old: a refusal asks."""
         if self._io.value("hand_StatusCalibrated") == 0 and not self.is_calibrated():
-            raise RobotNotReady(f"The {self.side.word} gripper is not calibrated; calibrate it first.")
+            raise RobotNotReady(
+                f"The {self.side.word} gripper is not calibrated; calibrate it first: {how_to_calibrate(self.side)}."
+            )
         if self._state() is HandState.ERROR:
             self._check_error(hand_state(self._io.ask("hand_SysState")))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from threading import Lock
 
 from yumi.clock import Clock
@@ -50,11 +51,9 @@ class GripperRoutines:
             force: holding force [N] for ``GRIP_IN`` and ``GRIP_OUT``.
 
         Raises:
-            RobotNotReady: the task did not take the command, or shall calibrate while its arm moves.
+            RobotNotReady: the task did not take the command.
         """
         with self._lock:
-            if command is SgCommand.CALIBRATE:
-                self._check_idle(side)
             if not self._are_empty:
                 for each in Side:
                     self._write(each, "command_input", float(SgCommand.NONE))
@@ -66,6 +65,28 @@ class GripperRoutines:
             self._write(side, "command_input", float(command))
             self._client.pulse_signal(RUN_GRIPPER)
             self._wait_until_taken(side, timeout)
+            self._are_empty = True
+
+    def calibrate(self, sides: Sequence[Side], timeout: float) -> None:
+        """Have the tasks of these arms calibrate their hands at the same time: one edge reaches both.
+
+        Args:
+            sides: which arms.
+            timeout: longest wait for the tasks, which take the command when they have carried it out [s].
+
+        Raises:
+            RobotNotReady: a task did not take the command, or its arm is guided or runs a routine.
+        """
+        with self._lock:
+            for side in sides:
+                self._check_idle(side)
+            for each in Side:
+                command = SgCommand.CALIBRATE if each in sides else SgCommand.NONE
+                self._write(each, "command_input", float(command))
+            self._are_empty = False
+            self._client.pulse_signal(RUN_GRIPPER)
+            for side in sides:
+                self._wait_until_taken(side, timeout)
             self._are_empty = True
 
     def _check_idle(self, side: Side) -> None:

@@ -73,6 +73,10 @@ class RobotManager:
         self.watch.start()
         self.watchdog.start()
 
+    def when_ready(self, prepare: Callable[[], None]) -> None:
+        """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
+        self._bringup.when_ready = prepare
+
     def stop(self) -> None:
         """Watch no longer; to be called after :meth:`end_motion`."""
         self.watchdog.stop()

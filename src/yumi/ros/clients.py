@@ -8,13 +8,14 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
+from yumi.errors import GoalNotReached, RobotNotReady
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.gripper_client import Grip, GripperClient
 from yumi.ros.managed_node_client import ManagedNodeClient
 from yumi.ros.robot_manager_client import RobotManagerClient
-from yumi.ros.spinner import Spinner
+from yumi.ros.spinner import Spinner, application
 
-__all__ = ["ArmClient", "Grip", "GripperClient", "ManagedNodeClient", "RobotManagerClient", "Spinner"]
+__all__ = ["ArmClient", "Grip", "GripperClient", "ManagedNodeClient", "RobotManagerClient", "Spinner", "application"]
 
 
 class ArmClient:
@@ -36,6 +37,7 @@ class ArmClient:
         self.missed = 0
         self.is_commanded = False
         self._has_status = False
+        self._status = ""
         self._spinner = spinner
         self._side = side
         self._on_state = on_state
@@ -74,6 +76,33 @@ class ArmClient:
         message.position = list(goal)
         self._publisher.publish(message)
 
+    def reach(self, goal: Joints, tolerance: float, timeout: float) -> None:
+        """Publish a goal and wait until all joints are nearer to it than ``tolerance`` [rad].
+
+        Raises:
+            GoalNotReached: they were not in ``timeout`` [s], or the arm follows no more.
+        """
+        self.wait_for_command(timeout)
+        self.move(goal)
+        is_there = False
+
+        def has_ended() -> bool:
+            nonlocal is_there
+            is_there = self.error(goal) < tolerance
+            return is_there or not self.is_commanded
+
+        try:
+            self._spinner.until(has_ended, timeout, "Arrival")
+        except RobotNotReady:
+            raise GoalNotReached(
+                f"The {self._side.word} arm has not reached its goal within {timeout:g} s: the farthest joint is "
+                f"{self.error(goal):.3f} rad away."
+            ) from None
+        if not is_there:
+            raise GoalNotReached(
+                f"The {self._side.word} arm follows no more ({self._status}); the driver's log says why."
+            )
+
     def wait_for_command(self, timeout: float) -> None:
         """Wait until a controller commands the arm.
 
@@ -95,4 +124,5 @@ class ArmClient:
         values = {pair.key: pair.value for pair in message.values}
         self.missed = int(values["missed"])
         self.is_commanded = values["running"] == values["commanded"] == str(True)
+        self._status = message.message
         self._has_status = True

@@ -12,6 +12,10 @@ from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO
 
+_IN_RADIANS = "joint_commands takes radians"
+_DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
+_LONGEST_NAME = 60  # characters of somebody else's text in a refusal
+
 
 def goal_of(message: Any, side: Side, base: Joints) -> Joints:
     """The joint goal [rad] in a ``joint_commands`` message; joints it does not name keep their value of ``base``.
@@ -19,10 +23,10 @@ def goal_of(message: Any, side: Side, base: Joints) -> Joints:
     Raises:
         CommandRefused: an unknown or repeated joint, a missing or impossible position or velocity.
     """
-    indices = _indices(message.name, message.position, side, "Goal", "positions")
+    indices = _indices(message.name, message.position, side, "Goal", "position")
     goal = list(base)
     for index, position in zip(indices, message.position, strict=True):
-        check_position(joint_names(side)[index], index, position)
+        check_position(joint_names(side)[index], index, position, _IN_RADIANS)
         goal[index] = position
     return joints(goal)
 
@@ -78,7 +82,7 @@ def _seven(message: Any, noun: str) -> Joints:
 
 
 def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: str, base: Joints) -> list[float]:
-    indices = _indices(names, values, side, noun, "velocities")
+    indices = _indices(names, values, side, noun, "velocity")
     found = list(base)
     for index, velocity in zip(indices, values, strict=True):
         _check_velocity(joint_names(side)[index], index, velocity, noun)
@@ -90,22 +94,32 @@ def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: st
     """Places of the named joints in chain order."""
     if not names or len(names) != len(values):
         raise CommandRefused(
-            f"{noun} refused: it names {len(names)} joints and has {len(values)} {what}; give one each."
+            f"{noun} refused: name has {_entries(len(names))}, {what} has {len(values)}; give one {what} for each name."
         )
-    if len(set(names)) != len(names):
-        raise CommandRefused(f"{noun} refused: a joint is named twice in {', '.join(names)}.")
     known = {name: index for index, name in enumerate(joint_names(side))}
     for name in names:
         if name not in known:
             raise CommandRefused(
-                f"{noun} refused: {name!r} is no joint of the {side.word} arm; it has {', '.join(known)}."
+                f"{noun} refused: {name[:_LONGEST_NAME]!r} is not a joint of the {side.word} arm; it has "
+                f"{', '.join(known)}."
             )
+    if len(set(names)) != len(names):
+        twice = next(name for name in known if names.count(name) > 1)
+        raise CommandRefused(f"{noun} refused: {twice} is named twice; give each joint once.")
     return [known[name] for name in names]
+
+
+def _entries(count: int) -> str:
+    return f"{count} {'entry' if count == 1 else 'entries'}"
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
     if not isfinite(velocity):
         raise CommandRefused(f"{noun} refused: {name} is {velocity}; a speed is a finite number of radians a second.")
     top = YUMI_LIMITS.velocity[index]
-    if abs(velocity) > top:
-        raise CommandRefused(f"{noun} refused: {name} is {degrees(velocity):.1f}°/s; it reaches {degrees(top):.0f}°/s.")
+    if abs(velocity) <= top:
+        return
+    refusal = f"{noun} refused: {name} is {degrees(velocity):.1f}°/s; it reaches {degrees(top):.0f}°/s"
+    if _DEGREES_ABOVE * top < abs(velocity) <= degrees(top):
+        refusal += f"; {velocity:g} looks like degrees: speeds are in radians a second"
+    raise CommandRefused(f"{refusal}.")

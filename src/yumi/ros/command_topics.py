@@ -27,6 +27,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side
 from yumi.robot.values import ZERO
 from yumi.ros.command_messages import goal_of, goal_speeds_of, positions_of, speeds_of, velocities_of
+from yumi.ros.refusal_log import RefusalLog
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
 # a goal is sent once. Several partial goals may come at once, hence the depth.
@@ -38,7 +39,7 @@ OLDEST_STAMP = 0.1
 
 
 class CommandTopic(ABC):
-    """Takes commands for one arm; one that breaks a rule changes nothing and is answered in the log.
+    """Takes commands for one arm; one that breaks a rule changes nothing, and the log says which.
 
     Args:
         node: the arm's controller manager node.
@@ -63,7 +64,7 @@ class CommandTopic(ABC):
         now: Callable[[], float] = lambda: nan,
     ) -> None:
         self._node = node
-        self._log = node.get_logger()
+        self._refusals = RefusalLog(node.get_logger(), now)
         self._side = side
         self._box = box
         self._snapshot = snapshot
@@ -81,7 +82,7 @@ class CommandTopic(ABC):
         try:
             self._accept(message, time - self._age(message))
         except CommandRefused as error:
-            self._log.warning(str(error), throttle_duration_sec=1.0)
+            self._refusals.warn(str(error))
 
     @abstractmethod
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:

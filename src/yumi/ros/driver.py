@@ -34,7 +34,7 @@ from yumi.control.requests import Event
 from yumi.errors import YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.hand_setup import hand_steps, set_up_hands
+from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
 from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
@@ -59,7 +59,7 @@ from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.robot_state_topic import RobotStateTopic
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
-from yumi.settings import ControllerSettings
+from yumi.settings import CalibrateWhen, ControllerSettings
 
 
 class DriverNodes(NamedTuple):
@@ -148,6 +148,14 @@ class RosDriver:
             self._managed.why_no_grip,
             self._managed.may_ask_hand,
         )
+        self._gripper_setup = GripperSetup(
+            hands.grippers,
+            lambda step: self.say(f"Bring-up: {step}"),
+            nodes.manager.get_logger().error,
+            is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
+            why_not=self._managed.why_no_grip,
+        )
+        manager.when_ready(self._gripper_setup.run)
         self._commands = command_topics(nodes.streams, fast_lines, clock)
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
@@ -208,21 +216,19 @@ class RosDriver:
                 self._manager.tell_remarks()
                 self.say("The robot is left as it is until start_egm, set_mode or recover is called.")
                 return
-            steps = [*self._manager.steps_to_ready(), *self._hand_steps()]
+            is_tested = self._hand_parts.settings.test_at_start
+            steps = [*self._manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
             if steps:
                 self.warn(f"{ANNOUNCEMENT}{', '.join(steps)}.")
             self._manager.make_ready()
-            self._set_up_hands()
+            self._test_grippers()
             self.say("The robot is ready.")
         except YumiError as error:
             self._nodes.manager.get_logger().error(str(error))
 
-    def _hand_steps(self) -> list[str]:
-        return hand_steps(self._hand_parts.grippers, is_tested=self._hand_parts.settings.test_at_start)
-
-    def _set_up_hands(self) -> None:
-        complain = self._nodes.manager.get_logger().error
-        set_up_hands(self._hand_parts.grippers, self.say, complain, is_tested=self._hand_parts.settings.test_at_start)
+    def _test_grippers(self) -> None:
+        if self._hand_parts.settings.test_at_start:
+            close_as_test(self._hand_parts.grippers, self.say, self._nodes.manager.get_logger().error)
 
     @property
     def is_connected(self) -> bool:

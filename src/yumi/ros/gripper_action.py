@@ -19,9 +19,16 @@ from yumi.robot.joints import finger_names
 
 
 class HandTurn:
-    """Whose turn a hand's fingers are: one goal or service at a time; safe from any thread."""
+    """Whose turn a hand's fingers are: one goal or service at a time; safe from any thread.
+
+    It remembers why the last goal was refused or failed, too: the results of ROS's gripper actions have no text.
+
+    Attributes:
+        failures: how many goals were refused or failed, and why the last one was.
+    """
 
     def __init__(self) -> None:
+        self.failures = (0, "")
         self._lock = Lock()
         self._is_taken = False
 
@@ -33,6 +40,11 @@ class HandTurn:
 
     def give_back(self) -> None:
         self._is_taken = False
+
+    def fail(self, reason: str) -> None:
+        """A goal was refused or failed."""
+        with self._lock:
+            self.failures = (self.failures[0] + 1, reason)
 
 
 class HandAction(ABC):
@@ -97,6 +109,7 @@ class HandAction(ABC):
         reason = self._why_not(goal)
         if reason is None:
             return GoalResponse.ACCEPT
+        self._turn.fail(reason)
         self._log.warning(f"Gripper goal refused: {reason}")
         return GoalResponse.REJECT
 
@@ -116,6 +129,7 @@ class HandAction(ABC):
         try:
             outcome = self._carry_out(handle, order)
         except YumiError as error:
+            self._turn.fail(str(error))
             self._log.error(f"Gripper goal failed: {error}")
             handle.abort()
             return self._result_of(order, None)

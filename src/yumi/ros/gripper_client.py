@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from control_msgs.action import GripperCommand, ParallelGripperCommand
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.errors import CommandRefused, GoalNotReached
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.gripper import TRAVEL, Outcome, outcome_of
 from yumi.robot.joints import Side
+from yumi.ros.gripper_topics import FAILURE, FAILURES
 from yumi.ros.service_calls import ServiceCalls
 from yumi.ros.spinner import Spinner
 
 _ANSWER = 30.0  # [s]; calibration takes some seconds
 _ACCEPTANCE = 10.0  # [s]
+_REASON = 1.0  # [s]
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +52,8 @@ class GripperClient:
     """The actions and services of one hand.
 
     What moves the fingers with a goal raises CommandRefused when the driver refuses it, and GoalNotReached when it
-    could not carry it out; its log says why. Every service raises RobotNotReady when it was refused or failed, and
-    says why.
+    could not carry it out or was cancelled. Every service raises RobotNotReady when it was refused or failed. All of
+    them say why.
 
     Args:
         spinner: spins the node it belongs to.
@@ -61,6 +67,8 @@ class GripperClient:
         self._services = ServiceCalls(spinner, self._name)
         self._actions: dict[str, Any] = {}
         self._goal: Any = None
+        self._failures = (0, "")  # how many goals failed, and why the last one did
+        spinner.node.create_subscription(DiagnosticStatus, f"{self._name}/state", self._take_state, _LATCHED)
         self._action(GripperCommand, "gripper_cmd")  # finding it takes a moment
 
     # Goals
@@ -150,22 +158,37 @@ class GripperClient:
     def _begin(self, kind: Any, name: str, goal: Any) -> Callable[[], Any]:
         action, side = self._action(kind, name), self._side.word
         self._spinner.until(action.server_is_ready, _ACCEPTANCE, f"The {side} gripper's action: its appearance")
+        before = self._failures[0]
         sent = action.send_goal_async(goal)
         self._spinner.until(sent.done, _ACCEPTANCE, f"The answer of the {side} gripper")
         handle = sent.result()
         if not handle.accepted:
-            raise CommandRefused(f"The {side} gripper refused the goal; the driver's log says why.")
+            raise CommandRefused(f"The {side} gripper refused the goal: {self._why_failed(before)}")
         self._goal = handle
-        return lambda: self._result(handle)
+        return lambda: self._result(handle, before)
 
-    def _result(self, handle: Any) -> Any:
+    def _result(self, handle: Any, before: int) -> Any:
         future = handle.get_result_async()
         self._spinner.until(future.done, _ANSWER, f"The end of the {self._side.word} gripper's motion")
         if self._goal is handle:
             self._goal = None
-        if future.result().status != GoalStatus.STATUS_SUCCEEDED:
-            raise GoalNotReached(f"The {self._side.word} gripper did not do it; the driver's log says why.")
+        status = future.result().status
+        if status == GoalStatus.STATUS_CANCELED:
+            raise GoalNotReached(f"The {self._side.word} gripper's goal was cancelled; its fingers stand.")
+        if status != GoalStatus.STATUS_SUCCEEDED:
+            raise GoalNotReached(self._why_failed(before))
         return future.result().result
+
+    def _why_failed(self, before: int) -> str:
+        """The driver's words for a goal that failed after ``before`` others; they come on another topic."""
+        with suppress(RobotNotReady):
+            self._spinner.until(lambda: self._failures[0] > before, _REASON, "The reason")
+            return self._failures[1]
+        return f"The {self._side.word} gripper did not do it; the driver's log says why."
+
+    def _take_state(self, status: Any) -> None:
+        values = {each.key: each.value for each in status.values}
+        self._failures = (int(values.get(FAILURES, 0)), values.get(FAILURE, ""))
 
 
 def _grip(position: float, effort: float, result: Any) -> Grip:

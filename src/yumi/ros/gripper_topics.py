@@ -15,9 +15,13 @@ from yumi.robot.gripper import HandState
 from yumi.robot.hand import CupReading, HandReading
 from yumi.robot.joints import Side, finger_names
 from yumi.ros.conversions import stamp
+from yumi.ros.gripper_action import HandTurn
 
 PERIOD = 0.04
 """Time between two messages [s]: the controller tells what changes every 50 ms, and none shall be missed."""
+
+FAILURES, FAILURE = "goals_failed", "last_failure"
+"""Keys in ``gripper/state``: how many goals were refused or failed, and why the last one was."""
 
 _DEPTH = 10
 _STATE_EVERY = 12  # messages, while nothing changes
@@ -27,7 +31,8 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class GripperTopics:
     """Publishes ``gripper/joint_states``, ``gripper/state``, ``gripper/vacuum_1/pressure`` and ``…/object_picked``.
 
-    Nothing comes while the controller tells nothing of the hand.
+    Nothing comes while the controller tells nothing of the hand, except ``gripper/state`` after a goal that was refused
+    or failed.
 
     Args:
         node: a node in the arm's namespace.
@@ -36,6 +41,7 @@ class GripperTopics:
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         channels: its vacuum modules.
         ticker: keeps the rate.
+        turn: knows why the last goal was refused or failed.
     """
 
     def __init__(
@@ -46,6 +52,7 @@ class GripperTopics:
         picked_pressure: float,
         channels: tuple[int, ...],
         ticker: Ticker,
+        turn: HandTurn,
     ) -> None:
         self._clock = node.get_clock()
         self._names = list(finger_names(side))
@@ -53,7 +60,7 @@ class GripperTopics:
         self._reading = reading
         self._threshold = picked_pressure
         self._states = node.create_publisher(JointState, "gripper/joint_states", _DEPTH)
-        self._status = node.create_publisher(DiagnosticStatus, "gripper/state", 1)
+        self._status = node.create_publisher(DiagnosticStatus, "gripper/state", _LATCHED)
         topic = "gripper/vacuum_{}/{}"
         self._pressures = {
             each: node.create_publisher(FluidPressure, topic.format(each, "pressure"), _DEPTH) for each in channels
@@ -62,22 +69,32 @@ class GripperTopics:
             each: node.create_publisher(Bool, topic.format(each, "object_picked"), _LATCHED) for each in channels
         }
         self._told: dict[int, bool] = {}
+        self._turn = turn
+        self._failures = turn.failures
         self._last: HandState | None = None
         self._count = 0
         ticker.every(PERIOD, f"{side.value}/gripper", self._publish)
 
     def _publish(self) -> None:
-        reading = self._reading()
+        reading, failures = self._reading(), self._turn.failures
+        has_failed, self._failures = failures != self._failures, failures
         if reading is None:
+            if has_failed:
+                self._publish_status(None)
             return
         now = stamp(self._clock.now().nanoseconds)
         self._states.publish(self._fingers(reading, now))
         for channel, cup in reading.cups.items():
             self._publish_cup(channel, cup, now)
         self._count += 1
-        if reading.state is not self._last or self._count % _STATE_EVERY == 0:
+        if has_failed or reading.state is not self._last or self._count % _STATE_EVERY == 0:
             self._last = reading.state
-            self._status.publish(gripper_status(self._side, reading))
+            self._publish_status(reading)
+
+    def _publish_status(self, reading: HandReading | None) -> None:
+        status, (count, reason) = gripper_status(self._side, reading), self._failures
+        status.values = [*status.values, KeyValue(key=FAILURES, value=str(count)), KeyValue(key=FAILURE, value=reason)]
+        self._status.publish(status)
 
     def _fingers(self, reading: HandReading, now: Any) -> Any:
         count = len(self._names)

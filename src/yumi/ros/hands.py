@@ -81,6 +81,7 @@ class Hands:
         self._asked: dict[Side, FingerState] = {}
         self._is_over = Flag()
         self._thread = Thread(target=self._watch, name="hands")
+        self._turns = {side: HandTurn() for side in Side}
         self._actions = [
             action for side, node in nodes.items() for action in self._serve(side, node, partial(why_not, side))
         ]
@@ -93,6 +94,7 @@ class Hands:
                 settings.picked_pressure,
                 settings.modules(side).vacuum_channels,
                 ticker,
+                self._turns[side],
             )
             for side, node in streams.items()
         ]
@@ -123,7 +125,7 @@ class Hands:
         return [gripper_status(side, self._reading(side)) for side in self._parts.grippers]
 
     def _serve(self, side: Side, node: Any, why_not: Callable[[], str | None]) -> tuple[Any, ...]:
-        gripper, group, turn = self._parts.grippers[side], ReentrantCallbackGroup(), HandTurn()
+        gripper, group, turn = self._parts.grippers[side], ReentrantCallbackGroup(), self._turns[side]
         GripperServices(node, gripper, group, why_not, turn)
         return hand_actions(node, gripper, self._parts.settings.force, group, why_not, turn)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -21,7 +22,7 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.rapid_routines import LONGEST_ROUTINE
 from yumi.robot.joints import Side
@@ -89,6 +90,25 @@ class RobotManagerClient:
     def stop_egm(self) -> str:
         """Deactivate what commands the arms, and stop EGM."""
         return self._demand(Trigger, "stop_egm")
+
+    @contextmanager
+    def guided(self, report: OnStep = _ignore) -> Iterator[None]:
+        """EGM on both arms for the time of a block, ended on every way out: ``with manager.guided():``.
+
+        Args:
+            report: told what the driver says when EGM has started, and when it has ended.
+
+        Raises:
+            RobotNotReady: EGM did not start, or did not end after a block that went well.
+        """
+        report(self.start_egm())
+        try:
+            yield
+        except BaseException:  # Ctrl-C too
+            with suppress(YumiError):  # what went wrong in the block matters more
+                report(self.stop_egm())
+            raise
+        report(self.stop_egm())
 
     def motors_on(self) -> str:
         """Switch the motors on."""

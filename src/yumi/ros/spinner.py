@@ -1,11 +1,14 @@
-"""Waiting in an application: its node is spun by who waits, and by nobody else."""
+"""An application's node, and waiting in it: the node is spun by who waits, and by nobody else."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
+import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from yumi.errors import RobotNotReady
 
@@ -45,3 +48,30 @@ class Spinner:
             if clock.now().nanoseconds > end:
                 raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
             self._executor.spin_once(timeout_sec=_SPIN)
+
+
+@contextmanager
+def application(name: str) -> Iterator[Spinner]:
+    """ROS with one node, for a program that has nothing else; it ends with the block.
+
+    ::
+
+        with application("grip") as spinner:
+            GripperClient(spinner, Side.LEFT).move_to(0.01)
+
+    Ctrl-C stays Python's KeyboardInterrupt, so that the program can end its motion with ROS before it goes.
+
+    Args:
+        name: the node's.
+    """
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(name)
+        spinner = Spinner(node)
+        try:
+            yield spinner
+        finally:
+            spinner.close()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, nan
 
@@ -13,10 +14,11 @@ from yumi.control.trajectory import ResultCode
 from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.controllers.trajectory_orders import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.joints import Side
+from yumi.robot.joints import CHAIN_AXES, Side, joint_names
 from yumi.robot.poses import home
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
+BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
 LOST = SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,))
 
 
@@ -31,6 +33,27 @@ def test_guidance_orders_both_arms_at_once(robot: FakeRobot) -> None:
         (Side.RIGHT, JointGoal(RIGHT, motions[0].identity, 0.3, None)),
         (Side.LEFT, JointGoal(LEFT, motions[1].identity, 0.3, None)),
     ]
+
+
+@pytest.mark.parametrize("names", [joint_names(Side.RIGHT), [f"joint_{axis}" for axis in CHAIN_AXES]])
+def test_joints_by_name_are_put_in_chain_order(robot: FakeRobot, names: Sequence[str]) -> None:
+    backwards = dict(reversed(list(zip(names, RIGHT, strict=True))))
+    robot.guidance.move({Side.RIGHT: backwards}, None, None)
+    assert robot.fast_line.orders[0].message.position == RIGHT  # type: ignore[attr-defined]
+
+
+def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
+    robot.fast_line.on_order = robot.rest
+    robot.guidance.follow({Side.RIGHT: [(1.0, BY_NAME, {f"j{axis}": 0.0 for axis in CHAIN_AXES})]})
+    with pytest.raises(CommandRefused, match="'yumi_joint_1_r' is a joint of the right arm, and this is the left arm"):
+        robot.guidance.follow({Side.LEFT: [(1.0, BY_NAME)]})
+
+
+def test_motion_says_what_it_is(robot: FakeRobot) -> None:
+    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: under way>"
+    robot.end(robot.fast_line.orders[0])
+    assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: ended>"
 
 
 def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> None:
@@ -66,8 +89,18 @@ def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
         ((*RIGHT[:6], inf), "yumi_joint_6_r is inf; a position is a finite number of radians"),
         ((0.0, 1.0, *RIGHT[2:]), r"yumi_joint_2_r is 57\.3°; its range is -143\.5° to 43\.5°"),
         (RIGHT[:3], "it has 3 positions; an arm has 7 joints: yumi_joint_1_r, yumi_joint_2_r, yumi_joint_7_r"),
-        ("home", "'home' is no list of numbers; give seven angles in radians"),
-        (1.0, "1.0 is no list of numbers; give seven angles in radians"),
+        ("home", "expected seven angles in radians, got 'home'"),
+        (1.0, r"expected seven angles in radians, got 1\.0"),
+        (
+            (0, -130, -135, 30, 0, 40, 0),
+            r"yumi_joint_2_r is -7448\.5°; its range is -143\.5° to 43\.5°; -130 looks like degrees: use yumi\.degrees",
+        ),
+        ({**BY_NAME, "elbow": 0.0}, "'elbow' is not a joint of the right arm; it has yumi_joint_1_r, .* or j1 to j7"),
+        ({**BY_NAME, "j7": 0.0}, "yumi_joint_7_r is named twice; give each joint once"),
+        ({"j1": 0.0, "j2": 0.0}, "Goal refused: without yumi_joint_7_r, yumi_joint_3_r, .*; name all 7 joints"),
+        (dict(zip(joint_names(Side.LEFT), LEFT, strict=True)), "'yumi_joint_1_l' is a joint of the left arm, and this"),
+        ({**BY_NAME, "yumi_joint_2_r": nan}, "yumi_joint_2_r is nan; a position is a finite number of radians"),
+        ({**BY_NAME, "yumi_joint_2_r": "up"}, "expected seven angles in radians, got {'yumi_joint_1_r'"),
     ],
 )
 def test_guidance_refuses_an_impossible_goal_and_asks_nobody(robot: FakeRobot, goal: object, sentence: str) -> None:

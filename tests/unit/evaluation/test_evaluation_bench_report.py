@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from yumi.evaluation.bench_figures import Figures
-from yumi.evaluation.bench_histograms import draw_histograms, histogram
+from yumi.evaluation.bench_histograms import draw_histograms, histogram, line_styles
+from yumi.evaluation.bench_processes import cpu_percent
 from yumi.evaluation.bench_report import document, latency_table, ratio_table, target_table
 
 SPREAD = {"median", "lowest", "highest", "rounds"}
@@ -72,6 +74,20 @@ def test_histogram_counts_a_latency_between_its_edges(latency: float) -> None:
     edges, shares = histogram([latency])
     index = shares.index(1.0)
     assert edges[index] * (1 - 1e-9) <= latency <= edges[index + 1] * (1 + 1e-9)
+
+
+def test_every_contender_of_the_picture_looks_different() -> None:
+    assert len({style["color"] for style in line_styles(12)}) == 12
+    assert len({tuple(style.values()) for style in line_styles(50)}) == 50
+
+
+def test_cpu_of_a_run_too_short_to_be_counted_is_left_out_of_tables_and_document() -> None:
+    assert cpu_percent(0.002, 0.004) != cpu_percent(0.002, 0.004)  # nan
+    assert cpu_percent(0.5, 2.0) == 25.0
+    short = Figures((replace(run(1, LINE, 80.0), cpu_percent=cpu_percent(0.01, 0.009), cpu_all_percent=nan),))
+    assert document(short, {}, {}, is_complete=True)["runs"][0]["cpu_percent"] is None
+    (line,) = [line for line in shown(ratio_table(short)).splitlines() if "fast_line" in line]
+    assert line.split()[-1] == "–"
 
 
 def test_picture_of_histograms_is_written(tmp_path: Path) -> None:

@@ -1,0 +1,109 @@
+"""Pages of the documentation as something that can be run: fences, and marks that say how.
+
+A fence has a language. Commands are ``bash``; they are run, one after another, as in a terminal, unless an HTML comment
+above the fence says otherwise:
+
+================================================ ===================================================================
+mark                                             meaning
+================================================ ===================================================================
+``<!-- not run: REASON -->``                     listed with the reason; ``as in PAGE``: they are run there
+``<!-- test: background -->``                    started and left; it ends by itself, or with the page, in order
+``<!-- test: background, fails, shows TEXT -->`` the same, but ends with an error; goes on when it has shown TEXT
+``<!-- output -->``                              a ``text`` fence: the commands above it have printed these lines
+``<!-- output of COMMAND -->``                   the same of a background command that begins so
+``<!-- test: Ctrl-C COMMAND -->``                without a fence: ends a background command that begins so
+================================================ ===================================================================
+
+``yumi controller`` and ``yumi up`` are background commands by themselves.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+LANGUAGES = {"bash", "python", "text", "yaml", "rapid"}
+_MARKS = re.compile(r"not run: .+|test: background(, fails)?(, shows .+)?|output( of .+)?")
+_CTRL_C = re.compile(r"<!-- test: Ctrl-C (.+) -->")
+_FENCE = re.compile(r"^ *```(\S*)$")
+_COMMENT = re.compile(r"^ *<!-- (.*) -->$")
+
+
+class BadPage(Exception):
+    """A page that says of a fence neither what it is nor how it is run."""
+
+
+@dataclass(frozen=True)
+class Fence:
+    """A fenced block, or a Ctrl-C (language "Ctrl-C", the command's beginning as its text).
+
+    Attributes:
+        page: where it is, from the clone's root.
+        line: its first line.
+        language: after the backticks.
+        text: what is in it.
+        mark: of the comment above it; empty without one.
+    """
+
+    page: str
+    line: int
+    language: str
+    text: str
+    mark: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Why it is not run; empty when it is."""
+        return self.mark.removeprefix("not run: ") if self.mark.startswith("not run: ") else ""
+
+    @property
+    def commands(self) -> list[str]:
+        """Its commands: one a line, but for a line that ends with a backslash."""
+        lines = self.text.replace("\\\n", " ").splitlines()
+        return [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+
+
+def fences_of(page: str, text: str) -> list[Fence]:
+    """All fences of a page, in order.
+
+    Raises:
+        BadPage: a fence has no language or an unknown one, or a mark is none.
+    """
+    found: list[Fence] = []
+    begin, language, content, mark = 0, "", [], ""
+    for number, line in enumerate(text.splitlines(), 1):
+        fence, comment = _FENCE.match(line), _COMMENT.match(line)
+        if fence and not begin:
+            begin, language, content = number, fence[1], []
+            if language not in LANGUAGES:
+                raise BadPage(f"{page}:{number}: a fence of language {language!r}; it is one of {sorted(LANGUAGES)}.")
+        elif fence:
+            found.append(Fence(page, begin, language, "\n".join(content), mark))
+            begin, mark = 0, ""
+        elif begin:
+            content.append(line)
+        elif end := _CTRL_C.match(line):
+            found.append(Fence(page, number, "Ctrl-C", end[1]))
+        elif comment:
+            mark = comment[1]
+            if not _MARKS.fullmatch(mark):
+                raise BadPage(f"{page}:{number}: {mark!r} is not a mark of a fence; see {Path(__file__).name}.")
+        elif line.strip() and mark:
+            raise BadPage(f"{page}:{number}: the mark {mark!r} is not above a fence.")
+    return found
+
+
+def pages() -> list[str]:
+    """The pages whose commands must work: README, tutorials and how-tos."""
+    return ["README.md", *(str(file.relative_to(ROOT)) for name in ("tutorials", "how-to") for file in _pages_in(name))]
+
+
+def read(page: str, root: Path = ROOT) -> list[Fence]:
+    """The fences of a page of the clone at ``root``."""
+    return fences_of(page, (root / page).read_text(encoding="utf-8"))
+
+
+def _pages_in(folder: str) -> list[Path]:
+    return sorted((ROOT / "docs" / folder).glob("*.md"))

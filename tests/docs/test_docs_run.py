@@ -1,0 +1,150 @@
+"""README, the tutorial and every how-to work as they are written: their commands are run, from a clone of its own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+import yaml
+from doc_pages import ROOT, BadPage, Fence, fences_of, pages, read
+from terminals import SERVER, Pages, Terminals
+
+from yumi.cli import main
+
+in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)]
+
+NEEDS = {"docs/how-to/read-a-flight-record.md": "docs/tutorials/first-motion.md"}
+"""Pages that go on where another one ended."""
+
+LEFT_OUT = {
+    r"ros2 ": "needs ros2",
+    r".*192\.168\.": "needs a real robot",
+    r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
+    r"yumi record show|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
+    r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
+}
+"""Examples of ``--help`` that are not run, by their beginning."""
+
+
+@pytest.mark.parametrize("page", [pytest.param(page, marks=in_real_time) for page in pages()])
+def test_page_works_as_it_is_written(documentation: Pages, page: str) -> None:
+    if page in NEEDS:
+        documentation.run(NEEDS[page])
+    result = documentation.run(page)
+    commands = {command for fence in read(page) if fence.language == "bash" for command in fence.commands}
+    assert len(commands - plain(result, documentation)) == 0
+
+
+def plain(result: Terminals, documentation: Pages) -> set[str]:
+    """What was run or left out, with the usual ports."""
+    text = "\n".join([*result.ran, *(command for command, _ in result.left_out)])
+    for usual, own in documentation.clone.ports.items():
+        text = re.sub(rf"\b{own}\b", usual, text)
+    return set(text.splitlines())
+
+
+@pytest.mark.parametrize("page", pages())
+def test_command_that_is_run_on_another_page_is_there(page: str) -> None:
+    for fence in read(page):
+        if fence.reason.startswith("as in "):
+            there = [_bare(command) for each in read(fence.reason.removeprefix("as in ")) for command in each.commands]
+            assert [command for command in fence.commands if _bare(command) not in there] == []
+
+
+@pytest.mark.parametrize("page", pages())
+def test_page_shows_python_that_is_run_and_settings_that_can_be_read(page: str) -> None:
+    fences = read(page)
+    commands = " ".join(command for fence in fences for command in fence.commands if fence.language == "bash")
+    for fence in fences:
+        if fence.language == "yaml":
+            assert isinstance(yaml.safe_load(fence.text), dict)
+        if fence.language == "python":
+            examples = [file for file in (ROOT / "examples").glob("*.py") if fence.text in file.read_text()]
+            compile(fence.text, page, "exec")
+            assert not examples or any(self_or_family(file, commands) for file in examples)
+
+
+def self_or_family(example: Path, commands: str) -> bool:
+    """The page runs the example, or names one of the same family that it runs."""
+    return f"examples/{example.name}" in commands or (example.name.startswith("egm_") and "examples/egm_" in commands)
+
+
+def help_examples() -> Iterator[str]:
+    """All commands under "Example" in the help of ``yumi`` and its commands."""
+    commands = [main, *main.commands.values()]
+    commands += [
+        each for group in main.commands.values() if isinstance(group, click.Group) for each in group.commands.values()
+    ]
+    for command in commands:
+        _, found, examples = (command.help or "").partition("Example")
+        for line in examples.splitlines()[1:] if found else ():
+            if not line.strip():
+                break
+            yield re.split(r"\s{2,}", line.strip())[0]
+
+
+@pytest.fixture
+def terminals(documentation: Pages, tmp_path: Path) -> Iterator[Terminals]:
+    terminals = Terminals(documentation.clone, tmp_path)
+    yield terminals
+    terminals.close()
+
+
+@pytest.mark.ros
+@pytest.mark.real_time
+@pytest.mark.timeout(120)
+def test_examples_of_help_work(documentation: Pages, terminals: Terminals) -> None:
+    examples = list(dict.fromkeys(help_examples()))
+    assert len(examples) > 15
+    ports = documentation.clone.ports
+    for command in sorted(examples, key=lambda each: not each.startswith("yumi controller --rws-port 8080 --left")):
+        own = re.sub(rf"\b({'|'.join(ports)})\b", lambda port: ports[port[1]], command)
+        if re.search(r"(fault|warm-restart)", own) and "--rws-port" not in own:
+            own += f" --rws-port {ports['8080']}"
+        reason = next((reason for pattern, reason in LEFT_OUT.items() if re.match(pattern, command)), "")
+        if SERVER.match(own) and terminals.ran:
+            reason = reason or "its port is taken by the one before"
+        terminals.run(Fence("yumi --help", 1, "bash", own, f"not run: {reason}" if reason else ""))
+    documentation.add("yumi --help", terminals)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("```\nyumi up\n```", "p:1: a fence of language ''"),
+        ("```sh\nyumi up\n```", "p:1: a fence of language 'sh'"),
+        ("<!-- not run -->\n```bash\nyumi up\n```", "p:1: 'not run' is not a mark of a fence"),
+        (
+            "<!-- not run: no reason -->\nText.\n```bash\nyumi up\n```",
+            "p:2: the mark 'not run: no reason' is not above",
+        ),
+    ],
+)
+def test_fence_that_is_neither_run_nor_marked_is_found(text: str, sentence: str) -> None:
+    with pytest.raises(BadPage, match=re.escape(sentence)):
+        fences_of("p", text)
+
+
+def test_marks_and_commands_of_a_page_are_read() -> None:
+    text = """
+<!-- not run: needs ros2 -->
+
+```bash
+ros2 topic list  # all
+ros2 topic \\
+  echo
+```
+
+<!-- test: Ctrl-C yumi up -->
+"""
+    first, last = fences_of("p", text)
+    assert (first.reason, first.commands) == ("needs ros2", ["ros2 topic list  # all", "ros2 topic    echo"])
+    assert (last.language, last.text) == ("Ctrl-C", "yumi up")
+
+
+def _bare(command: str) -> str:
+    """Without the comment."""
+    return command.partition(" #")[0].strip()

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from math import radians
+
+import pytest
+
+import yumi
+
+
+def test_pendants_numbers_are_put_in_chain_order() -> None:
+    assert yumi.abb_degrees(0, -130, 30, 0, 40, 0, j7=-135) == yumi.degrees(0, -130, -135, 30, 0, 40, 0)
+    assert yumi.abb_degrees(j1=1, j2=2, j3=3, j4=4, j5=5, j6=6, j7=7) == tuple(map(radians, (1, 2, 7, 3, 4, 5, 6)))
+
+
+def test_seven_numbers_in_a_row_are_never_taken_for_the_pendants() -> None:
+    with pytest.raises(TypeError, match="abb_degrees"):
+        yumi.abb_degrees(0, -130, -135, 30, 0, 40, 0)  # type: ignore[call-arg, misc]
+
+
+def test_package_lists_what_it_offers_before_anything_is_used() -> None:
+    script = (
+        "import yumi; print(*dir(yumi)); yumi.errors.CommandRefused; print(all(getattr(yumi, n) for n in dir(yumi)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    names = "EgmServer __version__ abb_degrees connect connect_async degrees errors in_degrees"
+    assert done.stdout == f"{names}\nTrue\n"
+
+
+def test_objects_of_a_script_say_what_they_are() -> None:
+    robot = yumi.connect("127.0.0.1:1")
+    twin = yumi.connect_async("127.0.0.1:1")
+    assert [repr(each) for each in (robot.right, robot.left.gripper, twin, twin.left, twin.right.gripper)] == [
+        "<yumi.Arm right>",
+        "<yumi.Gripper left>",
+        "<yumi.AsyncRobot at 127.0.0.1:1, not connected>",
+        "<yumi.AsyncArm left>",
+        "<yumi.AsyncGripper right>",
+    ]
