@@ -56,6 +56,7 @@ from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.stops import StopLog
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
 from yumi.links.realtime import brisk_threads, settle_memory
@@ -241,6 +242,7 @@ def make_parts(
     report: Callable[[str], None],
     leading: str = POSITION_CONTROLLER,
     arms: tuple[Side, ...] = tuple(Side),
+    stops: StopLog | None = None,
 ) -> DriverParts:
     """The parts for the robot of ``settings``.
 
@@ -251,6 +253,7 @@ def make_parts(
         report: told each step of what is done to the robot.
         leading: the controller that commands an arm after EGM has started.
         arms: those that are guided; the others stand still.
+        stops: what stopped the robot, where an earlier connection knows it already.
 
     Raises:
         NoConnection: there is no way to the robot's address.
@@ -262,7 +265,7 @@ def make_parts(
     )
     bringup = Bringup(client, settings.egm_motion, clock, report, arms)
     fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog)
+    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)
@@ -272,7 +275,7 @@ def run_driver(
     settings: Settings,
     controllers: Controllers,
     is_over: Flag,
-    on_ready: Callable[[], None],
+    on_ready: Callable[[str], None],
     record: Path | None = None,
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
@@ -283,7 +286,7 @@ def run_driver(
         settings: where the robot is, and how it shall move.
         controllers: what runs on each arm.
         is_over: set when it shall end.
-        on_ready: called when ROS is served and the robot was brought to ready, or said why not.
+        on_ready: called when ROS is served and the robot was brought to ready; told why it is not, or nothing.
         record: file for every cycle of both arms.
 
     Raises:
@@ -318,16 +321,16 @@ def run_driver(
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
+        manager.watch.reports.report = ros.report
         fast_lines.start()
         stack.callback(fast_lines.stop)
         stack.callback(connection.disconnect)
         stack.callback(_end_motion, manager, connection, ros.say)
         ros.start()
         ros.say(fast_lines.started_as)
-        if settings.ros.autostart:
-            ros.bring_up()
+        reason = ros.bring_up() if settings.ros.autostart else ""
         settle_memory()
-        on_ready()
+        on_ready(reason)
         is_over.wait()
 
 

@@ -185,7 +185,16 @@ def up(
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = _end_flag(until_stdin_closes)
-    run_driver(settings, chosen, is_over, lambda: _say_ready(f"driving the robot at {address}"), record)
+
+    def say_ready(reason: str) -> None:
+        if reason:
+            _say_ready(
+                f"connected to the robot at {address}, which is not ready: {reason} When that is done, call recover."
+            )
+        else:
+            _say_ready(f"driving the robot at {address}")
+
+    run_driver(settings, chosen, is_over, say_ready, record)
 
 
 @main.command()

@@ -40,14 +40,21 @@ class Gripper:
         hand: the robot's, while it is connected; raises when it is not.
         force: holding force where a call names none [N].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
+        check_not_stopped: raises RobotNotReady while a stop waits for a person's confirmation.
 
     Attributes:
         side: which arm carries it.
     """
 
     def __init__(
-        self, side: Side, hand: Callable[[], Hand], force: float, picked_pressure: float = PICKED_PRESSURE
+        self,
+        side: Side,
+        hand: Callable[[], Hand],
+        force: float,
+        picked_pressure: float = PICKED_PRESSURE,
+        check_not_stopped: Callable[[], None] = lambda: None,
     ) -> None:
+        self._check_not_stopped = check_not_stopped
         self.side = side
         self._hand = hand
         self._force = force
@@ -147,6 +154,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper did not become calibrated.
         """
+        self._check_not_stopped()
         self._hand().calibrate()
 
     def clear_error(self) -> None:
@@ -194,6 +202,7 @@ class Gripper:
         self._hand().vacuum.drop(channel)
 
     def _command(self, order: HandOrder) -> Grip:
+        self._check_not_stopped()
         hand = self._hand()
         hand.begin(order)
         outcome = hand.wait(order)

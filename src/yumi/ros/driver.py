@@ -22,6 +22,7 @@ yumi_topics                    joint_states (merged)
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
@@ -30,8 +31,8 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.requests import Event
-from yumi.errors import YumiError
+from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
@@ -131,6 +132,7 @@ class RosDriver:
             clock,
             limits,
             self._ticker,
+            manager.watch.wait_for_cause,
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
@@ -144,10 +146,12 @@ class RosDriver:
             nodes.streams,
             self.say,
             self._ticker,
-            self._managed.why_no_grip,
+            self._why_no_grip,
             self._managed.may_ask_hand,
         )
         self._commands = command_topics(nodes.streams, fast_lines, clock)
+        for topic in self._commands:
+            topic.why_stopped = manager.watch.cause
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
@@ -184,14 +188,24 @@ class RosDriver:
 
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
-        self._arms[event.side].tell(event)
+        is_end_of_egm = isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing)
+        self._arms[event.side].tell(event, self._manager.watch.explain if is_end_of_egm else None)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
         self._nodes.manager.get_logger().info(sentence)
 
-    def bring_up(self) -> None:
-        """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not."""
+    def report(self, level: int, sentence: str) -> None:
+        """Log one line of the robot manager, with a level of :mod:`logging`."""
+        log = self._nodes.manager.get_logger()
+        {logging.INFO: log.info, logging.WARNING: log.warning}.get(level, log.error)(sentence)
+
+    def bring_up(self) -> str:
+        """Activate all managed nodes, as far as that goes, and bring the robot to ready.
+
+        Returns:
+            Why it is not ready; empty when it is.
+        """
         self._managed.bring_up()
         try:
             demand(self._managed.permission.to_move())
@@ -200,10 +214,21 @@ class RosDriver:
             self.say("The robot is ready.")
         except YumiError as error:
             self._nodes.manager.get_logger().error(str(error))
+            return str(error)
+        return ""
 
     def _set_up_hands(self) -> None:
         complain = self._nodes.manager.get_logger().error
         set_up_hands(self._hand_parts.grippers, self.say, complain, is_tested=self._hand_parts.settings.test_at_start)
+
+    def _why_no_grip(self, side: Side) -> str | None:
+        reason = self._managed.why_no_grip(side)
+        if reason is None:
+            try:
+                self._manager.check_not_stopped()
+            except RobotNotReady as error:
+                return str(error)
+        return reason
 
     @property
     def is_connected(self) -> bool:
