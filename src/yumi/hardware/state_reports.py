@@ -110,7 +110,9 @@ class StateReports:
                 self.report(logging.INFO, f"{what}, as requested.")
             else:
                 self.report(logging.WARNING, f"{what}{why}.")
-            events = [event for event in events if explain(event) not in state.cause]
+            stop = self._stops.stop
+            told = {*(stop.codes if stop else ()), cause.code if cause else 0}
+            events = [event for event in events if event.code not in told]
         for event in events:
             self.report(logging.ERROR, f"The controller reports {explain(event)}.")
 
