@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from math import degrees, isnan
+from math import degrees, isnan, radians
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
@@ -199,7 +199,10 @@ def up(
 
 @main.command()
 @click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
-@click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
+@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
+@click.option("--left-egm-port", type=_PORT, help="UDP port where its left arm's datagrams arrive.")
+@click.option("--right-egm-port", type=_PORT, help="UDP port where its right arm's datagrams arrive.")
+@click.option("--yes", is_flag=True, help="Ask nobody: a robot given by --robot moves, a stop ends the demonstration.")
 @click.option(
     "--picture",
     type=click.Path(path_type=Path),
@@ -215,8 +218,11 @@ def up(
     show_default=True,
     help="Folder for the output of driver and controller.",
 )
-def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs: Path) -> None:
+def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs: Path, **ports: int | None) -> None:
     """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
+
+    After a stop it says what happened and goes on only when a person types yes; without a terminal, or with --yes, it
+    ends.
 
     \b
     Examples:
@@ -227,16 +233,28 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
-    if robot and not yes:
-        click.confirm(f"Both arms of the robot at {robot} will move. Is its workspace free?", abort=True)
-    from yumi.demo import Cancelled, DemoPlan, run_demo  # noqa: PLC0415 - a quick --help
+    from yumi.demo import Cancelled, DemoPlan, motions_ahead, read_positions, run_demo  # noqa: PLC0415 - a quick --help
     from yumi.demo_screen import DemoScreen  # noqa: PLC0415
     from yumi.evaluation.joint_paths import draw_joint_paths  # noqa: PLC0415
 
+    options: tuple[str, ...] = ()
+    if robot:
+        settings = _with_options(read_settings(None), {"robot": robot, **ports})
+        top_speed = radians(settings.egm_motion.max_speed_deviation)
+        click.echo(motions_ahead(read_positions(settings.robot), top_speed))
+        if not yes:
+            click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True)
+        options = tuple(
+            text
+            for name, port in ports.items()
+            if port is not None
+            for text in (f"--{name.replace('_', '-')}", str(port))
+        )
     is_over = _end_flag(False)
     with DemoScreen() as screen:
+        confirm = (lambda *_: False) if yes else screen.confirm
         try:
-            reports = run_demo(DemoPlan(robot, (), logs), screen, is_over.is_set)
+            reports = run_demo(DemoPlan(robot, options, logs), screen, is_over.is_set, confirm)
         except Cancelled:
             screen.note("cancelled: motion stopped, EGM ended")
             sys.exit(_INTERRUPTED)
