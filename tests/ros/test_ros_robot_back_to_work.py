@@ -216,7 +216,7 @@ def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver:
     listener, person = Listener({"move the left arm": rws.stop_rapid}), Person()
     application = run_application(listener, person)
     told = " ".join(listener.told)
-    assert "The left arm was stopped " in told
+    assert "The left arm was stopped " in told, "\n".join(listener.told)
     assert "Recover, attempt 1 of 3" in told
     assert "10125 Program stopped" in person.asked[0]
     assert application.reports[Side.LEFT].final_error < radians(0.1)

@@ -163,7 +163,7 @@ class MoveAndGrab:
             RobotNotReady: nobody says so; the message says what stopped the robot.
         """
         with suppress(RobotNotReady):  # no stop is known: the robot works, and lost us for a moment
-            self._spinner.until(lambda: self._stop_state() is not None, _EXPLAINED, "A cause")
+            self._spinner.until(self._is_explained, _EXPLAINED, "A cause")
         state, stop = self._stop_state(), ""
         if state is not None:
             stop = str(state.stop)
@@ -178,6 +178,11 @@ class MoveAndGrab:
                 if not self._confirm(str(refusal)):
                     raise
                 stop = refusal.stop
+
+    def _is_explained(self) -> bool:
+        """Whether the driver knows more than that the robot is stopped."""
+        state = self._stop_state()
+        return state is not None and (bool(state.stop) or state.cause != state.reason)
 
     def _stop_state(self) -> Any:
         """The robot's state while something known keeps it stopped; else None."""
