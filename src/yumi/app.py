@@ -265,7 +265,7 @@ def make_parts(
     )
     bringup = Bringup(client, settings.egm_motion, clock, report, arms)
     fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops)
+    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops, settings.recovery)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)

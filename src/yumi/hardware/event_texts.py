@@ -103,6 +103,15 @@ def needs_person(code: int) -> bool:
     return code in _PERSONS_STOPS or code in _SAFETY_CHAIN
 
 
+def is_without_person(event: Event) -> bool:
+    """Whether an event is the cause of a stop in which no person was involved.
+
+    EGM's time-out, a restart of the controller, and the watchdog of our own program (see ``TRobWatchdog.mod``). Not a
+    program stop alone, which may have been the stop button of the FlexPendant.
+    """
+    return event.code in {41822, 10045} or (event.code == 80001 and "watchdog" in event.title.lower())
+
+
 def explain(event: Event) -> str:
     """An event in a sentence, without its full stop: number, cause and remedy; ABB's words where we have none."""
     text = EVENT_TEXTS.get(event.code)

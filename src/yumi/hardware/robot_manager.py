@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.requests import Event
+from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
+from yumi.hardware.automatic_recovery import AutomaticRecovery, RecoverySettings
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.controller_data import ControllerData
 from yumi.hardware.manager_state import Mode, Report, RobotState
@@ -19,6 +20,7 @@ from yumi.hardware.robot_watch import RobotWatch
 from yumi.hardware.stops import StopLog, check_not_stopped
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState
 
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
@@ -40,6 +42,7 @@ class RobotManager:
         arms: the arms that are guided unless told otherwise; the others stand still.
         watchdog: whether the robot shall stop when this program falls silent, and when.
         stops: what stopped the robot, where an earlier connection knows it already.
+        recovery: whether it recovers by itself where no person was involved.
 
     Attributes:
         watch: what is known of the robot.
@@ -55,6 +58,7 @@ class RobotManager:
         arms: tuple[Side, ...] = tuple(Side),
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,
+        recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
     ) -> None:
         self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
         self._stop_log = stops or StopLog(clock)
@@ -65,8 +69,10 @@ class RobotManager:
         self._routines = RapidRoutines(bringup.client, bringup.cabinet, bringup.machines, clock)
         self._guidance = ArmGuidance(bringup, fast_lines, clock, leading, self.watchdog)
         self._recovery = Recovery(bringup, self._guidance, fast_lines, clock, self._stop_log)
+        self.automatic_recovery = AutomaticRecovery(self, self._report, recovery)
         self._fast_lines = fast_lines
         self._arms = arms
+        self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._lock = Lock()  # one at a time; the robot has one state
         self._stops = 0  # how many were asked for
 
@@ -74,9 +80,11 @@ class RobotManager:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
         self.watch.start()
         self.watchdog.start()
+        self.automatic_recovery.start()
 
     def stop(self) -> None:
         """Watch no longer; to be called after :meth:`end_motion`."""
+        self.automatic_recovery.stop()
         self.watchdog.stop()
         self.watch.stop()
 
@@ -89,6 +97,10 @@ class RobotManager:
     def note(self, event: Event) -> None:
         """Take note of what a fast line tells."""
         self._guidance.note(event)
+        if isinstance(event, SessionLost) and event.deactivated:
+            self._lost_link.add(event.side)
+        elif isinstance(event, RobotStoppedFollowing) and event.deactivated:
+            self._lost_link.discard(event.side)
         self.watch.hint()
 
     def check_ready(self) -> str:
@@ -211,6 +223,34 @@ class RobotManager:
         is_new = self._recovery.reach(told, check_all)
         with self._moving(confirmed, is_checked=True), self._bringup.telling(told):
             return self._recovery.run(is_new=is_new, confirmed=confirmed)
+
+    @property
+    def has_lost_egm(self) -> bool:
+        """Whether EGM was to run, and does not."""
+        snapshots = {side: self._fast_lines.snapshot(side) for side in self._guidance.wanted}
+        self._lost_link.difference_update(side for side, each in snapshots.items() if each.is_commanded)
+        return any(not each.is_running or side in self._lost_link for side, each in snapshots.items())
+
+    def recover_automatically(self) -> str | None:
+        """Recover where it is certain that no person was involved in the stop.
+
+        Returns:
+            What had stopped the robot and what it does now; None where nothing was done, as a person has to decide.
+
+        Raises:
+            YumiError: a step failed; the message says which.
+        """
+        client, log = self._bringup.client, self._stop_log
+        with self._moving(is_checked=True):
+            if not self.has_lost_egm:
+                return None
+            state, _ = log.look(client)
+            lost = [side for side in self._guidance.wanted if not self._fast_lines.snapshot(side).is_commanded]
+            is_running = state is ControllerState.MOTORS_ON and self._cabinet.is_running
+            is_link = is_running and log.cause is None and self._lost_link.issuperset(lost)
+            if not log.is_without_person or not (log.cause is not None or is_link):
+                return None
+            return self._recovery.run(is_new=True)
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -359,6 +399,9 @@ class RobotManager:
     def _check_not_stopped(self, stops: int) -> None:
         if self._stops != stops:
             raise RobotNotReady("A stop was asked for meanwhile; ask again if it shall be done all the same.")
+
+    def _report(self, level: int, sentence: str) -> None:
+        self.watch.reports.report(level, sentence)
 
     def _come_to_rest(self) -> None:
         """Gently where that goes; the stop that was asked for follows in any case."""

@@ -22,7 +22,7 @@ from yumi.control.requests import Event as ArmEvent
 from yumi.control.requests import RobotStoppedFollowing
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.hardware.cabinet import STOPPED_FOR_GOOD
-from yumi.hardware.event_texts import NOT_TELLING, STARTED, cause_among, explain, needs_person
+from yumi.hardware.event_texts import NOT_TELLING, STARTED, cause_among, explain, is_without_person, needs_person
 from yumi.rws.replies import Event
 from yumi.rws.states import ControllerState, EventType
 
@@ -137,6 +137,14 @@ class StopLog:
         stop, cause = self._known.stop, self._known.cause
         return stop is not None or (cause is not None and cause.code not in NOT_TELLING)
 
+    @property
+    def is_without_person(self) -> bool:
+        """Whether it is certain that no person was involved in what stopped the robot: all events since are known."""
+        known = self._known
+        if known.stop is not None or not self.is_complete:
+            return False
+        return known.cause is None or is_without_person(known.cause)
+
     def look(self, client: EventSource) -> tuple[ControllerState, Event | None]:
         """Read state and event log; returns the state and the newest event.
 
@@ -210,6 +218,7 @@ class StopLog:
             limit = self._clock.now() - HISTORY
             while self._recent and self._recent[-1][1] <= limit:
                 self._recent.pop()
+            self.is_complete = True
             self._known = replace(self._known, cause=cause_among(event for event, _ in self._recent))
 
     def take_news(self) -> tuple[Event, ...]:
