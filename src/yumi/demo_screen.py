@@ -67,6 +67,7 @@ class DemoScreen:
         """
         if not (sys.stdin.isatty() and self._console.is_terminal):
             return False
+        was_shown = self._bars.live.is_started
         self._bars.stop()
         try:
             self._console.print(f"[bold yellow]{escape(sentence)}[/]")
@@ -75,7 +76,8 @@ class DemoScreen:
                 check()
             return sys.stdin.readline().strip().lower() == "yes"
         finally:
-            self._bars.start()
+            if was_shown:
+                self._bars.start()
 
     def _tell(self, side: Side, error_deg: float) -> None:
         """Where no bar can move: a line whenever the error has become half as large."""

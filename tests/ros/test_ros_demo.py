@@ -24,7 +24,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
 def test_prompt_says_from_where_to_where_and_how_fast_each_arm_moves() -> None:
     text = motions_ahead({side: home(side) for side in Side}, top_speed=pi, speed_scale=0.1)
-    assert "The right arm moves by up to 143.6° (yumi_joint_5_r), straight in joint space:" in text
+    assert "The right arm moves by up to 143.6° (yumi_joint_4_r), straight in joint space:" in text
     assert "to   42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1° (axes 1, 2, 7, 3, 4, 5, 6)" in text
     assert "from 0.0, -130.0, -135.0, 30.0, 0.0, 40.0, 0.0°" in text
     assert "No joint is faster than 18 °/s (speed_scale 0.1)" in text
