@@ -198,7 +198,12 @@ class RosDriver:
     def report(self, level: int, sentence: str) -> None:
         """Log one line of the robot manager, with a level of :mod:`logging`."""
         log = self._nodes.manager.get_logger()
-        {logging.INFO: log.info, logging.WARNING: log.warning}.get(level, log.error)(sentence)
+        if level >= logging.ERROR:  # a line for each: rclpy refuses another severity from the same line
+            log.error(sentence)
+        elif level >= logging.WARNING:
+            log.warning(sentence)
+        else:
+            log.info(sentence)
 
     def bring_up(self) -> str:
         """Activate all managed nodes, as far as that goes, and bring the robot to ready.
