@@ -2,7 +2,7 @@
 
 import sys
 
-from yumi.errors import YumiError
+from yumi.errors import StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
 from yumi.ros.clients import RobotManagerClient, application
 
@@ -11,11 +11,21 @@ def main() -> None:
     with application("recover") as spinner:
         manager = RobotManagerClient(spinner)
 
-        print(manager.recover(on_step=lambda step: print(f"  {step}")))
-        print(manager.set_mode(Mode.EGM_LEFT, on_step=lambda step: print(f"  {step}")))
+        try:
+            print(manager.recover(on_step=show))
+        except StopNotConfirmed as error:  # an emergency stop, a guard stop or a collision: a person decides
+            print(error)
+            if input("Look at the robot. Type yes when it may move again: ") != "yes":
+                raise
+            print(manager.recover(on_step=show, confirm=error.stop))
+        print(manager.set_mode(Mode.EGM_LEFT, on_step=show))
         state = manager.wait_for_state(lambda state: state.left_egm == "running", 5.0, "EGM on the left arm")
         print(f"left arm {state.left_state_machine}, right arm {state.right_state_machine}")
         print(manager.stop_egm())
+
+
+def show(step: str) -> None:
+    print(f"  {step}")
 
 
 if __name__ == "__main__":

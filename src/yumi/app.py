@@ -56,6 +56,7 @@ from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.stops import StopLog
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
 from yumi.links.realtime import brisk_threads, settle_memory
@@ -242,6 +243,7 @@ def make_parts(
     leading: str = POSITION_CONTROLLER,
     arms: tuple[Side, ...] = tuple(Side),
     warn: Callable[[str], None] | None = None,
+    stops: StopLog | None = None,
 ) -> DriverParts:
     """The parts for the robot of ``settings``.
 
@@ -253,6 +255,7 @@ def make_parts(
         leading: the controller that commands an arm after EGM has started.
         arms: those that are guided; the others stand still.
         warn: told what is not as it should be; None: ``report`` is.
+        stops: what stopped the robot, where an earlier connection knows it already.
 
     Raises:
         NoConnection: there is no way to the robot's address.
@@ -264,7 +267,7 @@ def make_parts(
     )
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn)
     fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog)
+    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops, settings.recovery)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)
@@ -274,7 +277,7 @@ def run_driver(
     settings: Settings,
     controllers: Controllers,
     is_over: Flag,
-    on_ready: Callable[[], None],
+    on_ready: Callable[[str], None],
     record: Path | None = None,
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
@@ -286,7 +289,7 @@ def run_driver(
         settings: where the robot is, and how it shall move.
         controllers: what runs on each arm.
         is_over: set when it shall end.
-        on_ready: called when ROS is served and the robot was brought to ready, or said why not.
+        on_ready: called when ROS is served and the robot was brought to ready; told why it is not, or nothing.
         record: file for every cycle of both arms.
 
     Raises:
@@ -327,16 +330,16 @@ def run_driver(
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
+        manager.watch.reports.report = ros.report
         fast_lines.start()
         stack.callback(fast_lines.stop)
         stack.callback(connection.disconnect)
         stack.callback(_end_motion, manager, connection, ros.say)
         ros.start()
         ros.say(fast_lines.started_as)
-        if settings.ros.autostart:
-            ros.bring_up(is_reading_only=not settings.ros.bringup)
+        reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
         settle_memory()
-        on_ready()
+        on_ready(reason)
         is_over.wait()
 
 

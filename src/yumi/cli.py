@@ -9,7 +9,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from math import degrees, isnan
+from math import degrees, isnan, radians
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
@@ -227,7 +227,12 @@ def up(
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = _end_flag(until_stdin_closes)
-    run_driver(settings, chosen, is_over, lambda: click.echo(f"{DRIVER_READY}serving the robot at {address}"), record)
+
+    def report_ready(reason: str) -> None:
+        what = f"not ready: {reason} When that is done, call recover." if reason else f"serving the robot at {address}"
+        click.echo(f"{DRIVER_READY}{what}")
+
+    run_driver(settings, chosen, is_over, report_ready, record)
 
 
 @main.command()
@@ -237,7 +242,7 @@ def up(
 @click.option("--right-egm-port", type=_PORT, help="UDP port where its right arm's datagrams arrive.")
 @click.option("--user", help="User name on it.")
 @password_options
-@click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
+@click.option("--yes", is_flag=True, help="Ask nobody: a robot given by --robot moves, a stop ends the demonstration.")
 @click.option(
     "--picture",
     type=click.Path(path_type=Path),
@@ -264,6 +269,9 @@ def demo(
 ) -> None:
     """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
 
+    After a stop it says what happened and goes on only when a person types yes; without a terminal, or with --yes, it
+    ends.
+
     \b
     Examples:
       yumi demo
@@ -282,17 +290,22 @@ def demo(
     limit_discovery()
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
-    if robot and not yes:
-        click.confirm(f"Both arms of the robot at {robot} will move. Is its workspace free?", abort=True)
-    from yumi.demo import Cancelled, DemoPlan, run_demo  # noqa: PLC0415 - a quick --help
+    from yumi.demo import Cancelled, DemoPlan, motions_ahead, read_positions, run_demo  # noqa: PLC0415 - a quick --help
     from yumi.demo_screen import DemoScreen  # noqa: PLC0415
     from yumi.evaluation.joint_paths import draw_joint_paths  # noqa: PLC0415
 
+    if robot:
+        settings = _with_options(read_settings(None), {"robot": robot, "password": password, **where})
+        top_speed = radians(settings.egm_motion.max_speed_deviation)
+        click.echo(motions_ahead(read_positions(settings.robot), top_speed))
+        if not yes:
+            click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True)
     is_over = _end_flag(False)
     with DemoScreen() as screen:
+        confirm = (lambda *_: False) if yes else screen.confirm
         try:
             secrets = {PASSWORD_VARIABLE: password} if password else {}
-            reports = run_demo(DemoPlan(robot, options, logs, secrets), screen, is_over.is_set)
+            reports = run_demo(DemoPlan(robot, options, logs, secrets), screen, is_over.is_set, confirm)
         except Cancelled:
             screen.note("cancelled: motion stopped, EGM ended")
             sys.exit(_INTERRUPTED)

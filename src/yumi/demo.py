@@ -5,20 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from math import degrees
 from pathlib import Path
 
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
+from yumi.hardware.rws_client import RwsClient
 from yumi.links.command import Command
 from yumi.links.udp import free_port
-from yumi.robot.joints import Side
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.limits import YUMI_LIMITS
 from yumi.ros.driver import close_ros, open_ros
-from yumi.ros.move_and_grab import ArmReport, MoveAndGrab, Progress
+from yumi.ros.move_and_grab import GOALS, ArmReport, MoveAndGrab, Progress
+from yumi.settings import RobotSettings
 
 OBJECT_WIDTH = 0.020
 """What lies between the left fingers of the virtual robot [m]."""
 
 _READY_TIMEOUT = 60.0
+_REAL = (
+    "Look at the robot: is what stopped it gone, is nobody and nothing in its way, is what an arm touched freed? "
+    "The motors are switched on and the motion goes on to the same goals."
+)
+_VIRTUAL = "This robot is virtual: nothing can be hit. The motion goes on to the same goals."
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +51,20 @@ class Cancelled(Exception):
     """The demonstration was told to end."""
 
 
-def run_demo(plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool]) -> Mapping[Side, ArmReport]:
+Confirm = Callable[[str, Callable[[], None]], bool]
+"""Asks a person on the terminal, and calls a check again and again while it waits; False where there is nobody."""
+
+
+def run_demo(
+    plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool], confirm: Confirm = lambda *_: False
+) -> Mapping[Side, ArmReport]:
     """Run the task from start to end; on any way out motion is stopped and every process has ended.
+
+    Args:
+        plan: what it runs on.
+        progress: shows the steps.
+        is_cancelled: whether it shall end.
+        confirm: asked whether the robot may go on after a stop.
 
     Raises:
         YumiError: a step failed; the message says which.
@@ -62,12 +83,55 @@ def run_demo(plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool
             if driver.exit_code is not None:
                 raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
 
-        return _run_application(progress, check_driver)
+        def ask(sentence: str) -> bool:
+            return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
+
+        return _run_application(progress, check_driver, ask)
 
 
-def _run_application(progress: Progress, check: Callable[[], None]) -> Mapping[Side, ArmReport]:
+def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: float = 1.0) -> str:
+    """What the demonstration will do to a robot, for a person who decides whether it may.
+
+    Args:
+        start: where the arms stand, chain order [rad].
+        top_speed: highest speed that a joint is given at a speed scale of 1 [rad/s].
+        speed_scale: share of all speeds.
+    """
+    lines = ["The motors are switched on, the program pointers are moved to main, and the grippers are calibrated."]
+    for side, goal in GOALS.items():
+        moves = [abs(end - begin) for begin, end in zip(start[side], goal, strict=True)]
+        name = joint_names(side)[moves.index(max(moves))]
+        lines += [
+            f"The {side.word} arm moves by up to {degrees(max(moves)):.1f}° ({name}), straight in joint space:",
+            f"  from {_degrees(start[side])}",
+            f"  to   {_degrees(goal)}",
+        ]
+    highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
+    lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
+    lines.append("Both grippers open before and close afterwards. Arms are not kept apart: look where they go.")
+    return "\n".join(lines)
+
+
+def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
+    """Where the arms of a robot stand, chain order [rad]; nothing is changed there.
+
+    Raises:
+        YumiError: its controller cannot be reached or asked.
+    """
+    address = f"{robot.address}:{robot.rws_port}"
+    with RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout) as client:
+        return {side: client.joint_target(side.unit) for side in Side}
+
+
+def _degrees(position: Joints) -> str:
+    return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
+
+
+def _run_application(
+    progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool]
+) -> Mapping[Side, ArmReport]:
     open_ros()
-    application = MoveAndGrab(progress, check)
+    application = MoveAndGrab(progress, check, confirm)
     try:
         application.run()
     except BaseException:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from math import degrees
+from select import select
 from types import TracebackType
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
 from rich.table import Table
 
 from yumi.robot.joints import Side
 from yumi.ros.move_and_grab import ArmReport
+
+_GLANCE = 0.1  # [s]
 
 
 class DemoScreen:
@@ -52,6 +57,27 @@ class DemoScreen:
         self._bars.update(self._tasks[side], completed=min(max(share, 0.0), 1.0), error=error_deg)
         if not self._console.is_terminal:
             self._tell(side, error_deg)
+
+    def confirm(self, sentence: str, check: Callable[[], None]) -> bool:
+        """Ask on the terminal whether the robot may go on; False without a terminal.
+
+        Args:
+            sentence: what happened, and what to look at.
+            check: called while nobody answers; raises when there is no use in waiting any more.
+        """
+        if not (sys.stdin.isatty() and self._console.is_terminal):
+            return False
+        was_shown = self._bars.live.is_started
+        self._bars.stop()
+        try:
+            self._console.print(f"[bold yellow]{escape(sentence)}[/]")
+            self._console.print("Type yes when the robot may move, anything else ends the demonstration: ", end="")
+            while not select([sys.stdin], [], [], _GLANCE)[0]:  # Ctrl-C must end it, which a plain read would not see
+                check()
+            return sys.stdin.readline().strip().lower() == "yes"
+        finally:
+            if was_shown:
+                self._bars.start()
 
     def _tell(self, side: Side, error_deg: float) -> None:
         """Where no bar can move: a line whenever the error has become half as large."""

@@ -9,6 +9,7 @@
     │   └── TrajectoryRefused    the request was a trajectory; with the result code of FollowJointTrajectory
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
+    │   └── StopNotConfirmed     a person stopped it, or a collision: look at the robot, then confirm the stop
     ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
@@ -53,11 +54,31 @@ class SwitchFailed(YumiError):
 
 
 class RobotNotReady(YumiError):
-    """The robot is not in the state the request needs; the message says what to do first."""
+    """The robot is not in the state the request needs; the message says what to do first.
+
+    Attributes:
+        stop: id of the stop that a person must confirm before anything moves; empty where there is none.
+    """
+
+    def __init__(self, sentence: str, stop: str = "") -> None:
+        super().__init__(sentence)
+        self.stop = stop
+
+
+class StopNotConfirmed(RobotNotReady):
+    """An emergency stop, a guard stop or a collision waits for a person's confirmation; nothing was changed."""
 
 
 class GoalNotReached(YumiError):
-    """A motion or a grip was begun and ended elsewhere than ordered; the arm holds, the message says why."""
+    """A motion or a grip was begun and ended elsewhere than ordered; the arm holds, the message says why.
+
+    Attributes:
+        stop: id of the stop that a person must confirm before anything moves; empty where there is none.
+    """
+
+    def __init__(self, sentence: str, stop: str = "") -> None:
+        super().__init__(sentence)
+        self.stop = stop
 
 
 class NoConnection(YumiError):

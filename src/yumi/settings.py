@@ -17,6 +17,7 @@ import yaml
 from yumi.bounds import bounded
 from yumi.control.parameter import Values
 from yumi.errors import SettingsError
+from yumi.hardware.automatic_recovery import RecoverySettings
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
 from yumi.hardware.watchdog import WatchdogSettings
@@ -184,6 +185,7 @@ class Settings:
     egm_motion: EgmMotionSettings = field(default_factory=EgmMotionSettings)
     gripper: GripperSettings = field(default_factory=GripperSettings)
     watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
+    recovery: RecoverySettings = field(default_factory=RecoverySettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
 

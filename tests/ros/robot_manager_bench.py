@@ -67,11 +67,11 @@ class FakeManager:
             assert self.may_go_on.wait(10.0)
         return self._note("go_to", mode)
 
-    def recover(self, report: Report, check: Callable[[], None]) -> str:
+    def recover(self, report: Report, check: Callable[[], None], confirmed: str = "") -> str:
         report("read the event log")
         while not self.may_go_on.wait(0.01):
             check()
-        return self._note("recover")
+        return self._note("recover", confirmed) if confirmed else self._note("recover")
 
     def _note(self, name: str, *values: Any) -> str:
         if name in self.refusals:

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from math import radians
 from typing import Any
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from controller_manager_msgs.srv import SwitchController
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
 from ros_bench import Client, Robot
+from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
-from yumi.errors import RobotNotReady
+from yumi.cli_fault import fault as fault_command
+from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.command import Command
-from yumi.robot.joints import Joints, Side, joints
-from yumi.ros.clients import ArmClient, RobotManagerClient, Spinner
+from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.ros.move_and_grab import MoveAndGrab
+from yumi.virtual.fault_names import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
@@ -176,15 +184,140 @@ def test_robot_is_disconnected_and_connected_again(manager: RobotManagerClient, 
     manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
 
 
-def test_application_recovers_and_goes_on_when_the_program_is_stopped(driver: Command, rws: RwsClient) -> None:
-    listener = Listener({"move the left arm": rws.stop_rapid})
-    application = MoveAndGrab(listener, lambda: None)
+class Person:
+    """Reads what is asked, and answers; ``acts`` are done before that."""
+
+    def __init__(self, *acts: Callable[[], None], says_yes: bool = True) -> None:
+        self.asked: list[str] = []
+        self._acts = list(acts)
+        self._says_yes = says_yes
+
+    def __call__(self, sentence: str) -> bool:
+        self.asked.append(sentence)
+        if self._acts:
+            self._acts.pop(0)()
+        return self._says_yes
+
+
+def happen(robot: Robot, fault: Fault) -> None:
+    fault_command.main([fault.value.name, "--rws-port", str(robot.rws_port)], standalone_mode=False)
+
+
+def run_application(listener: Listener, person: Person) -> MoveAndGrab:
+    application = MoveAndGrab(listener, lambda: None, person)
     try:
         application.run()
     finally:
         application.close()
+    return application
+
+
+def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver: Command, rws: RwsClient) -> None:
+    listener, person = Listener({"move the left arm": rws.stop_rapid}), Person()
+    application = run_application(listener, person)
     told = " ".join(listener.told)
-    assert "The left arm was stopped " in told
+    assert "The left arm was stopped " in told, "\n".join(listener.told)
     assert "Recover, attempt 1 of 3" in told
+    assert "10125 Program stopped" in person.asked[0]
     assert application.reports[Side.LEFT].final_error < radians(0.1)
     assert driver.exit_code is None
+
+
+def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms_it(
+    driver: Command, robot: Robot
+) -> None:
+    listener = Listener({"move the left arm": partial(happen, robot, Fault.EMERGENCY_STOP)})
+    person = Person(lambda: None, partial(happen, robot, Fault.EMERGENCY_STOP_RESET))
+    application = run_application(listener, person)
+    assert "10013 Emergency stop: an emergency stop was pressed" in person.asked[0]
+    assert "cannot be confirmed yet" in person.asked[1]
+    assert application.reports[Side.LEFT].final_error < radians(0.1)
+
+
+def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
+    driver: Command, robot: Robot, manager: RobotManagerClient, spinner: Spinner
+) -> None:
+    listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})
+    with pytest.raises(RobotNotReady, match="50204 Motion supervision: an arm has collided") as end:
+        run_application(listener, Person(says_yes=False))
+    state = manager.wait_for_state(lambda state: state.stop, 5.0, "The stop")
+    assert state.stop == end.value.stop
+    assert state.rapid_execution == "stopped"
+    assert "50204" in state.cause
+    for request in (manager.start_egm, manager.motors_on, lambda: manager.set_mode(Mode.EGM_BOTH)):
+        with pytest.raises(RobotNotReady, match=state.stop):
+            request()
+    gripper = GripperClient(spinner, Side.LEFT)
+    with pytest.raises(CommandRefused):
+        gripper.begin(0.0)
+    with pytest.raises(StopNotConfirmed, match="'10013-1-abcdef' is not the stop that is open now"):
+        manager.recover(confirm="10013-1-abcdef")
+    manager.recover(confirm=state.stop)
+    manager.wait_for_state(lambda state: state.is_ready and not state.stop, 5.0, "Readiness")
+
+
+def test_trajectory_that_an_emergency_stop_ended_says_so(
+    robot: Robot, manager: RobotManagerClient, spinner: Spinner, client: Client
+) -> None:
+    arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
+    manager.start_egm()
+    switch = SwitchController.Request(
+        activate_controllers=["joint_trajectory_controller"],
+        deactivate_controllers=["joint_position_controller"],
+        strictness=SwitchController.Request.STRICT,
+    )
+    assert client.call(SwitchController, "/r/controller_manager/switch_controller", switch).ok
+    start = arm.wait_for_state(5.0)
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = list(joint_names(Side.RIGHT))
+    point = JointTrajectoryPoint(positions=list(goal_near(start, radians(30.0))), time_from_start=Duration(sec=5))
+    goal.trajectory.points = [point]
+    action = ActionClient(spinner.node, FollowJointTrajectory, "/r/joint_trajectory_controller/follow_joint_trajectory")
+    spinner.until(action.server_is_ready, 10.0, "The action")
+    sent = action.send_goal_async(goal)
+    spinner.until(sent.done, 10.0, "The answer")
+    ended = sent.result().get_result_async()
+    spinner.until(lambda: arm.error(start) > radians(2.0), 10.0, "Motion")
+    happen(robot, Fault.EMERGENCY_STOP)
+    spinner.until(ended.done, 5.0, "The end")
+    assert "Cause: 10013 Emergency stop: an emergency stop was pressed" in ended.result().result.error_string
+    happen(robot, Fault.EMERGENCY_STOP_RESET)
+    with pytest.raises(StopNotConfirmed) as refusal:
+        manager.recover()
+    manager.recover(confirm=refusal.value.stop)
+    manager.stop_egm()
+    action.destroy()
+
+
+@pytest.mark.parametrize(
+    ("fault", "mended", "says"),
+    [
+        (Fault.COLLISION, None, "50204 Motion supervision: an arm has collided"),
+        (Fault.EMERGENCY_STOP, Fault.EMERGENCY_STOP_RESET, "10013 Emergency stop: an emergency stop was pressed"),
+        (Fault.MANUAL_MODE, Fault.AUTO_MODE, "10015 Manual mode selected: the mode switch was turned to manual"),
+        (Fault.MOTORS_OFF, None, "10010 Motors OFF: the motors were switched off"),
+        (Fault.PROGRAM_STOP, None, "10125 Program stopped: the RAPID program was stopped"),
+    ],
+    ids=lambda value: value.value.name if isinstance(value, Fault) else "",
+)
+def test_driver_logs_each_stop_with_its_cause_also_without_egm(
+    robot: Robot, driver: Command, manager: RobotManagerClient, fault: Fault, mended: Fault | None, says: str
+) -> None:
+    manager.set_mode(Mode.READY)
+    before = driver.log.read_text(encoding="utf-8").count(says)
+    happen(robot, fault)
+    state = manager.wait_for_state(lambda state: says in state.cause, 5.0, "The cause")
+    assert not state.is_ready
+    manager.wait_for_state(lambda _: driver.log.read_text(encoding="utf-8").count(says) > before, 5.0, "The log line")
+    if mended is not None:
+        happen(robot, mended)
+    try:
+        manager.recover()
+    except StopNotConfirmed as stop:
+        manager.recover(confirm=stop.stop)
+
+
+def test_driver_never_says_that_the_robot_may_move_before_it_may(driver: Command) -> None:
+    log = driver.log.read_text(encoding="utf-8")
+    assert "may move" not in log
+    assert "Waiting for a message on robot_description" not in log

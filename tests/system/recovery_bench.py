@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from math import inf, radians
 
+import pytest
+
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import Frame
+from yumi.errors import StopNotConfirmed
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
@@ -47,8 +50,18 @@ class MovingSystem(System):
             self.faults.happen(Fault.EGM_SILENCE, side, seconds)
         self.wait(seconds + 0.05)
 
-    def recover(self) -> str:
-        return self.manager.recover(self.told.append)
+    def recover(self, confirmed: str = "") -> str:
+        return self.manager.recover(self.told.append, confirmed=confirmed)
+
+    def stop_id(self) -> str:
+        """Id of the stop that waits for a person's confirmation, as recovery tells it."""
+        with pytest.raises(StopNotConfirmed) as refusal:
+            self.recover()
+        return refusal.value.stop
+
+    def recover_by_person(self) -> str:
+        """A person looks at the robot and confirms the stop that recovery tells."""
+        return self.recover(self.stop_id())
 
     def is_moving_again(self) -> bool:
         """Whether both arms reach new goals; what the next seconds of a demo would need."""

@@ -8,12 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from yumi.cli_fault import fault as fault_command
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import MAIN, MachineState
 from yumi.links.command import Command
 from yumi.links.udp import free_port
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
+from yumi.virtual.fault_names import Fault
 
 TIMEOUT = 60.0
 
@@ -51,6 +53,10 @@ class VirtualRobot:
     def stop(self) -> None:
         if self._command is not None:
             self._command.stop()
+
+    def happen(self, fault: Fault) -> None:
+        """``yumi fault``."""
+        fault_command.main([fault.value.name, "--rws-port", str(self._rws_port)], standalone_mode=False)
 
     def is_guided(self, side: Side) -> bool:
         """Whether EGM runs on an arm, as the controller says."""

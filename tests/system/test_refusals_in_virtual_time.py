@@ -50,6 +50,10 @@ def in_emergency_stop() -> System:
     return after(Fault.EMERGENCY_STOP)
 
 
+def motors_off() -> System:
+    return after(Fault.MOTORS_OFF)
+
+
 def in_guard_stop() -> System:
     system = after(Fault.MOTORS_OFF)
     system.world.controller.controller_state = ControllerState.GUARD_STOP
@@ -99,7 +103,9 @@ PP_TO_MAIN = "The RAPID program runs, its pointer cannot be moved; stop it first
         (in_manual, [RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",), SET_MODE, RECOVER], TO_AUTO),
         (in_manual, [("write_signal", "RUN_SG_ROUTINE", "1")], TO_AUTO),
         (in_emergency_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], PRESSED),
-        (in_emergency_stop, [("start_rapid",)], START_RAPID),
+        (in_emergency_stop, [("start_rapid",), RUN_ROUTINE, ("make_ready",)], PRESSED),
+        (in_emergency_stop, [("start_egm",), RECOVER], "Nothing moves until a person has looked at the robot and"),
+        (motors_off, [("start_rapid",)], START_RAPID),
         (in_guard_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], GUARD),
         (guided, [("pp_to_main",)], PP_TO_MAIN),
         (guided, [RUN_ROUTINE, LOAD_MODULE], BUSY),

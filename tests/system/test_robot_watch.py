@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -12,9 +13,11 @@ from yumi.errors import ControllerRefused
 from yumi.hardware.manager_state import RobotState
 from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
+from yumi.hardware.stops import Cause
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 from yumi.rws.subscriptions import Change, Resource
+from yumi.virtual.events import EventType as VirtualEventType
 from yumi.virtual.fault_names import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
@@ -25,6 +28,7 @@ class Watched:
 
     Attributes:
         told: each state that the watch has told.
+        lines: what it has logged, with the level.
     """
 
     def __init__(self, system: MovingSystem) -> None:
@@ -32,6 +36,8 @@ class Watched:
         self.watch = system.manager.watch
         self.told: list[RobotState] = []
         self.watch.on_change = self.told.append
+        self.lines: list[tuple[int, str]] = []
+        self.watch.reports.report = lambda level, sentence: self.lines.append((level, sentence))
         self.step()
 
     def step(self) -> None:
@@ -186,3 +192,118 @@ def test_watch_asks_little_while_nothing_happens(watched: Watched, monkeypatch: 
     monkeypatch.setattr(watched.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
     watched.wait(10.0)
     assert len(asked) <= 20
+
+
+STOPS = [
+    (Fault.COLLISION, logging.ERROR, "RAPID program stopped: 50204 Motion supervision: an arm has collided"),
+    (
+        Fault.EMERGENCY_STOP,
+        logging.ERROR,
+        "Motors off by an emergency stop, RAPID program stopped: 10013 Emergency stop: an emergency stop was pressed",
+    ),
+    (Fault.MANUAL_MODE, logging.WARNING, "10015 Manual mode selected: the mode switch was turned to manual"),
+    (
+        Fault.MOTORS_OFF,
+        logging.WARNING,
+        "Motors off, RAPID program stopped: 10010 Motors OFF: the motors were switched",
+    ),
+    (
+        Fault.PROGRAM_STOP,
+        logging.WARNING,
+        "RAPID program stopped: 10125 Program stopped: the RAPID program was stopped",
+    ),
+    (Fault.DYNAMIC_LOAD, logging.ERROR, "50375 Dynamic load too high: the references asked for more torque"),
+]
+
+
+@pytest.mark.parametrize("is_guided", [True, False], ids=["egm", "no-egm"])
+@pytest.mark.parametrize(("fault", "level", "says"), STOPS)
+def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
+    watched: Watched, fault: Fault, level: int, says: str, is_guided: bool
+) -> None:
+    if not is_guided:
+        if fault is Fault.DYNAMIC_LOAD:
+            return  # it is a fault of EGM
+        watched.system.manager.stop_egm()
+        watched.wait(2.0)
+    watched.lines.clear()
+    watched.system.faults.happen(fault)
+    watched.wait(2.0)
+    assert [line[0] for line in watched.lines] == [level], watched.lines
+    assert says in watched.lines[0][1]
+    watched.wait(10.0)
+    assert len(watched.lines) == 1
+
+
+def test_stop_that_a_person_must_confirm_is_logged_with_its_id(watched: Watched) -> None:
+    watched.system.faults.happen(Fault.COLLISION)
+    watched.wait(1.0)
+    (stop,) = {state.stop for state in watched.told if state.stop}
+    assert f"Nothing moves until a person confirms the stop {stop}" in watched.lines[-1][1]
+
+
+def test_what_was_requested_is_logged_without_alarm(watched: Watched) -> None:
+    watched.lines.clear()
+    watched.system.manager.motors_off()
+    watched.wait(1.0)
+    watched.system.manager.make_ready()
+    watched.wait(1.0)
+    assert watched.lines, "a change is logged whoever made it"
+    assert {level for level, _ in watched.lines} == {logging.INFO}
+    assert any("Motors off" in sentence and "as requested" in sentence for _, sentence in watched.lines)
+    assert any("Motors on" in sentence for _, sentence in watched.lines)
+
+
+def test_emergency_stop_during_a_request_is_an_alarm(watched: Watched) -> None:
+    watched.lines.clear()
+    with watched.watch.reports.requested():
+        watched.system.faults.happen(Fault.EMERGENCY_STOP)
+        watched.wait(1.0)
+    assert [level for level, _ in watched.lines] == [logging.ERROR]
+
+
+def test_error_event_that_stops_nothing_is_logged_once(watched: Watched) -> None:
+    watched.lines.clear()
+    events = watched.system.world.controller.events
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    watched.wait(6.0)
+    assert len(watched.lines) == 1
+    assert watched.lines[0][0] == logging.ERROR
+    assert "The controller reports 112755" in watched.lines[0][1]
+
+
+def test_old_error_is_not_the_cause_of_a_later_stop(watched: Watched) -> None:
+    events = watched.system.world.controller.events
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    watched.wait(10.0)
+    watched.system.faults.happen(Fault.MOTORS_OFF)
+    watched.wait(1.0)
+    assert watched.watch.state().cause.startswith("10010 Motors OFF")
+
+
+@pytest.mark.parametrize(
+    ("fault", "text", "has_stop"),
+    [
+        (Fault.EMERGENCY_STOP, "10013 Emergency stop", True),
+        (Fault.COLLISION, "50204 Motion supervision", True),
+        (Fault.MANUAL_MODE, "10015 Manual mode selected", False),
+        (Fault.PROGRAM_STOP, "10125 Program stopped", False),
+        (Fault.EGM_CONVERGENCE, "", False),
+    ],
+)
+def test_end_of_egm_is_explained_within_half_a_second(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch, fault: Fault, text: str, has_stop: bool
+) -> None:
+    """EGM's end is known before the controller's event is."""
+    monkeypatch.setattr(watched.watch, "_thread", object())  # its steps are made by this test
+    causes: list[Cause] = []
+    watched.system.faults.happen(fault)
+    watched.system.wait(0.02)
+    begin = watched.system.now()
+    watched.watch.explain(causes.append)
+    while not causes:
+        watched.wait(0.004)
+    assert watched.system.now() - begin < 0.8
+    assert causes[0].text.startswith(text)
+    assert bool(causes[0].text) is bool(text)
+    assert bool(causes[0].stop) is has_stop

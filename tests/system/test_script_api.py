@@ -15,10 +15,11 @@ from script_bench import TIMEOUT, VirtualRobot
 import yumi
 from yumi.api.arm import ArmMode
 from yumi.api.robot import Robot
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
+from yumi.virtual.fault_names import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -248,6 +249,35 @@ def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> N
         robot.recover()
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
         assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+        own_virtual.happen(Fault.EMERGENCY_STOP)
+        with pytest.raises(GoalNotReached, match="Cause: 10013 Emergency stop: an emergency stop was pressed") as end:
+            motion.wait(TIMEOUT)
+        own_virtual.happen(Fault.EMERGENCY_STOP_RESET)
+        with pytest.raises(StopNotConfirmed, match="10013 Emergency stop") as refusal:
+            robot.recover()
+        with pytest.raises(RobotNotReady, match="10013 Emergency stop"):
+            robot.right.gripper.close()
+        assert end.value.stop == refusal.value.stop == robot.stop_to_confirm
+        assert not own_virtual.is_guided(Side.RIGHT)
+        robot.recover(confirm=robot.stop_to_confirm)
+        assert robot.stop_to_confirm == ""
+        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(own_virtual: VirtualRobot) -> None:
+    with yumi.connect(**own_virtual.options):
+        own_virtual.happen(Fault.COLLISION)
+    robot = yumi.connect(**own_virtual.options)
+    with pytest.raises(StopNotConfirmed, match="50204 Motion supervision: an arm has collided") as refusal:
+        robot.open()
+    assert not robot.is_connected
+    robot.open(confirm=refusal.value.stop).close()
 
 
 def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual: VirtualRobot) -> None:

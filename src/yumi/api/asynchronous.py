@@ -181,10 +181,10 @@ class AsyncRobot:
     ) -> None:
         await self.close()
 
-    async def open(self) -> AsyncRobot:
+    async def open(self, confirm: str = "") -> AsyncRobot:
         """Connect and bring the robot to ready; a task that is cancelled meanwhile leaves it disconnected."""
         try:
-            await _in_thread(self._robot.open)
+            await _in_thread(partial(self._robot.open, confirm))
         except asyncio.CancelledError:
             await self.close()
             raise
@@ -231,9 +231,14 @@ class AsyncRobot:
         guidance = self._robot.guidance
         await _moved(partial(guidance.stop, guidance.arms), self._robot, True, None)
 
-    async def recover(self) -> None:
-        """Bring the robot back to where it may move, after a fault."""
-        await _in_thread(self._robot.recover)
+    async def recover(self, confirm: str = "") -> None:
+        """Bring the robot back to where it may move, after a fault, as :meth:`yumi.api.robot.Robot.recover`."""
+        await _in_thread(partial(self._robot.recover, confirm))
+
+    @property
+    def stop_to_confirm(self) -> str:
+        """Id of the stop that a person must confirm before anything moves again; empty where there is none."""
+        return self._robot.stop_to_confirm
 
     async def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line."""

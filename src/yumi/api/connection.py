@@ -14,11 +14,13 @@ from yumi.api.motions import LAST_STOP, MotionBook
 from yumi.app import Controllers, make_parts, only_at_robot
 from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
+from yumi.control.requests import Event
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
+from yumi.hardware.stops import StopLog
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import CalibrateWhen, Settings
@@ -51,11 +53,16 @@ class Connection:
         self._book = MotionBook()
         self._stack = ExitStack()
         self._were_tested = False
+        self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
 
-    def open(self) -> None:
+    def open(self, confirm: str = "") -> None:
         """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
 
+        Args:
+            confirm: id of the stop that a person has confirmed.
+
         Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation; everything is as before.
             YumiError: a step failed, the message says which; everything is as before.
         """
         with ExitStack() as stack:
@@ -67,25 +74,30 @@ class Connection:
             stack.callback(atexit.unregister, self.close)
             stack.callback(self._end_motion)
             self._announce()
-            self.manager.make_ready()
+            self.manager.make_ready(confirm)
             self._test_grippers()  # not while arms are guided
             self.manager.start_egm()
             self._stack = stack.pop_all()
 
-    def recover(self) -> None:
+    def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after whatever stopped it.
 
+        Args:
+            confirm: id of the stop that a person has confirmed.
+
         Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation; nothing was changed.
             YumiError: a step failed; the message says which and what to do.
         """
         try:
             self._fast_lines.check()
         except RobotNotReady:
             self.close()
-            self.open()
+            self.open(confirm)
         else:
             self._come_to_rest()
-            self.manager.start_egm()
+            log.info(self.manager.recover(partial(log.info, "%s"), confirmed=confirm))
+            self.manager.start_egm()  # also where EGM had been ended by close(), or had not begun
         self._book.clear_faults()
 
     def close(self) -> None:
@@ -125,7 +137,9 @@ class Connection:
 
     def _start(self, stack: ExitStack) -> None:
         settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
-        parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms, warn)
+        parts = make_parts(
+            settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
+        )
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
         is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
         self._gripper_setup = GripperSetup(parts.grippers, report, log.warning, is_wanted=is_wanted)
@@ -140,11 +154,17 @@ class Connection:
             parts.signals.keep_open()
         except YumiError as error:  # the hands are asked instead
             log.info("The controller does not tell of the grippers by itself: %s", error)
-        self.manager.watchdog.start()
-        stack.callback(self.manager.watchdog.stop)
+        self.manager.watch.reports.report = log.log
+        self._book.explain = self.manager.watch.explain
+        self.manager.start()
+        stack.callback(self.manager.stop)
         goals = {side: boxes.goals for side, boxes in parts.fast_lines.boxes.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
         self.guidance = Guidance(parts.fast_lines, goals, self._book, self._arms, limits, SystemClock())
+
+    def _on_event(self, event: Event) -> None:
+        self.manager.note(event)
+        self._book.tell(event)
 
     def _end_motion(self) -> None:
         self._come_to_rest()

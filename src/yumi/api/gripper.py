@@ -41,6 +41,7 @@ class Gripper:
         force: holding force where a call names none [N].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         calibrate: calibrates it, whatever its arm does; None where nothing guides the arm.
+        check_not_stopped: raises RobotNotReady while a stop waits for a person's confirmation.
 
     Attributes:
         side: which arm carries it.
@@ -52,8 +53,10 @@ class Gripper:
         hand: Callable[[], Hand],
         force: float,
         picked_pressure: float = PICKED_PRESSURE,
+        check_not_stopped: Callable[[], None] = lambda: None,
         calibrate: Callable[[], None] | None = None,
     ) -> None:
+        self._check_not_stopped = check_not_stopped
         self.side = side
         self._hand = hand
         self._force = force
@@ -159,6 +162,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper did not become calibrated.
         """
+        self._check_not_stopped()
         self._calibrate()
 
     def clear_error(self) -> None:
@@ -206,6 +210,7 @@ class Gripper:
         self._hand().vacuum.drop(channel)
 
     def _command(self, order: HandOrder) -> Grip:
+        self._check_not_stopped()
         hand = self._hand()
         hand.begin(order)
         outcome = hand.wait(order)

@@ -192,7 +192,8 @@ class Guidance:
     def _check_follows(self, side: Side) -> None:
         snapshot, fault = self.snapshot(side), self._book.fault(side)
         if fault is not None:
-            raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}")
+            stop = self._book.stop(side)
+            raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}", stop)
         if not snapshot.is_running:
             raise RobotNotReady(f"EGM is not running on the {side.word} arm; call robot.recover().")
 

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTime
 from itertools import count
 from threading import Lock
 
-from yumi.control.requests import ControllerNotice, Event, is_fault
+from yumi.control.requests import (
+    ControllerNotice,
+    Event,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+    is_fault,
+)
 from yumi.controllers.joint_goal import GoalEnded, GoalOutcome
 from yumi.controllers.trajectory_orders import Outcome, TrajectoryEnded
 from yumi.errors import GoalNotReached
+from yumi.hardware.stops import Cause, explained
 from yumi.robot.joints import Side
 
 LAST_STOP = 5.0
@@ -58,13 +66,23 @@ class Motion:
             ) from None
 
 
+Explain = Callable[[Callable[[Cause], None]], None]
+"""Calls back with what stopped the robot, once that is known."""
+
+
 class MotionBook:
-    """All motions under way, and what has gone wrong since the last recovery; safe from any thread."""
+    """All motions under way, and what has gone wrong since the last recovery; safe from any thread.
+
+    Attributes:
+        explain: a fault ends motions with the cause that it calls back with.
+    """
 
     def __init__(self) -> None:
+        self.explain: Explain = lambda then: then(Cause())
+        self._recoveries = 0
         self._numbers = count(1)
         self._open: dict[int, Motion] = {}
-        self._faults: dict[Side, str] = {}
+        self._faults: dict[Side, tuple[str, str]] = {}  # a sentence, and the stop that a person must confirm
         self._lock = Lock()
 
     def begin(self, side: Side) -> Motion:
@@ -82,11 +100,17 @@ class MotionBook:
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
-        return self._faults.get(side)
+        fault = self._faults.get(side)
+        return fault[0] if fault else None
+
+    def stop(self, side: Side) -> str:
+        """Id of the stop that a person must confirm before the arm moves again; empty where there is none."""
+        return self._faults.get(side, ("", ""))[1]
 
     def clear_faults(self) -> None:
         """The robot is ready again."""
         with self._lock:
+            self._recoveries += 1
             self._faults.clear()
 
     def tell(self, event: Event) -> None:
@@ -94,23 +118,33 @@ class MotionBook:
         if isinstance(event, ControllerNotice):
             self._settle(event.notice)
             return
-        # In a script the way back is a method, with ROS it is a service.
-        sentence = str(event).replace("start_egm", "robot.recover()")
         if not is_fault(event):
-            log.info(sentence)
-        else:
-            log.warning(sentence)
-            self.fail(event.side, sentence)
+            log.info(_for_script(str(event)))
+            return
+        failed, recoveries = self._take_failed(event.side, _for_script(str(event)))
 
-    def fail(self, side: Side, sentence: str) -> None:
-        """Something stopped this arm."""
+        def end(cause: Cause) -> None:
+            sentence = _for_script(explained(event, cause))
+            log.warning(sentence)
+            with self._lock:
+                if self._recoveries == recoveries:
+                    self._faults[event.side] = (sentence, cause.stop)
+            for motion in failed:
+                motion.future.set_exception(GoalNotReached(sentence, cause.stop))
+
+        if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
+            self.explain(end)  # EGM's end arrives before the controller's event that tells why
+        else:
+            end(Cause())
+
+    def _take_failed(self, side: Side, sentence: str) -> tuple[list[Motion], int]:
+        """The motions of an arm that something has stopped; whatever else is told of them counts no more."""
         with self._lock:
-            self._faults[side] = sentence
+            self._faults[side] = (sentence, "")
             failed = [motion for motion in self._open.values() if motion.side is side]
             for motion in failed:
                 del self._open[motion.identity]
-        for motion in failed:
-            motion.future.set_exception(GoalNotReached(sentence))
+            return failed, self._recoveries
 
     def _settle(self, notice: object) -> None:
         if isinstance(notice, GoalEnded):
@@ -128,3 +162,8 @@ class MotionBook:
         else:
             reason = sentence.rstrip(".")
             motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))
+
+
+def _for_script(sentence: str) -> str:
+    """In a script the way back is a method, with ROS it is a service."""
+    return sentence.replace("start_egm", "robot.recover()").replace("(recover)", "(robot.recover(confirm=...))")

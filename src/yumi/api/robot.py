@@ -44,7 +44,14 @@ class Robot:
             Arm(
                 side,
                 lambda: self.guidance,
-                Gripper(side, partial(self._hand, side), force, picked, partial(self._calibrate, side)),
+                Gripper(
+                    side,
+                    partial(self._hand, side),
+                    force,
+                    picked,
+                    self._check_not_stopped,
+                    partial(self._calibrate, side),
+                ),
             )
             for side in (Side.RIGHT, Side.LEFT)
         )
@@ -60,19 +67,23 @@ class Robot:
     def __repr__(self) -> str:
         return f"<yumi.Robot at {self._address}, {'' if self._is_connected else 'not '}connected>"
 
-    def open(self) -> Robot:
+    def open(self, confirm: str = "") -> Robot:
         """Connect, switch the motors on, start EGM and calibrate hands that need it; a notebook's ``with``.
+
+        Args:
+            confirm: the stop that a person has looked at and confirms: ``stop`` of the error of an earlier attempt.
 
         Returns:
             This robot.
 
         Raises:
+            StopNotConfirmed: an emergency stop, a guard stop or a collision waits for a person's confirmation.
             NoConnection: nothing answers, or an EGM port is taken.
             LoginRefused: user or password are wrong.
             RobotNotReady: the robot cannot be brought to where it may move, or another program drives it.
         """
         if not self._is_connected:
-            self._connection.open()
+            self._connection.open(confirm)
             self._is_connected = True
         return self
 
@@ -166,16 +177,38 @@ class Robot:
         guidance = self.guidance
         wait_for(guidance.stop(guidance.arms), None, guidance)
 
-    def recover(self) -> None:
+    def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after an emergency stop, a lost connection, or any other fault.
 
-        Nothing moves by itself: the arms hold where they are until they get their next goal.
+        Nothing moves by itself: the arms hold where they are until they get their next goal. After an emergency stop, a
+        guard stop or a collision a person has to look at the robot first and confirm that stop::
+
+            try:
+                robot.recover()
+            except yumi.errors.StopNotConfirmed as error:
+                if input(f"{error} Type yes when nobody is near the robot: ") == "yes":
+                    robot.recover(confirm=error.stop)
+
+        Args:
+            confirm: the stop that a person has looked at and confirms: ``stop`` of an error, or
+                :attr:`stop_to_confirm`.
 
         Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation, or another one; nothing was changed.
             YumiError: a step failed; the message says which and what to do.
         """
         self._check_connected()
-        self._connection.recover()
+        self._connection.recover(confirm)
+
+    @property
+    def stop_to_confirm(self) -> str:
+        """Id of the stop that a person must confirm before anything moves again; empty where there is none.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+        """
+        self._check_connected()
+        return self._connection.manager.state().stop
 
     def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line.
@@ -203,6 +236,10 @@ class Robot:
     def _calibrate(self, side: Side) -> None:
         self._check_connected()
         self._connection.calibrate(side)
+
+    def _check_not_stopped(self) -> None:
+        self._check_connected()
+        self._connection.manager.check_not_stopped()
 
     def _check_connected(self) -> None:
         if not self._is_connected:

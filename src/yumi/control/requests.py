@@ -307,8 +307,8 @@ class RobotStoppedFollowing:
         if not self.deactivated:
             return f"{arm} arm: the robot follows commands no longer."
         return (
-            f"{arm} arm: the robot follows commands no longer (motors off, RAPID stopped or EGM ended); "
-            f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
+            f"{arm} arm: the robot follows commands no longer; {', '.join(self.deactivated)} deactivated. "
+            "Call start_egm to go on."
         )
 
 

@@ -72,9 +72,15 @@ def headline(results: Results) -> str:
     texts = [f"{near} of {len(run)} published times and lags are reproduced within a tenth"] if run else []
     for system, measured in results.measured.items():
         found = kpis(measured)
-        outside = ", ".join(each.title for each in found if each.holds is False)
-        holding = f"{sum(each.holds is True for each in found)} of {len(found)} indicators are inside their limits"
-        texts.append(f"{holding} {system.title}" + (f" (outside: {outside})" if outside else ""))
+        judged = [each for each in found if each.holds is not None]
+        outside = ", ".join(each.title for each in judged if not each.holds)
+        holding = (
+            f"{sum(each.holds is True for each in judged)} of {len(judged)} measured indicators are inside their limits"
+        )
+        remarks = [f"outside: {outside}"] if outside else []
+        if len(judged) < len(found):
+            remarks.append(f"{len(found) - len(judged)} not run")
+        texts.append(f"{holding} {system.title}" + (f" ({'; '.join(remarks)})" if remarks else ""))
     return "; ".join(texts) + "." if texts else ""
 
 

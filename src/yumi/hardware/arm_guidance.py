@@ -109,7 +109,7 @@ class ArmGuidance:
         self.wanted = ()
         self._fallen.clear()
         try:
-            self._hold()
+            self.hold()
         finally:
             self._bringup.stop_egm()  # whatever became of the fast line
             self._watchdog.disarm()
@@ -122,13 +122,19 @@ class ArmGuidance:
         else:
             self._watchdog.disarm()
 
+    def hold(self) -> None:
+        """Deactivate whatever commands the arms: they come to rest and hold, their goals are dropped."""
+        for side in Side:
+            if self._snapshot(side).is_commanded:
+                self._fast_lines.ask(HoldArm(side))
+
     def _start_egm(self, arms: tuple[Side, ...]) -> None:
         """An arm that EGM guides goes on where only the other one has to begin."""
         machines = {side: self._bringup.state(side) for side in Side}
         is_going_on = any(self._snapshot(side).is_running for side in arms)
         missing = [side for side in arms if not self._snapshot(side).is_running]
         if not (is_going_on and all(machines[side] is MachineState.IDLE for side in missing)):
-            self._hold()
+            self.hold()
             self._bringup.make_ready()
         self._arm_watchdog()
         self._bringup.start_egm(arms)
@@ -153,12 +159,6 @@ class ArmGuidance:
                 raise
             self._bringup.report(f"activate {self._leading} instead: {error}")
             self._fast_lines.ask(SwitchControllers(side, activate=leading))
-
-    def _hold(self) -> None:
-        """Deactivate whatever commands the arms: they come to rest and hold."""
-        for side in Side:
-            if self._snapshot(side).is_commanded:
-                self._fast_lines.ask(HoldArm(side))
 
     def _why_not_guided(self, arms: tuple[Side, ...]) -> str:
         silent = [side for side in arms if not self._snapshot(side).is_streaming]

@@ -33,6 +33,7 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     10014: EventText("the controller went into system failure", "restart the controller, then recover"),
     10015: EventText("the mode switch was turned to manual", "turn it to AUTO on the pendant, then recover"),
     10016: EventText("AUTO was chosen and waits to be confirmed", "confirm AUTO on the pendant, then recover"),
+    10045: EventText("the controller was restarted", "recover starts it again"),
     10125: EventText("the RAPID program was stopped, on the pendant or by another client", "recover starts it"),
     20192: EventText("the controller got an EGM reference that is no number", "restart the controller"),
     20193: EventText("the controller got an EGM reference that is no number", "restart the controller"),
@@ -55,6 +56,9 @@ EVENT_TEXTS: Mapping[int, EventText] = {
         "check the UDPUC device's remote address and the cable, and restart the controller after a change",
     ),
     50027: EventText("a joint left its range", "bring the arm back into range, jogging if need be, then recover"),
+    50056: EventText(
+        "a joint met a resistance, as in a collision", "see what the arm touched and free it, then recover"
+    ),
     50204: EventText("an arm has collided, or moves against a force", "see what it touched and free it, then recover"),
     50375: EventText(
         "the references asked for more torque than an arm has",
@@ -81,7 +85,31 @@ EVENT_TEXTS: Mapping[int, EventText] = {
 STARTED = (10150, 10151)
 """The program was started: what is older is history."""
 
-_LESS_AND_LESS_TELLING = (10013, 10012, 10015, 10016, 10010, 10125)
+_LESS_AND_LESS_TELLING = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
+
+NOT_TELLING = (10010, 10125)
+"""Motors off, program stopped: they come with every other stop, and may come before what says more."""
+
+_COLLISIONS = (50056, 50204)
+_SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
+_PERSONS_STOPS = (10012, 10013, *_COLLISIONS)
+
+
+def needs_person(code: int) -> bool:
+    """Whether nothing may move after an event of this number before a person has confirmed it.
+
+    Emergency stop, guard stop (a guard that closes must not start motion) and collision, however they are reported.
+    """
+    return code in _PERSONS_STOPS or code in _SAFETY_CHAIN
+
+
+def is_without_person(event: Event) -> bool:
+    """Whether an event is the cause of a stop in which no person was involved.
+
+    EGM's time-out, a restart of the controller, and the watchdog of our own program (see ``TRobWatchdog.mod``). Not a
+    program stop alone, which may have been the stop button of the FlexPendant.
+    """
+    return event.code in {41822, 10045} or (event.code == 80001 and "watchdog" in event.title.lower())
 
 
 def explain(event: Event) -> str:

@@ -55,6 +55,8 @@ class RobotState:
         speed_ratio: override of the speeds of RAPID motions [%].
         last_event: the newest message of the event log.
         reason: why EGM can neither be started nor runs, in words that follow "not ready:"; empty when it can or does.
+        cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
+        stop: id of the stop that a person must confirm before anything moves; empty where there is none.
     """
 
     is_connected: bool = False
@@ -66,14 +68,28 @@ class RobotState:
     speed_ratio: int | None = None
     last_event: Event | None = None
     reason: str = "the controller does not answer"
+    cause: str = ""
+    stop: str = ""
 
     def __str__(self) -> str:
         """In one line."""
         if not self.is_connected:
             return f"the controller does not answer; {self._arms()}"
+        cause = f"; cause: {self.cause}" if self.cause else ""
+        stop = f"; waits for a person to confirm the stop {self.stop}" if self.stop else ""
         return (
             f"mode {_word(self.mode)}; controller {_word(self.controller_state)}; RAPID {_word(self.execution)}; "
-            f"{self._arms()}"
+            f"{self._arms()}{cause}{stop}"
+        )
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether something keeps the program of the robot from running."""
+        return (
+            not self.is_connected
+            or self.mode is not OperatingMode.AUTO
+            or self.controller_state is not ControllerState.MOTORS_ON
+            or self.execution is not ExecutionState.RUNNING
         )
 
     def _arms(self) -> str:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.bringup import Bringup
-from yumi.hardware.event_texts import cause_among, explain
+from yumi.hardware.event_texts import explain
 from yumi.hardware.manager_state import Report
+from yumi.hardware.stops import StopLog
 from yumi.hardware.waiting import GLANCE
-from yumi.rws.replies import Event
 
 RESTART = 120.0
 """Longest wait for a controller that is starting [s]."""
@@ -20,7 +20,6 @@ WAITING = "wait for the controller, which does not answer"
 
 _ATTEMPT = 1.0  # [s] between two
 _STARTING = 503
-_EVENTS = 50
 
 
 class Recovery:
@@ -31,15 +30,18 @@ class Recovery:
         guidance: EGM and controllers.
         fast_lines: where the controllers live.
         clock: where waiting time comes from.
+        stops: what stopped the robot.
     """
 
-    def __init__(self, bringup: Bringup, guidance: ArmGuidance, fast_lines: FastLines, clock: Clock) -> None:
+    def __init__(
+        self, bringup: Bringup, guidance: ArmGuidance, fast_lines: FastLines, clock: Clock, stops: StopLog
+    ) -> None:
         self._bringup = bringup
         self._client = bringup.client
         self._guidance = guidance
         self._fast_lines = fast_lines
         self._clock = clock
-        self._seen = 0  # number of the newest event that was told already
+        self._stops = stops
 
     def reach(self, report: Report, check: Callable[[], None]) -> bool:
         """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds.
@@ -77,27 +79,38 @@ class Recovery:
             check()
             self._clock.wait(GLANCE)
 
-    def run(self, *, is_new: bool) -> str:
+    def run(self, *, is_new: bool, confirmed: str = "") -> str:
         """Bring a robot that answers back to ready, and to EGM with its controllers if it was to be in EGM.
+
+        The arms stand afterwards until they get a new goal: those from before the stop are dropped.
 
         Args:
             is_new: whether its controller had to be waited for, and has to be looked at as a whole again.
+            confirmed: id of the stop that a person has confirmed.
 
         Returns:
             What had stopped it, and what it does now.
 
         Raises:
+            StopNotConfirmed: a person has to confirm the stop first; nothing was changed.
             RobotNotReady: somebody has to do something at the robot first; the message says what stopped it and what.
         """
+        self._stops.check_confirmed(self._client, confirmed)
         for side in self._fast_lines.revive():
             self._bringup.report(f"start the fast-line process of the {side.word} arm again")
         why = self._why_stopped()
         self._bringup.report(why)
         try:
+            if confirmed:
+                self._guidance.hold()
             told = self._get_up(is_new=is_new)
+            self._stops.check_unchanged(self._client, confirmed)
+        except StopNotConfirmed:
+            raise
         except YumiError as error:
-            raise RobotNotReady(f"{why}. {error}") from error
-        self._seen = self._newest_number()
+            stop = self._stops.stop
+            raise RobotNotReady(f"{why}. {error}", stop.id if stop else "") from error
+        self._stops.close(confirmed)
         return f"{why}. {told}."
 
     def _get_up(self, *, is_new: bool) -> str:
@@ -113,14 +126,10 @@ class Recovery:
         return "The robot is ready"
 
     def _why_stopped(self) -> str:
-        cause = cause_among(event for event in self._events() if event.number > self._seen)
-        return f"The robot was stopped by {explain(cause)}" if cause else "The event log names nothing that stopped it"
-
-    def _newest_number(self) -> int:
-        return max((event.number for event in self._events()), default=0)
-
-    def _events(self) -> tuple[Event, ...]:
-        return self._client.events(count=_EVENTS)
+        stop, event = self._stops.stop, self._stops.cause
+        if stop is not None:
+            return f"The robot was stopped by {stop.cause}"
+        return f"The robot was stopped by {explain(event)}" if event else "No stop cause found in the event log"
 
     def _answers(self) -> bool:
         try:

@@ -7,17 +7,20 @@ from contextlib import contextmanager
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.requests import Event
+from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
+from yumi.hardware.automatic_recovery import AutomaticRecovery, RecoverySettings
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.controller_data import ControllerData
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.rapid_routines import RapidRoutines
 from yumi.hardware.recovery import Recovery
 from yumi.hardware.robot_watch import RobotWatch
+from yumi.hardware.stops import StopLog, check_not_stopped
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState
 
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
@@ -38,6 +41,8 @@ class RobotManager:
         leading: name of the controller that commands an arm after EGM has started.
         arms: the arms that are guided unless told otherwise; the others stand still.
         watchdog: whether the robot shall stop when this program falls silent, and when.
+        stops: what stopped the robot, where an earlier connection knows it already.
+        recovery: whether it recovers by itself where no person was involved.
 
     Attributes:
         watch: what is known of the robot.
@@ -53,17 +58,22 @@ class RobotManager:
         leading: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
+        stops: StopLog | None = None,
+        recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
     ) -> None:
         self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
-        self.watch = RobotWatch(bringup.client, fast_lines, clock)
+        self._stop_log = stops or StopLog(clock)
+        self.watch = RobotWatch(bringup.client, fast_lines, clock, self._stop_log)
         self._bringup = bringup
         self._cabinet = bringup.cabinet
         self._data = ControllerData(bringup.client, bringup.cabinet)
         self._routines = RapidRoutines(bringup.client, bringup.cabinet, bringup.machines, clock)
         self._guidance = ArmGuidance(bringup, fast_lines, clock, leading, self.watchdog)
-        self._recovery = Recovery(bringup, self._guidance, fast_lines, clock)
+        self._recovery = Recovery(bringup, self._guidance, fast_lines, clock, self._stop_log)
+        self.automatic_recovery = AutomaticRecovery(self, self._report, recovery)
         self._fast_lines = fast_lines
         self._arms = arms
+        self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._lock = Lock()  # one at a time; the robot has one state
         self._stops = 0  # how many were asked for
         self.has_acted = False
@@ -72,6 +82,7 @@ class RobotManager:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
         self.watch.start()
         self.watchdog.start()
+        self.automatic_recovery.start()
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
@@ -79,6 +90,7 @@ class RobotManager:
 
     def stop(self) -> None:
         """Watch no longer; to be called after :meth:`end_motion`."""
+        self.automatic_recovery.stop()
         self.watchdog.stop()
         self.watch.stop()
 
@@ -91,6 +103,10 @@ class RobotManager:
     def note(self, event: Event) -> None:
         """Take note of what a fast line tells."""
         self._guidance.note(event)
+        if isinstance(event, SessionLost) and event.deactivated:
+            self._lost_link.add(event.side)
+        elif isinstance(event, RobotStoppedFollowing) and event.deactivated:
+            self._lost_link.discard(event.side)
         self.watch.hint()
 
     def check_ready(self) -> str:
@@ -102,10 +118,20 @@ class RobotManager:
         self._fast_lines.check()
         if self._guidance.are_guided(self._arms):
             return "ready, EGM runs"
-        reason = self.state().reason
+        state = self.state()
+        reason = state.reason
         if reason:
-            raise RobotNotReady(f"not ready: {reason}")
+            cause = f". {state.cause}" if state.cause and state.cause not in reason else ""
+            raise RobotNotReady(f"not ready: {reason}{cause}", state.stop)
         return "ready"
+
+    def check_not_stopped(self) -> None:
+        """See that no stop waits for a person's confirmation, as far as that is known already.
+
+        Raises:
+            RobotNotReady: one does.
+        """
+        check_not_stopped(self._stop_log.stop)
 
     def describe(self) -> str:
         """The robot's state in one line."""
@@ -122,15 +148,25 @@ class RobotManager:
 
     # Named states
 
-    def make_ready(self) -> str:
+    def make_ready(self, confirmed: str = "") -> str:
         """Motors on, program running, state machines idle; nothing when it is ready or we guide it.
 
         What an earlier driver has left behind comes to an end.
+
+        Args:
+            confirmed: id of the stop that a person has confirmed; empty where none has.
+
+        Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation.
+            YumiError: a step failed; the message says which.
         """
-        with self._changing():
+        with self._moving(confirmed):
             if not (self._guidance.wanted and self._guidance.are_guided(self._arms)):
                 self.watchdog.take_over()
                 self._bringup.make_ready()
+            if confirmed:
+                self._stop_log.check_unchanged(self._bringup.client, confirmed)
+                self._stop_log.close(confirmed)
         return "The robot is ready"
 
     def start_egm(self, arms: Sequence[Side] | None = None) -> str:
@@ -140,9 +176,10 @@ class RobotManager:
             arms: which arms; None takes all that are configured. The others stand still.
 
         Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation.
             YumiError: a step failed; the message says which.
         """
-        with self._changing():
+        with self._moving():
             return self._guidance.begin(tuple(arms) if arms else self._arms)
 
     def stop_egm(self) -> str:
@@ -165,7 +202,8 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        with self._changing(), self._bringup.telling(self._until_stopped(report)):
+        changing = self._changing() if mode is Mode.MOTORS_OFF else self._moving()
+        with changing, self._bringup.telling(self._until_stopped(report)):
             if mode.arms:
                 return self._guidance.begin(mode.arms)
             if mode is Mode.READY:
@@ -176,7 +214,7 @@ class RobotManager:
             self._switch_motors_off()
             return "The motors are off"
 
-    def recover(self, report: Report, check: Callable[[], None] = lambda: None) -> str:
+    def recover(self, report: Report, check: Callable[[], None] = lambda: None, confirmed: str = "") -> str:
         """Say what stopped the robot and bring it back, to EGM with its controllers if it was to be in EGM.
 
         A controller that does not answer is waited for out of turn: a stop comes at once, and ends the waiting.
@@ -184,8 +222,11 @@ class RobotManager:
         Args:
             report: told each step.
             check: raises when a controller that does not answer shall be waited for no longer.
+            confirmed: id of the stop that a person has confirmed, as in :attr:`RobotState.stop`; needed after an
+                emergency stop, a guard stop or a collision.
 
         Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation, or for another one; nothing was changed.
             YumiError: somebody has to do something at the robot first; the message says what stopped it and what.
         """
         told, stops = self._until_stopped(report), self._stops
@@ -195,8 +236,36 @@ class RobotManager:
             check()
 
         is_new = self._recovery.reach(told, check_all)
-        with self._changing(), self._bringup.telling(told):
-            return self._recovery.run(is_new=is_new)
+        with self._moving(confirmed, is_checked=True), self._bringup.telling(told):
+            return self._recovery.run(is_new=is_new, confirmed=confirmed)
+
+    @property
+    def has_lost_egm(self) -> bool:
+        """Whether EGM was to run, and does not."""
+        snapshots = {side: self._fast_lines.snapshot(side) for side in self._guidance.wanted}
+        self._lost_link.difference_update(side for side, each in snapshots.items() if each.is_commanded)
+        return any(not each.is_running or side in self._lost_link for side, each in snapshots.items())
+
+    def recover_automatically(self) -> str | None:
+        """Recover where it is certain that no person was involved in the stop.
+
+        Returns:
+            What had stopped the robot and what it does now; None where nothing was done, as a person has to decide.
+
+        Raises:
+            YumiError: a step failed; the message says which.
+        """
+        client, log = self._bringup.client, self._stop_log
+        with self._moving(is_checked=True):
+            if not self.has_lost_egm:
+                return None
+            state, _ = log.look(client)
+            lost = [side for side in self._guidance.wanted if not self._fast_lines.snapshot(side).is_commanded]
+            is_running = state is ControllerState.MOTORS_ON and self._cabinet.is_running
+            is_link = is_running and log.cause is None and self._lost_link.issuperset(lost)
+            if not log.is_without_person or not (log.cause is not None or is_link):
+                return None
+            return self._recovery.run(is_new=True)
 
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
@@ -215,8 +284,8 @@ class RobotManager:
     # Single steps
 
     def motors_on(self) -> str:
-        """Motors on; a released emergency stop is acknowledged by it. Raises RobotNotReady."""
-        with self._changing():
+        """Motors on. Raises RobotNotReady, also while a stop waits for a person's confirmation."""
+        with self._moving():
             self._cabinet.switch_motors_on()
         return "The motors are on"
 
@@ -228,8 +297,8 @@ class RobotManager:
         return "The motors are off"
 
     def start_rapid(self) -> str:
-        """Start the program where its pointers are. Raises RobotNotReady."""
-        with self._changing():
+        """Start the program where its pointers are. Raises RobotNotReady as :meth:`motors_on`."""
+        with self._moving():
             self._cabinet.start_rapid()
         return "The RAPID program runs"
 
@@ -254,7 +323,7 @@ class RobotManager:
 
     def run_routine(self, side: Side, name: str) -> str:
         """Run a RAPID routine in one arm's task and wait for its end, see :meth:`RapidRoutines.run`."""
-        with self._changing():
+        with self._moving():
             self._routines.run(side, name)
         return f"Routine {name} of {side.task} has run"
 
@@ -293,7 +362,7 @@ class RobotManager:
     def _changing(self) -> Iterator[None]:
         """One at a time; who looks afterwards sees what has changed. Who waited while a stop came loses his turn."""
         stops = self._stops
-        with self._lock:
+        with self._lock, self.watch.reports.requested():
             self._check_not_stopped(stops)
             self.has_acted = True
             try:
@@ -302,13 +371,33 @@ class RobotManager:
                 self.watch.refresh()
 
     @contextmanager
+    def _moving(self, confirmed: str = "", *, is_checked: bool = False) -> Iterator[None]:
+        """The same for what may set the robot in motion: not while a stop waits for a person's confirmation.
+
+        Args:
+            confirmed: id of the stop that a person has confirmed; another one that comes before the last step ends it.
+            is_checked: whether the first look is left to what is done within.
+        """
+        client = self._bringup.client
+
+        def check(_: str) -> None:
+            self._stop_log.check_unchanged(client, confirmed)
+
+        with self._changing():
+            if not is_checked:
+                self._stop_log.check_confirmed(client, confirmed)
+            with self._bringup.telling(check):
+                yield
+
+    @contextmanager
     def _stopping(self) -> Iterator[None]:
         """What stops the robot waits for no routine, and for no more than one step of anything else."""
         self._stops += 1
         while not self._lock.acquire(timeout=_GLANCE):
             self._stop_routine()
         try:
-            yield
+            with self.watch.reports.requested():
+                yield
         finally:
             self._lock.release()
             self.watch.refresh()
@@ -326,6 +415,9 @@ class RobotManager:
     def _check_not_stopped(self, stops: int) -> None:
         if self._stops != stops:
             raise RobotNotReady("A stop was asked for meanwhile; ask again if it shall be done all the same.")
+
+    def _report(self, level: int, sentence: str) -> None:
+        self.watch.reports.report(level, sentence)
 
     def _come_to_rest(self) -> None:
         """Gently where that goes; the stop that was asked for follows in any case."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotInTime
 from dataclasses import replace
 from threading import Event as Flag
 from threading import Lock, Thread
@@ -18,11 +20,14 @@ from typing import Any, Protocol
 from yumi.clock import Clock
 from yumi.control.snapshot import Snapshot
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
+from yumi.hardware.event_texts import explain
 from yumi.hardware.manager_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.rws_subscription import Subscription
 from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState
 from yumi.hardware.state_machines import read_machine_state
+from yumi.hardware.state_reports import StateReports
+from yumi.hardware.stops import Cause, StopLog
 from yumi.robot.joints import Side
 from yumi.rws.replies import Event
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
@@ -53,9 +58,16 @@ WHOLE_LOOK = 5.0
 RECONNECT = 1.0
 """Time between two attempts to reach a controller that does not answer [s]."""
 
+EXPLAINED = 0.5
+"""The event log explains a stop within this time [s]: EGM's end arrives before the event that tells why."""
+
+EXPLAIN_LOOK = 0.1
+"""Time between two looks while an explanation is awaited [s]."""
+
 Listener = Callable[[RobotState], None]
 """Told the robot's state after a change, on the watch's thread."""
 
+_STOPPING = {EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MODE.path}
 _STARTING = 503
 _JOURNAL = 256  # changes that are remembered while something is read
 _FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
@@ -75,13 +87,19 @@ class RobotWatch:
         client: a connected client.
         fast_lines: where the arms' datagrams arrive.
         clock: where its times come from.
+        stops: what stopped the robot.
 
     Attributes:
         on_change: told each change.
+        stops: as above.
+        reports: what of it is logged.
     """
 
-    def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock) -> None:
+    def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock, stops: StopLog) -> None:
         self.on_change: Listener = lambda _: None
+        self.stops = stops
+        self.reports = StateReports(stops, clock)
+        self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
         self._client = client
         self._fast_lines = fast_lines
         self._clock = clock
@@ -126,6 +144,32 @@ class RobotWatch:
         self._is_hinted = True
         self._bell.set()
 
+    def explain(self, then: Callable[[Cause], None]) -> None:
+        """Have ``then`` called, on the watch's thread, once it is known what stopped the robot.
+
+        That is after :data:`EXPLAINED` at the latest, and one answer of the controller; at once where nothing watches.
+        """
+        if not self.is_running:
+            then(self.cause())
+            return
+        with self._lock:
+            self._unexplained.append((self._clock.now() + EXPLAINED, then))
+        self._bell.set()
+
+    def wait_for_cause(self) -> Cause:
+        """What stopped the robot, waiting until it is known as :meth:`explain` does; empty while it works."""
+        answer: Future[Cause] = Future()
+        self.explain(answer.set_result)
+        try:
+            return answer.result(2.0 * EXPLAINED)
+        except NotInTime:  # the controller does not answer either
+            return self.cause()
+
+    def cause(self) -> Cause:
+        """What stopped the robot, as far as it is known now; empty while it works."""
+        state = self.state()
+        return Cause(state.cause, state.stop)
+
     # The thread
 
     def start(self) -> None:
@@ -142,6 +186,7 @@ class RobotWatch:
         if self._thread is not None:
             self._thread.join()
             self._thread = None
+        self._answer_unexplained(is_over=True)
         self._lose()
 
     def step(self) -> float:
@@ -153,7 +198,8 @@ class RobotWatch:
             delay = RECONNECT
             self._lose()
         self._tell()
-        return delay
+        self._answer_unexplained()
+        return self.reports.next_due(min(delay, EXPLAIN_LOOK) if self._unexplained else delay)
 
     @property
     def is_rung(self) -> bool:
@@ -244,8 +290,8 @@ class RobotWatch:
         with self._lock:
             paths = {change.path for change in self._changes_since(self._taken_changes)}
             self._taken_changes = self._told_changes
-        if EVENT_LOG.path in paths:
-            self._update(last_event=self._newest_event())
+        if self._unexplained or paths & _STOPPING:
+            self._update(last_event=self.stops.look(self._client)[1])
         return bool(paths)
 
     def _has_news(self) -> bool:
@@ -256,14 +302,21 @@ class RobotWatch:
 
     def _read(self) -> RobotState:
         client = self._client
+        mode, execution, machines, ratio = (
+            client.operating_mode(),
+            client.execution(),
+            self._machines(),
+            client.speed_ratio(),
+        )
+        controller_state, newest = self.stops.look(client)
         return RobotState(
             is_connected=True,
-            mode=client.operating_mode(),
-            controller_state=client.controller_state(),
-            execution=client.execution(),
-            machines=self._machines(),
-            speed_ratio=client.speed_ratio(),
-            last_event=self._newest_event(),
+            mode=mode,
+            controller_state=controller_state,
+            execution=execution,
+            machines=machines,
+            speed_ratio=ratio,
+            last_event=newest,
         )
 
     def _newest_event(self) -> Event | None:
@@ -311,13 +364,30 @@ class RobotWatch:
 
     def _completed(self, state: RobotState) -> RobotState:
         live = replace(state, egm=egm_states(self._fast_lines))
-        return replace(live, reason=why_not_ready(live))
+        reason, stop, event = why_not_ready(live), self.stops.stop, self.stops.cause
+        if stop is not None:
+            confirm = f"a person must confirm the stop {stop.id}"
+            return replace(live, reason=f"{reason}; {confirm}" if reason else confirm, cause=stop.cause, stop=stop.id)
+        cause = "" if not live.is_stopped else reason if event is None or not live.is_connected else explain(event)
+        return replace(live, reason=reason, cause=cause)
 
     def _tell(self) -> None:
         state = self.state()
+        if state.is_connected and not state.is_stopped:
+            self.stops.settle()
+        self.reports.note(self._told, state)
         if state != self._told:
             self._told = state
             self.on_change(state)
+
+    def _answer_unexplained(self, *, is_over: bool = False) -> None:
+        now, state = self._clock.now(), self.state()
+        is_known = not state.is_connected or (state.is_stopped and self.stops.is_certain)
+        with self._lock:
+            due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
+            self._unexplained = [each for each in self._unexplained if each not in due]
+        for _, then in due:
+            then(Cause(state.cause, state.stop))
 
 
 def changed(state: RobotState, change: Change) -> RobotState:

@@ -12,6 +12,7 @@ from rclpy.executors import Executor
 from yumi.clock import Clock
 from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
 from yumi.errors import YumiError
+from yumi.hardware.stops import Cause, explained
 from yumi.links.ticker import Ticker
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
@@ -25,6 +26,8 @@ from yumi.ros.manager_diagnostics import ManagerDiagnostics
 from yumi.ros.manager_parameters import ManagerParameters
 from yumi.ros.repeats import Repeats
 from yumi.settings import ControllerSettings
+
+Explain = Callable[[Callable[[Cause], None]], None]
 
 RATE = round(1.0 / CYCLE)
 """``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
@@ -78,18 +81,25 @@ class ArmManager:
             ticker,
         )
 
-    def tell(self, event: Event) -> None:
-        """Log what happened in the fast line and look at who is in which state; from any thread."""
+    def tell(self, event: Event, explain: Explain | None = None) -> None:
+        """Log what happened in the fast line and look at who is in which state; from any thread.
+
+        Args:
+            event: what happened.
+            explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
+        """
         if isinstance(event, ControllerNotice):
             self._nodes.tell(event.controller, event.notice)
             return
         if isinstance(event, FastLineEnded):
             self._nodes.tell_all(event)
         log = self.node.get_logger()
-        if is_fault(event):
+        if not is_fault(event):
+            log.info(str(event))
+        elif explain is None:
             log.error(str(event))
         else:
-            log.info(str(event))
+            explain(lambda cause: log.error(explained(event, cause)))
         self.look()
 
     def look(self) -> None:

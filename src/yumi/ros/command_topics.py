@@ -70,6 +70,7 @@ class CommandTopic(ABC):
         self._snapshot = snapshot
         self._now = now
         self._given_in = (0, 0)  # session and activation
+        self.why_stopped: Callable[[], object] = lambda: ""  # a sentence with a blank before it, or nothing
         self._subscription = node.create_subscription(self.type, self.name, self.take, _QOS)
 
     def destroy(self) -> None:
@@ -109,7 +110,9 @@ class CommandTopic(ABC):
     def _accept(self, message: Any, time: float) -> None:
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
-            raise CommandRefused(f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.")
+            raise CommandRefused(
+                f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.{self.why_stopped()}"
+            )
         if not self.is_for(snapshot.goal_kind):
             raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
         now = (snapshot.session, snapshot.activation)

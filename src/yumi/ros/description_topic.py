@@ -15,7 +15,7 @@ from yumi.robot.limits import JointLimits
 from yumi.robot.model import robot_description
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_REMINDER = 1.0  # [s]
+_REMINDER = 2.0  # [s]
 
 
 def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
@@ -48,6 +48,7 @@ class DescriptionWait:
         self._names = joint_names(side)
         self._on_description = on_description
         self._urdf = ""
+        self._is_due = False  # the timer runs before anything is spun, and is overdue then though all is well
         self._reminder = node.create_timer(_REMINDER, self._remind)
         node.create_subscription(String, "robot_description", self._take, LATCHED)
 
@@ -57,7 +58,9 @@ class DescriptionWait:
         return bool(self._urdf)
 
     def _remind(self) -> None:
-        self._log.warning("Waiting for a message on robot_description.")
+        if self._is_due:
+            self._log.warning("Waiting for a message on robot_description.")
+        self._is_due = True
 
     def _take(self, message: Any) -> None:
         if self._urdf:

@@ -22,6 +22,7 @@ yumi_topics                    joint_states (merged)
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
@@ -30,8 +31,8 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.requests import Event
-from yumi.errors import YumiError
+from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import GripperSetup, close_as_test
@@ -132,6 +133,7 @@ class RosDriver:
             clock,
             limits,
             self._ticker,
+            manager.watch.wait_for_cause,
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
@@ -145,7 +147,7 @@ class RosDriver:
             nodes.streams,
             self.say,
             self._ticker,
-            self._managed.why_no_grip,
+            self._why_no_grip,
             self._managed.may_ask_hand,
         )
         self._gripper_setup = GripperSetup(
@@ -153,10 +155,12 @@ class RosDriver:
             lambda step: self.say(f"Bring-up: {step}"),
             nodes.manager.get_logger().error,
             is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
-            why_not=self._managed.why_no_grip,
+            why_not=self._why_no_grip,
         )
         manager.when_ready(self._gripper_setup.run)
         self._commands = command_topics(nodes.streams, fast_lines, clock)
+        for topic in self._commands:
+            topic.why_stopped = manager.watch.cause
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
@@ -193,7 +197,8 @@ class RosDriver:
 
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
-        self._arms[event.side].tell(event)
+        is_end_of_egm = isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing)
+        self._arms[event.side].tell(event, self._manager.watch.explain if is_end_of_egm else None)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -201,13 +206,26 @@ class RosDriver:
 
     def warn(self, sentence: str) -> None:
         """Log one line of the robot manager that a person should do something about."""
-        self._nodes.manager.get_logger().warning(sentence)
+        self.report(logging.WARNING, sentence)
 
-    def bring_up(self, *, is_reading_only: bool = False) -> None:
-        """Activate all managed nodes, as far as that goes, and bring the robot to ready, or say why it is not.
+    def report(self, level: int, sentence: str) -> None:
+        """Log one line of the robot manager, with a level of :mod:`logging`."""
+        log = self._nodes.manager.get_logger()
+        if level >= logging.ERROR:  # a line for each: rclpy refuses another severity from the same line
+            log.error(sentence)
+        elif level >= logging.WARNING:
+            log.warning(sentence)
+        else:
+            log.info(sentence)
+
+    def bring_up(self, *, is_reading_only: bool = False) -> str:
+        """Activate all managed nodes, as far as that goes, and bring the robot to ready.
 
         Args:
             is_reading_only: whether the robot is left as it is.
+
+        Returns:
+            Why it is not ready; empty when it is, or is left as it is.
         """
         self._managed.bring_up()
         try:
@@ -215,7 +233,7 @@ class RosDriver:
             if is_reading_only:
                 self._manager.tell_remarks()
                 self.say("The robot is left as it is until start_egm, set_mode or recover is called.")
-                return
+                return ""
             is_tested = self._hand_parts.settings.test_at_start
             steps = [*self._manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
             if steps:
@@ -225,10 +243,21 @@ class RosDriver:
             self.say("The robot is ready.")
         except YumiError as error:
             self._nodes.manager.get_logger().error(str(error))
+            return str(error)
+        return ""
 
     def _test_grippers(self) -> None:
         if self._hand_parts.settings.test_at_start:
             close_as_test(self._hand_parts.grippers, self.say, self._nodes.manager.get_logger().error)
+
+    def _why_no_grip(self, side: Side) -> str | None:
+        reason = self._managed.why_no_grip(side)
+        if reason is None:
+            try:
+                self._manager.check_not_stopped()
+            except RobotNotReady as error:
+                return str(error)
+        return reason
 
     @property
     def is_connected(self) -> bool:

@@ -129,8 +129,10 @@ class HandAction(ABC):
         try:
             outcome = self._carry_out(handle, order)
         except YumiError as error:
-            self._turn.fail(str(error))
-            self._log.error(f"Gripper goal failed: {error}")
+            stopped = self._why_not_now()  # the robot may have been stopped meanwhile
+            cause = f" {stopped}" if stopped and stopped not in str(error) else ""
+            self._turn.fail(f"{error}{cause}")
+            self._log.error(f"Gripper goal failed: {error}{cause}")
             handle.abort()
             return self._result_of(order, None)
         finally:

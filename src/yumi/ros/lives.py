@@ -73,7 +73,7 @@ class RobotLife:
         return self._connection.connect()
 
     def activate(self) -> str:
-        return "The robot may move."
+        return "The robot's node is active: requests that move it are served."
 
     def deactivate(self) -> str:
         for side in Side:
@@ -112,7 +112,7 @@ class ArmLife:
 
     def activate(self) -> str:
         self._hardware.bring_to(self._unit, State.ACTIVE)
-        return f"{self.noun.capitalize()} may move."
+        return f"{self.noun.capitalize()} is active: its controllers can be used."
 
     def deactivate(self) -> str:
         if self._hardware.info().state is State.ACTIVE:
@@ -141,7 +141,7 @@ class GripperLife:
         return f"{self.noun.capitalize()} is there, its fingers at {position * 1e3:.1f} mm."
 
     def activate(self) -> str:
-        return f"{self.noun.capitalize()} may move."
+        return f"{self.noun.capitalize()} is active: it takes goals."
 
     def deactivate(self) -> str:
         self._gripper.hold()

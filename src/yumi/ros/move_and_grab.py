@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 
 import rclpy
 
-from yumi.errors import GoalNotReached, RobotNotReady
+from yumi.errors import GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side, joints
 from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
 
@@ -32,9 +32,9 @@ OPEN, CLOSED = 0.025, 0.0
 MOVE_TIMEOUT = 30.0
 
 RECOVERIES = 3
-"""How often the task goes on after the robot has been stopped, for each of its steps."""
+"""How often the task goes on after the robot has been stopped, for each of its steps; a person says whether."""
 
-_SOMEBODY = 30.0  # [s] for a person to act, where nothing else helps
+_EXPLAINED = 1.5  # [s] after EGM's end the driver knows what stopped the robot
 
 
 class Progress(Protocol):
@@ -75,9 +75,13 @@ class MoveAndGrab:
     Args:
         progress: shows the steps.
         check: called again and again while waiting; raises when the task shall end.
+        confirm: asks a person who sees the robot whether it may go on after the stop of this sentence.
     """
 
-    def __init__(self, progress: Progress, check: Callable[[], None]) -> None:
+    def __init__(
+        self, progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool] = lambda _: False
+    ) -> None:
+        self._confirm = confirm
         self.reports = {side: ArmReport() for side in Side}
         self._progress = progress
         self._node: Any = rclpy.create_node("move_and_grab")
@@ -129,41 +133,61 @@ class MoveAndGrab:
 
         def is_ready() -> bool:
             reason[0] = self._manager.robot_is_ready()
-            return reason[0] is None
+            return reason[0] is None or bool(self._manager.state is not None and self._manager.state.stop)
 
         try:
             self._spinner.until(is_ready, 30.0, "Readiness of the robot")
         except RobotNotReady as error:
             raise RobotNotReady(f"{error} It is {reason[0]}.") from error
+        if reason[0] is not None:  # an earlier stop waits for a person
+            self._recover(RobotNotReady(f"The robot is {reason[0]}."))
 
     def _despite_stops(self, step: Callable[[], T]) -> T:
         """What ``step`` gives; where the robot has been stopped meanwhile, it recovers and ``step`` is done again."""
         attempt = 0
         while True:
             try:
-                if attempt:
-                    self._recover()
                 return step()
             except GoalNotReached as error:
                 attempt += 1
                 if attempt > RECOVERIES:
                     raise
                 self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
+                self._recover(error)
+                self._start_egm()
 
-    def _recover(self) -> None:
-        try:
-            said = self._manager.recover(self._progress.note)
-        except RobotNotReady as error:
-            self._progress.step(f"{error} Waiting {_SOMEBODY:g} s for somebody to act")
-            self._wait_for_change()
-            said = self._manager.recover(self._progress.note)
-        self._progress.note(said)
-        self._start_egm()
+    def _recover(self, error: YumiError) -> None:
+        """Bring the robot back: by itself where only this machine lost it, else when a person says so.
 
-    def _wait_for_change(self) -> None:
+        Raises:
+            RobotNotReady: nobody says so; the message says what stopped the robot.
+        """
+        with suppress(RobotNotReady):  # no stop is known: the robot works, and lost us for a moment
+            self._spinner.until(self._is_explained, _EXPLAINED, "A cause")
+        state, stop = self._stop_state(), ""
+        if state is not None:
+            stop = str(state.stop)
+            sentence = f"The robot stands. Cause: {state.cause}."
+            if not self._confirm(sentence):
+                raise RobotNotReady(f"{error} {sentence} Nobody has confirmed that it may go on.", stop) from error
+        while True:
+            try:
+                self._progress.note(self._manager.recover(self._progress.note, stop))
+                return
+            except RobotNotReady as refusal:
+                if not self._confirm(str(refusal)):
+                    raise
+                stop = refusal.stop
+
+    def _is_explained(self) -> bool:
+        """Whether the driver knows more than that the robot is stopped."""
+        state = self._stop_state()
+        return state is not None and (bool(state.stop) or state.cause != state.reason)
+
+    def _stop_state(self) -> Any:
+        """The robot's state while something known keeps it stopped; else None."""
         state = self._manager.state
-        with suppress(RobotNotReady):  # the next attempt says what is still in the way
-            self._manager.wait_for_state(lambda now: now.reason != state.reason, _SOMEBODY, "A change of the robot")
+        return state if state is not None and (state.stop or state.cause) else None
 
     def _start_egm(self) -> None:
         self._progress.step("start EGM on both arms")

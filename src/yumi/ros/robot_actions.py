@@ -84,9 +84,10 @@ class RobotManagerActions:
         demand(self._permission.to_move(mode.arms))
         return self._manager.go_to(mode, report)
 
-    def _recover(self, _: Any, report: _Steps) -> str:
+    def _recover(self, goal: Any, report: _Steps) -> str:
         demand(self._permission.to_move(self._manager.wanted))
-        return self._manager.recover(report, partial(report.check, "while the controller did not answer"))
+        check = partial(report.check, "while the controller did not answer")
+        return self._manager.recover(report, check, goal.confirm_stop.strip())
 
     def _executing(self, name: str, kind: Any, carry: Callable[[Any, _Steps], str]) -> Callable[[Any], Any]:
         def execute(handle: Any) -> Any:

@@ -22,7 +22,7 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
-from yumi.errors import RobotNotReady, YumiError
+from yumi.errors import RobotNotReady, StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.rapid_routines import LONGEST_ROUTINE
 from yumi.robot.joints import Side
@@ -169,9 +169,19 @@ class RobotManagerClient:
         """Bring the robot to a named state, step by step."""
         return self._carry_out(SetMode, "set_mode", SetMode.Goal(mode=mode.value), on_step)
 
-    def recover(self, on_step: OnStep = _ignore) -> str:
-        """Have what stopped the robot cleared, as far as it may be, and the robot brought to ready; what was done."""
-        return self._carry_out(Recover, "recover", Recover.Goal(), on_step)
+    def recover(self, on_step: OnStep = _ignore, confirm: str = "") -> str:
+        """Have what stopped the robot cleared, as far as it may be, and the robot brought to ready; what was done.
+
+        Args:
+            on_step: told each step.
+            confirm: the stop that a person has looked at and confirms, ``state.stop``; needed after an emergency stop,
+                a guard stop or a collision.
+
+        Raises:
+            StopNotConfirmed: a person has to confirm the stop first; its id is the error's ``stop``.
+            RobotNotReady: a step failed; the message says which and what to do.
+        """
+        return self._carry_out(Recover, "recover", Recover.Goal(confirm_stop=confirm), on_step)
 
     def _take_state(self, message: Any) -> None:
         self.state = message
@@ -187,6 +197,8 @@ class RobotManagerClient:
         sent = action.send_goal_async(goal, feedback_callback=lambda message: on_step(str(message.feedback.step)))
         self._spinner.until(sent.done, _READ, f"The answer of {name}")
         result = self._result(sent.result(), name)
+        if not result.success and result.state.stop:
+            raise StopNotConfirmed(str(result.message), str(result.state.stop))
         if not result.success:
             raise RobotNotReady(str(result.message))
         return str(result.message)

@@ -89,6 +89,7 @@ class TrajectoryAction:
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on, fifty times a second.
+        why_stopped: what stopped the robot, waiting until that is known; a sentence with a blank before it, or nothing.
     """
 
     def __init__(
@@ -100,7 +101,9 @@ class TrajectoryAction:
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
+        why_stopped: Callable[[], object] = lambda: "",
     ) -> None:
+        self._why_stopped = why_stopped
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
         self._name = name
@@ -239,6 +242,8 @@ class TrajectoryAction:
             return result
         end = goal.end
         result.error_code, result.error_string = int(end.code), end.sentence
+        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # deactivated: EGM may have ended
+            result.error_string += str(self._why_stopped())
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):

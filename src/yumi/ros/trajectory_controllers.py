@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from yumi.clock import Clock
@@ -30,6 +30,7 @@ class TrajectoryControllers:
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on.
+        why_stopped: what stopped the robot, waiting until that is known; appended to what failed.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
@@ -44,11 +45,12 @@ class TrajectoryControllers:
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
+        why_stopped: Callable[[], object] = lambda: "",
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, why_stopped)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker)
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, why_stopped)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {

@@ -138,7 +138,7 @@ class SlowRobot:
         self.is_closed = False
         self._loop = loop
 
-    def open(self) -> None:
+    def open(self, confirm: str) -> None:
         self._loop.call_soon_threadsafe(self.began.set)
 
     def close(self) -> None:

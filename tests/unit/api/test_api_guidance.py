@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf, nan
 
@@ -9,11 +9,19 @@ from fake_robot import FakeRobot
 
 from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.control.goals import UNKNOWN, Goal, peek_goal
-from yumi.control.requests import ControllerFailed, ControllerNotice, FastLineEnded, SessionLost, SwitchControllers
+from yumi.control.requests import (
+    ControllerFailed,
+    ControllerNotice,
+    FastLineEnded,
+    RobotStoppedFollowing,
+    SessionLost,
+    SwitchControllers,
+)
 from yumi.control.trajectory import ResultCode
 from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.controllers.trajectory_orders import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.hardware.stops import Cause
 from yumi.robot.joints import CHAIN_AXES, Side, joint_names
 from yumi.robot.poses import home
 
@@ -117,7 +125,7 @@ def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> N
     robot.fast_line.refuses = True
     with pytest.raises(CommandRefused, match="Not now"):
         robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.fail(Side.RIGHT, "nothing to fail")
+    robot.book.tell(LOST)  # there is nothing to fail
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
@@ -139,6 +147,39 @@ def test_fault_ends_the_motions_of_its_arm_only(robot: FakeRobot) -> None:
     with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.*Call robot\.recover\(\) when"):
         right.wait()
     assert not left.is_done
+
+
+def test_motion_that_a_stop_has_ended_says_its_cause_and_what_to_confirm(robot: FakeRobot) -> None:
+    waiting: list[Callable[[Cause], None]] = []
+    robot.book.explain = waiting.append
+    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.book.tell(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
+    robot.end(robot.fast_line.orders[0], GoalOutcome.ABORTED, "the controller was deactivated")
+    assert not motion.is_done
+    waiting[0](Cause("10013 Emergency stop: an emergency stop was pressed", "10013-7-a1b2c3"))
+    sentence = r"Cause: 10013 Emergency stop: .* Nothing moves until a person confirms the stop 10013-7-a1b2c3"
+    with pytest.raises(GoalNotReached, match=sentence) as end:
+        motion.wait()
+    assert end.value.stop == "10013-7-a1b2c3"
+    with pytest.raises(RobotNotReady, match=sentence) as refusal:
+        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    assert refusal.value.stop == "10013-7-a1b2c3"
+
+
+def test_cause_that_comes_after_recovery_stops_nothing(robot: FakeRobot) -> None:
+    waiting: list[Callable[[Cause], None]] = []
+    robot.book.explain = waiting.append
+    robot.book.tell(LOST)
+    robot.book.clear_faults()
+    waiting[0](Cause("10125 Program stopped"))
+    assert robot.guidance.fault(Side.RIGHT) is None
+
+
+def test_end_of_egm_without_a_stop_is_not_called_one(robot: FakeRobot) -> None:
+    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.book.tell(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
+    with pytest.raises(GoalNotReached, match="The controller reports no stop: its program has ended EGM, or another"):
+        motion.wait()
 
 
 def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:

@@ -52,7 +52,10 @@ def test_settings_may_name_only_what_differs(file: Path) -> None:
     ("text", "sentence"),
     [
         ("robot: {adress: x}", "mine.yaml: robot has no setting 'adress'; it has: address, rws_port"),
-        ("speed: 3", "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, watchdog, ros"),
+        (
+            "speed: 3",
+            "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, watchdog, recovery, ros",
+        ),
         ("robot: {rws_port: 70000}", "mine.yaml: robot: rws_port is 70000; allowed is 1 to 65535."),
         ("robot: {rws_port: '80'}", "mine.yaml: robot: rws_port is '80'; it must be of type int."),
         ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
@@ -91,7 +94,7 @@ def test_controllers_are_refused_with_a_sentence(file: Path, text: str, sentence
 def test_every_setting_in_the_delivered_file_is_explained_by_its_class() -> None:
     text = (config_folder() / "yumi.yaml").read_text()
     groups = re.findall(r"^(\w+):$", text, re.MULTILINE)
-    assert groups == ["robot", "egm", "egm_motion", "gripper", "watchdog", "ros", "recorder"]
+    assert groups == ["robot", "egm", "egm_motion", "gripper", "watchdog", "recovery", "ros", "recorder"]
 
 
 def test_overridden_settings_keep_the_others() -> None:

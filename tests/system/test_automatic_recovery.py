@@ -1,0 +1,137 @@
+"""Recovery without a person: only where no person was involved in the stop, and only when it is switched on."""
+
+from __future__ import annotations
+
+import pytest
+
+from system.recovery_bench import MovingSystem
+from yumi.hardware.automatic_recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
+from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.settings import read_settings
+from yumi.virtual.fault_names import Fault
+
+
+class SelfRecovering(MovingSystem):
+    """A robot whose recovery makes its steps once a second."""
+
+    def __init__(self, motion: EgmMotionSettings | None = None) -> None:
+        super().__init__(motion)
+        self.lines: list[str] = []
+        self.automatic = AutomaticRecovery(
+            self.manager, lambda level, sentence: self.lines.append(sentence), RecoverySettings(automatic=True)
+        )
+
+    def live(self, seconds: float) -> None:
+        for _ in range(round(seconds)):
+            self.automatic.step()
+            self.wait(1.0)
+
+    @property
+    def is_guided(self) -> bool:
+        return all(arm.snapshot.is_commanded for arm in self.arms.values())
+
+
+def test_recovery_by_itself_is_off_unless_it_is_set() -> None:
+    assert read_settings().recovery.automatic is False
+    system = MovingSystem()
+    system.manager.automatic_recovery.start()
+    assert system.manager.automatic_recovery._thread is None
+
+
+def test_lost_link_is_recovered_without_a_person() -> None:
+    system = SelfRecovering()
+    system.be_silent(1.0)
+    system.live(3.0)
+    assert system.is_guided
+    assert system.lines == [
+        "Recovered by itself (recovery.automatic): No stop cause found in the event log. "
+        "EGM runs on both arms, the controllers are active."
+    ]
+    assert system.is_moving_again()
+
+
+def test_time_out_of_egm_is_recovered_without_a_person() -> None:
+    system = SelfRecovering(EgmMotionSettings(comm_timeout=1.0))
+    system.be_silent(1.5)
+    system.live(3.0)
+    assert system.is_guided
+
+
+def test_restart_of_the_controller_is_recovered_without_a_person() -> None:
+    system = SelfRecovering()
+    system.faults.happen(Fault.WARM_RESTART, duration=3.0)
+    system.wait(0.5)
+    system.live(8.0)
+    assert system.is_guided
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault.EMERGENCY_STOP,
+        Fault.COLLISION,
+        Fault.PROGRAM_STOP,
+        Fault.MOTORS_OFF,
+        Fault.MANUAL_MODE,
+        Fault.DYNAMIC_LOAD,
+        Fault.EGM_CONVERGENCE,
+    ],
+)
+def test_stop_that_a_person_may_have_made_is_left_to_a_person(fault: Fault) -> None:
+    system = SelfRecovering()
+    system.faults.happen(fault)
+    system.live(2.0)
+    for mended in (Fault.EMERGENCY_STOP_RESET, Fault.AUTO_MODE):
+        if fault in (Fault.EMERGENCY_STOP, Fault.MANUAL_MODE):
+            system.faults.happen(mended)
+    system.live(3.0)
+    assert not system.is_guided
+    assert not [line for line in system.lines if "Recovered" in line]
+
+
+@pytest.mark.parametrize("fault", [Fault.EMERGENCY_STOP, Fault.COLLISION])
+def test_lost_link_with_a_persons_stop_in_between_is_left_to_a_person(fault: Fault) -> None:
+    system = SelfRecovering()
+    system.be_silent(0.5)
+    system.faults.happen(fault)
+    system.wait(0.1)
+    system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+    system.live(3.0)
+    assert not system.is_guided
+
+
+def test_restart_that_follows_a_persons_stop_is_left_to_a_person() -> None:
+    system = SelfRecovering()
+    system.faults.happen(Fault.COLLISION)
+    system.wait(0.1)
+    system.faults.happen(Fault.WARM_RESTART, duration=3.0)
+    system.live(8.0)
+    assert not system.is_guided
+
+
+def test_event_log_that_was_cleared_meanwhile_is_left_to_a_person() -> None:
+    system = SelfRecovering()
+    system.live(1.0)
+    system.be_silent(0.5)
+    system.faults.happen(Fault.COLLISION)
+    system.client.clear_events()
+    system.world.controller.events.append(41822, "No data from the UdpUc device")
+    system.live(3.0)
+    assert not system.is_guided
+
+
+def test_egm_that_was_stopped_on_request_is_not_begun_again() -> None:
+    system = SelfRecovering()
+    system.manager.stop_egm()
+    system.live(3.0)
+    assert not system.is_guided
+
+
+def test_recovery_by_itself_gives_up_after_some_attempts() -> None:
+    system = SelfRecovering()
+    system.faults.happen(Fault.EGM_SILENCE)
+    system.wait(0.5)
+    system.live(ATTEMPTS + 5)
+    assert not system.is_guided
+    assert len(system.lines) == ATTEMPTS
+    assert "no datagram came for the right and left arm" in system.lines[0]

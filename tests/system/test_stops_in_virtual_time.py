@@ -1,0 +1,273 @@
+"""After an emergency stop, a guard stop or a collision nothing moves before a person has confirmed that stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from system.recovery_bench import MovingSystem
+from system.virtual_time_bench import System
+from yumi.errors import RobotNotReady, StopNotConfirmed, YumiError
+from yumi.hardware.manager_state import Mode
+from yumi.robot.joints import Joints, Side
+from yumi.rws.states import ControllerState, ExecutionState
+from yumi.virtual.fault_names import Fault
+
+NO_JUMP = 1.001
+CAUSES = {
+    Fault.COLLISION: "50204 Motion supervision: an arm has collided",
+    Fault.EMERGENCY_STOP: "10013 Emergency stop: an emergency stop was pressed",
+}
+REQUESTS: dict[str, Callable[[System], object]] = {
+    "recover": lambda system: system.manager.recover(print),
+    "start_egm": lambda system: system.manager.start_egm(),
+    "set_mode egm_left": lambda system: system.manager.go_to(Mode.EGM_LEFT, print),
+    "set_mode ready": lambda system: system.manager.go_to(Mode.READY, print),
+    "make_ready": lambda system: system.manager.make_ready(),
+    "motors_on": lambda system: system.manager.motors_on(),
+    "start_rapid": lambda system: system.manager.start_rapid(),
+    "run_routine": lambda system: system.manager.run_routine(Side.LEFT, "runMoveJ"),
+}
+
+
+@pytest.fixture
+def system() -> MovingSystem:
+    return MovingSystem()
+
+
+def stop(system: System, fault: Fault) -> None:
+    """It happens; a button that was pressed is released again."""
+    system.faults.happen(fault)
+    system.wait(0.3)
+    if fault is Fault.EMERGENCY_STOP:
+        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+    system.wait(0.3)
+
+
+def positions(system: System) -> list[Joints]:
+    return [arm.position for arm in system.world.arms.values()]
+
+
+def seen(system: System) -> tuple[object, ...]:
+    controller = system.world.controller
+    return controller.controller_state, controller.is_running, len(controller.events.entries()), positions(system)
+
+
+@pytest.mark.parametrize("fault", CAUSES)
+@pytest.mark.parametrize("request_", REQUESTS.values(), ids=list(REQUESTS))
+def test_nothing_starts_after_a_persons_stop_without_confirmation(
+    system: MovingSystem, fault: Fault, request_: Callable[[System], object]
+) -> None:
+    stop(system, fault)
+    before = seen(system)
+    with pytest.raises(StopNotConfirmed, match=f"The robot was stopped by {CAUSES[fault]}.*call recover with the id"):
+        request_(system)
+    system.wait(0.5)
+    assert seen(system) == before
+
+
+@pytest.mark.parametrize("fault", CAUSES)
+def test_confirmed_robot_stands_until_it_gets_a_new_goal(system: MovingSystem, fault: Fault) -> None:
+    stop(system, fault)
+    before = positions(system)
+    assert f"was stopped by {CAUSES[fault]}" in system.recover_by_person()
+    system.wait(2.0)
+    for now, then in zip(positions(system), before, strict=True):
+        assert now == pytest.approx(then, abs=1e-4)
+    assert system.manager.state().stop == ""
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_goals_given_while_the_stop_was_open_are_dropped(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    before = positions(system)
+    system.go({side: tuple(0.9 * value for value in arm.snapshot.position) for side, arm in system.arms.items()})  # type: ignore[misc]
+    system.recover_by_person()
+    system.wait(2.0)
+    for now, then in zip(positions(system), before, strict=True):
+        assert now == pytest.approx(then, abs=1e-4)
+
+
+def test_confirmation_of_another_stop_is_refused_with_the_stop_that_is_open(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    old = system.stop_id()
+    system.recover(old)
+    stop(system, Fault.COLLISION)
+    new = system.stop_id()
+    with pytest.raises(
+        StopNotConfirmed, match=f"'{old}' is not the stop that is open now.*with the id {new}"
+    ) as refusal:
+        system.recover(old)
+    assert refusal.value.stop == new
+    assert system.world.controller.is_running is False
+
+
+def test_id_of_a_stop_is_random_and_names_its_event() -> None:
+    ids = []
+    for _ in range(2):
+        system = MovingSystem()
+        stop(system, Fault.COLLISION)
+        ids.append(system.stop_id())
+    (first, second) = (each.split("-") for each in ids)
+    assert first[:2] == second[:2]
+    assert first[0] == "50204"
+    assert first[2] != second[2]
+
+
+def test_confirmation_while_the_button_is_pressed_does_not_count(system: MovingSystem) -> None:
+    system.faults.happen(Fault.EMERGENCY_STOP)
+    system.wait(0.2)
+    identity = system.stop_id()
+    with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: an emergency stop is pressed; release it"):
+        system.recover(identity)
+    system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+    system.wait(1.0)
+    assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP_RESET
+    with pytest.raises(StopNotConfirmed):
+        system.recover()
+    system.recover(identity)
+    assert system.is_moving_again()
+
+
+def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    identity = system.stop_id()
+
+    def report(step: str) -> None:
+        if step == "program pointer to main":
+            system.faults.happen(Fault.COLLISION, Side.RIGHT)
+
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.manager.recover(report, confirmed=identity)
+    assert system.client.execution() is ExecutionState.STOPPED
+    assert system.stop_id() != identity
+
+
+def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) -> None:
+    system.manager.stop_egm()
+    system.client.stop_rapid()
+    system.bringup._reports.append(
+        lambda step: system.faults.happen(Fault.COLLISION) if step == "program pointer to main" else None
+    )
+    with pytest.raises(StopNotConfirmed, match="50204"):
+        system.manager.start_egm()
+    assert system.client.execution() is ExecutionState.STOPPED
+
+
+def test_guard_stop_waits_for_confirmation_when_the_guard_is_closed() -> None:
+    system = MovingSystem()
+    controller = system.world.controller
+    system.faults.happen(Fault.MOTORS_OFF)
+    controller.controller_state = ControllerState.GUARD_STOP
+    controller.events.append(10012, "Guard stop state", "The guard was opened.")
+    system.wait(0.2)
+    with pytest.raises(StopNotConfirmed, match="10012 Guard stop state: a guard stop switched the motors off"):
+        system.recover()
+    controller.controller_state = ControllerState.MOTORS_OFF  # closing the guard
+    system.wait(0.2)
+    system.recover_by_person()
+    assert system.is_moving_again()
+
+
+def test_state_alone_is_a_stop_where_the_event_log_was_cleared(system: MovingSystem) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    system.client.clear_events()
+    with pytest.raises(StopNotConfirmed, match="10013 Emergency stop state"):
+        system.manager.motors_on()
+    system.recover_by_person()
+    assert system.is_moving_again()
+
+
+def test_driver_that_starts_at_a_stopped_robot_waits_for_confirmation(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    system.start_driver()
+    with pytest.raises(StopNotConfirmed, match="50204") as refusal:
+        system.manager.make_ready()
+    assert system.client.execution() is ExecutionState.STOPPED
+    assert system.manager.make_ready(refusal.value.stop) == "The robot is ready"
+    system.manager.start_egm()
+
+
+def test_stop_before_the_last_start_of_the_program_is_history_for_a_new_driver(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    system.recover_by_person()
+    system.start_driver()
+    assert system.manager.start_egm().startswith("EGM runs on both arms")
+
+
+def test_program_that_another_client_starts_confirms_nothing_for_a_driver_that_saw_the_stop(
+    system: MovingSystem,
+) -> None:
+    stop(system, Fault.COLLISION)
+    system.client.start_rapid()
+    system.wait(0.2)
+    with pytest.raises(StopNotConfirmed, match="50204"):
+        system.manager.start_egm()
+
+
+def test_several_stops_are_told_together_and_confirmed_by_the_newest(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    first = system.stop_id()
+    stop(system, Fault.EMERGENCY_STOP)
+    with pytest.raises(StopNotConfirmed, match=r"50204 Motion supervision.*; then 10013 Emergency stop"):
+        system.recover(first)
+    system.recover_by_person()
+    assert system.is_moving_again()
+
+
+def test_event_log_that_cannot_be_read_starts_nothing(system: MovingSystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    stop(system, Fault.PROGRAM_STOP)
+
+    def refuse(**_: object) -> None:
+        raise RobotNotReady("The event log cannot be read.")
+
+    monkeypatch.setattr(system.client, "events", refuse)
+    for request in REQUESTS.values():
+        with pytest.raises(YumiError):
+            request(system)
+    assert system.client.execution() is ExecutionState.STOPPED
+
+
+def test_many_events_after_a_collision_do_not_hide_it(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    for percent in range(80):
+        system.world.controller.set_speed_ratio(percent)
+    with pytest.raises(StopNotConfirmed, match="50204"):
+        system.manager.start_egm()
+
+
+def test_state_tells_the_stop_and_its_cause(system: MovingSystem) -> None:
+    assert (system.manager.state().cause, system.manager.state().stop) == ("", "")
+    stop(system, Fault.EMERGENCY_STOP)
+    state = system.manager.state()
+    assert state.cause.startswith(CAUSES[Fault.EMERGENCY_STOP])
+    assert state.stop.startswith("10013-")
+    assert state.reason.endswith(f"a person must confirm the stop {state.stop}")
+    with pytest.raises(RobotNotReady, match=r"not ready: the motors are off after an .*10013") as refusal:
+        system.manager.check_ready()
+    assert refusal.value.stop == state.stop
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        (Fault.PROGRAM_STOP, "10125 Program stopped: "),
+        (Fault.MOTORS_OFF, "10010 Motors OFF: the motors were switched off"),
+        (Fault.MANUAL_MODE, "10015 Manual mode selected: the mode switch was turned to manual"),
+    ],
+)
+def test_state_tells_the_cause_of_a_stop_that_needs_no_confirmation(
+    system: MovingSystem, fault: Fault, cause: str
+) -> None:
+    stop(system, fault)
+    state = system.manager.state()
+    assert state.cause.startswith(cause)
+    assert state.stop == ""
+
+
+def test_motors_go_off_and_motion_ends_while_a_stop_is_open(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    assert system.manager.stop_egm()
+    assert system.manager.motors_off() == "The motors are off"
