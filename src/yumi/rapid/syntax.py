@@ -317,7 +317,12 @@ class Routine:
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """A module as written; `attributes` in capitals (SYSMODULE, NOVIEW, NOSTEPIN, VIEWONLY, READONLY)."""
+    """A module as written.
+
+    Attributes:
+        attributes: in capitals (SYSMODULE, NOVIEW, NOSTEPIN, VIEWONLY, READONLY).
+        length: of its text, in characters.
+    """
 
     name: str
     attributes: frozenset[str]
@@ -326,11 +331,12 @@ class Module:
     data: tuple[Data, ...]
     routines: tuple[Routine, ...]
     filename: str
+    length: int = 0
 
     @property
     def is_system(self) -> bool:
         return "SYSMODULE" in self.attributes
 
-    def named(self, filename: str) -> Module:
-        """This module as read from a file."""
-        return replace(self, filename=filename)
+    def read_from(self, filename: str, length: int) -> Module:
+        """This module as read from a file with a text of ``length`` characters."""
+        return replace(self, filename=filename, length=length)

@@ -40,12 +40,16 @@ class MotionInstructions:
         self._speed_ratio = speed_ratio
 
     def move_abs_j(self, call: Call) -> Wait:
-        """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between."""
+        """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
+
+        Even a way of no length takes a cycle, as nothing is planned in less: a loop of them leaves time to others.
+        """
         arm = self._station.arm
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
         self._remember_frames(call)
         self._begin(call, target)
         try:
+            yield None
             while not (arm.is_stationary and arm.planned == target):
                 if arm.is_stationary:
                     self._begin(call, target)
