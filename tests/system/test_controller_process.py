@@ -61,6 +61,30 @@ def test_running_controller_takes_a_fault_and_tells_of_it(address: str, told: Qu
     assert told.get(timeout=PATIENCE) == Change(CONTROLLER_STATE.path, {"ctrlstate": "motoroff"})
 
 
+def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
+    """Not with the complaints of libraries about what was frozen for the collector and never freed."""
+    log = tmp_path / "log"
+    with Command("controller", ["controller", "--rws-port", "0"], log) as command:
+        address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
+        with RwsClient(address) as client:
+            client.set_motors(True)
+            client.move_pp_to_main()
+            client.start_rapid()
+            until_idle(client)
+            client.set_symbol("T_ROB_R", "TRobRAPID", "routine_name_input", '"runMoveToCalibrationPosition"')
+            client.pulse_signal("RUN_RAPID_ROUTINE")
+            before = client.joint_target("ROB_R")
+            while client.joint_target("ROB_R") == before:
+                pass
+    assert command.exit_code == 0
+    assert log.read_text().splitlines() == [f"yumi is up: http://{address}"]
+
+
+def until_idle(client: RwsClient) -> None:
+    while client.symbol("T_ROB_R", "TRobMain", "current_state") != "0":
+        pass
+
+
 def test_running_controller_comes_back_after_a_restart(
     address: str, client: RwsClient, told: Queue[Change | str]
 ) -> None:

@@ -62,9 +62,7 @@ class Frame:
         "wake",
     )
 
-    def __init__(
-        self, task: Task, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None
-    ) -> None:
+    def __init__(self, task: Task, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> None:
         self.task = task
         self.routine = routine
         self.code = Code(spans=[Span(routine.syntax.line, 0)])  # until it is compiled

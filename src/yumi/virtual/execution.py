@@ -15,18 +15,17 @@ from yumi.virtual.refusal import Refusal, Refused
 from yumi.virtual.station import Station
 from yumi.virtual.task_host import TaskHost
 
-
 _OF_ITS_OWN_TASK = (EventKind.STOP, EventKind.FINISHED)
 """What one task stops for while the others go on."""
 
 
 class RapidExecution:
-    """The tasks of all arms; an error, EXIT or a stop of all tasks in one of them stops the others with it.
+    r"""The tasks of all arms; an error, EXIT or a stop of all tasks in one of them stops the others with it.
 
     Args:
         tasks: the tasks in their order, each with the arm it moves and what it runs on.
         events: the controller's event log.
-        halt: switches the motors off and says why (SystemStopAction \\Halt).
+        halt: switches the motors off and says why (SystemStopAction \Halt).
 
     Attributes:
         tasks: the tasks by name.

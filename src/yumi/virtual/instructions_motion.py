@@ -38,18 +38,21 @@ class MotionInstructions:
     def __init__(self, station: Station, speed_ratio: SpeedRatio) -> None:
         self._station = station
         self._speed_ratio = speed_ratio
+        self._moved_at = -1.0  # task time [s]
 
     def move_abs_j(self, call: Call) -> Wait:
         """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
 
-        Even a way of no length takes a cycle, as nothing is planned in less: a loop of them leaves time to others.
+        A way of no length ends at once, but one in a cycle only: a loop of them leaves time to others.
         """
         arm = self._station.arm
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
         self._remember_frames(call)
         self._begin(call, target)
+        is_second, self._moved_at = self._moved_at == call.task.now, call.task.now
         try:
-            yield None
+            if is_second:
+                yield None
             while not (arm.is_stationary and arm.planned == target):
                 if arm.is_stationary:
                     self._begin(call, target)
