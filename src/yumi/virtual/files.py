@@ -104,7 +104,10 @@ class FileStore(MutableMapping[str, str]):
         known = self._files.get(_key(path))
         if known is not None and known.content is None:
             raise Refused(Refusal.BAD_VALUE, f"{path} is a directory.")
-        self._check_space(len(content) - (0 if known is None else _size(known)))
+        if known is None:
+            self._check_space(len(content))
+        else:
+            self._check_space(len(content) - _size(known), files=0)
         self.make_directory(_clean(path).rpartition("/")[0])
         self._put(path, content)
         return known is None

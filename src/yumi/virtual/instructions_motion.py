@@ -49,9 +49,8 @@ class MotionInstructions:
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
         self._remember_frames(call)
         self._begin(call, target)
-        is_second, self._moved_at = self._moved_at == call.task.now, call.task.now
         try:
-            if is_second:
+            if self._moved_at == call.task.now:
                 yield None
             while not (arm.is_stationary and arm.planned == target):
                 if arm.is_stationary:
@@ -61,6 +60,7 @@ class MotionInstructions:
             arm.stop()
             raise
         self._station.has_moved = True
+        self._moved_at = call.task.now
 
     def refuse(self, call: Call) -> None:
         """Cartesian motions need inverse kinematics, which the virtual controller does not have."""
