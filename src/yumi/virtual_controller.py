@@ -13,6 +13,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from queue import Queue
 from threading import Event as Flag
 from threading import Lock, Thread
 from typing import TypeVar
@@ -106,6 +107,7 @@ class Pace:
 _SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
+_LONG_WORK = 0.1  # [s] of work in the background, after which there is so much new that the collector leaves it alone
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
 
@@ -114,25 +116,35 @@ class Background:
     """Does long work in a thread of its own, one piece after another, while the robot goes on."""
 
     def __init__(self) -> None:
-        self._turn = Lock()
+        self._work: Queue[Callable[[], None]] = Queue()
+        # It does not keep the process from ending: parsing a long module takes seconds.
+        self._thread = Thread(target=self._run, name="background", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
 
     def submit(self, work: Callable[[], T]) -> Future[T]:
         """What ``work`` will have returned or raised."""
         result: Future[T] = Future()
-        # A thread that does not keep the process from ending: parsing a long module takes seconds.
-        Thread(target=self._do, args=(work, result), name="background", daemon=True).start()
+        self._work.put(partial(_done, work, result))
         return result
 
-    def _do(self, work: Callable[[], T], result: Future[T]) -> None:
-        with self._turn:
-            gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
-            try:
-                result.set_result(work())
-            except Exception as error:  # whoever waits for it gets it
-                result.set_exception(error)
-            finally:
-                gc.freeze()
-                gc.enable()
+    def _run(self) -> None:
+        while True:
+            self._work.get()()
+
+
+def _done(work: Callable[[], T], result: Future[T]) -> None:
+    begin = time.monotonic()
+    gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
+    try:
+        result.set_result(work())
+    except Exception as error:  # whoever waits for it gets it
+        result.set_exception(error)
+    finally:
+        if time.monotonic() - begin > _LONG_WORK:
+            gc.freeze()
+        gc.enable()
 
 
 class VirtualController:
@@ -168,6 +180,7 @@ class VirtualController:
             NoConnection: the port is taken.
         """
         prefer_process()
+        self._background.start()
         try:
             with brisk_threads(), self._server as server:
                 on_ready(server.port)

@@ -132,11 +132,26 @@ PATHS = (
     *("/rw/rapid/symbol/data/RAPID/T_ROB_L/TRobMain/current_state", "/rw/rapid/symbol/data/RAPID/T_ROB_L/TRobEGM/x{1}"),
     *("/rw/rapid/symbol/properties/RAPID/T_ROB_R/TRobEGM/settings", "/rw/iosystem/signals", "/rw/elog/0"),
     *("/rw/iosystem/signals/EGM_STOP", "/rw/motionsystem/mechunits/ROB_L/jointtarget", "/rw/mastership/rapid"),
+    *("/rw/iosystem/signals/hand_CmdGripper_L", "/rw/iosystem/signals/hand_MaxSpeed_R"),
     *("/fileservice", "/fileservice/$home", "/fileservice/$home/yumi/TRobMain.mod", "/subscription", "/poll/1"),
 )
 ACTIONS = ("set", "show", "start", "stop", "resetpp", "loadmod", "unloadmod", "setctrlstate", "clear", "request", "x")
 NAMES = ("value", "lvalue", "ctrl-state", "speed-ratio", "modulepath", "module", "replace", "resources", "1", "1-p")
-VALUES = ("", "0", "1", "-1", "1e999", "9" * 5000, "-" * 5000, "[" * 3000, "TRUE", "motoron", "HOME:/yumi/TRobMain.mod")
+VALUES = (
+    "",
+    "0",
+    "1",
+    "7",
+    "-1",
+    "1e30",
+    "1e999",
+    "9" * 5000,
+    "-" * 5000,
+    "[" * 3000,
+    "TRUE",
+    "motoron",
+    "HOME:/yumi/TRobMain.mod",
+)
 odd = st.text(st.characters(codec="latin-1"), max_size=20) | st.sampled_from(
     ("\udcff", "%ff", "%", "..", "\u0663", "\x00")
 )

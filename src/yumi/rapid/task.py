@@ -43,6 +43,7 @@ LONGEST_PROGRAM = 2_000_000  # characters in all modules together
 MOST_DATA = 5_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
 MOST_BOOKED = 500  # error numbers
+LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
 FATAL = 0.0  # the number of an error that no handler may take
 
@@ -423,6 +424,8 @@ class Task:
         if "{" not in symbol:
             return datum
         scope = Scope(self.program, self._module(module))
+        if len(symbol) > LONGEST_REFERENCE:
+            raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
         try:
             place = Places(Expressions(scope)).place(parse_reference(symbol))[0](CONSTANT_FRAME)
         except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:

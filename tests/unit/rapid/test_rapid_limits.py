@@ -12,7 +12,7 @@ import pytest
 from rapid_bench import Bench, error_of, evaluated, started
 
 from yumi.rapid import InstructionSet
-from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError
+from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
 from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
 from yumi.rapid.machine import COMPILED_AT_ONCE
@@ -115,6 +115,12 @@ def test_value_that_is_very_long_is_refused() -> None:
     bench = started("", "VAR num x;")
     with pytest.raises(RapidValueError, match="a value has up to 16000 characters"):
         bench.task.write("M", "x", "1+" * 20_000 + "1")
+
+
+def test_reference_that_is_very_long_is_unknown() -> None:
+    bench = started("", "VAR num a{3};")
+    with pytest.raises(UnknownSymbol, match="up to 100 characters"):
+        bench.read(f"a{{1{'+0' * 50}}}")
 
 
 # Modules
