@@ -116,12 +116,16 @@ class Background:
     """Does long work in a thread of its own, one piece after another, while the robot goes on."""
 
     def __init__(self) -> None:
-        self._work: Queue[Callable[[], None]] = Queue()
+        self._work: Queue[Callable[[], None] | None] = Queue()
         # It does not keep the process from ending: parsing a long module takes seconds.
         self._thread = Thread(target=self._run, name="background", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
+
+    def stop(self) -> None:
+        """Do nothing more; what is under way goes on."""
+        self._work.put(None)
 
     def submit(self, work: Callable[[], T]) -> Future[T]:
         """What ``work`` will have returned or raised."""
@@ -130,11 +134,13 @@ class Background:
         return result
 
     def _run(self) -> None:
-        while True:
-            self._work.get()()
+        while (work := self._work.get()) is not None:
+            work()
 
 
 def _done(work: Callable[[], T], result: Future[T]) -> None:
+    if not result.set_running_or_notify_cancel():  # the client is gone
+        return
     begin = time.monotonic()
     gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
     try:
@@ -189,6 +195,7 @@ class VirtualController:
                     self._cycle()
                     pace.wait()
         finally:
+            self._background.stop()
             release_process()
             for link in self._links.values():
                 link.close()

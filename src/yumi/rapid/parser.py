@@ -60,7 +60,6 @@ TOO_DEEP = "the text is nested too deeply: divide long expressions and statement
 LONGEST_MODULE = 500_000  # characters; a longer one takes more memory than the rest of the controller
 
 
-@functools.lru_cache(maxsize=32)
 def parse_module(text: str, filename: str) -> Module:
     """Parse one module.
 
@@ -70,7 +69,7 @@ def parse_module(text: str, filename: str) -> Module:
     if len(text) > LONGEST_MODULE:
         sentence = f"a module has up to {LONGEST_MODULE} characters, this one has {len(text)}: divide it."
         raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
-    module: Module = _parse(text, "module", filename)
+    module: Module = _remembered(text, "module", filename)
     return module.read_from(filename, len(text))
 
 
@@ -85,12 +84,11 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
 LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
 
 
-@functools.lru_cache(maxsize=32)
 def parse_expression(text: str, filename: str = "<value>") -> Expression:
     if len(text) > LONGEST_EXPRESSION:
         sentence = f"a value has up to {LONGEST_EXPRESSION} characters, this one has {len(text)}."
         raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
-    expression: Expression = _parse(text, "expression", filename)
+    expression: Expression = _remembered(text, "expression", filename)
     return expression
 
 
@@ -111,6 +109,22 @@ def _language() -> Lark:
         propagate_positions=True,
         maybe_placeholders=True,
     )
+
+
+def _remembered(text: str, start: str, filename: str) -> Any:
+    """What the text was parsed to before, a syntax error too: who asks again does not wait again."""
+    result = _result(text, start, filename)
+    if isinstance(result, RapidSyntaxError):
+        raise result.with_traceback(None)
+    return result
+
+
+@functools.lru_cache(maxsize=64)
+def _result(text: str, start: str, filename: str) -> Any:
+    try:
+        return _parse(text, start, filename)
+    except RapidSyntaxError as error:
+        return error
 
 
 def _parse(text: str, start: str, filename: str) -> Any:

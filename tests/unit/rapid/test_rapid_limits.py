@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 from rapid_bench import Bench, error_of, evaluated, started
 
-from yumi.rapid import InstructionSet
+from yumi.rapid import InstructionSet, parser
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
 from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
@@ -172,6 +172,17 @@ def test_value_of_many_signs_is_no_value() -> None:
     bench = started("", "VAR num x;")
     with pytest.raises(RapidValueError, match="nested too deeply"):
         bench.task.write("M", "x", "-" * 5000 + "1")
+
+
+@pytest.mark.parametrize("text", ["MODULE once ENDMODULE", "MODULE once PROC ENDMODULE"])
+def test_text_is_parsed_once_whether_it_is_a_module_or_not(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with suppress(RapidSyntaxError):
+        parse_module(text, "once.mod")
+    parsed: list[object] = []
+    monkeypatch.setattr(parser, "_parse", lambda *arguments: parsed.append(arguments))
+    with suppress(RapidSyntaxError):
+        parse_module(text, "once.mod")
+    assert parsed == []
 
 
 # Time
