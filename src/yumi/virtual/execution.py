@@ -159,6 +159,8 @@ class RapidExecution:
         reason = f"{task} has stopped: {event.sentence}"
         if event.kind not in _OF_ITS_OWN_TASK or self._none_runs():
             self.stop(reason)
+        elif event.kind is EventKind.STOP:
+            self._events.append(10125, "Program stopped", reason)
         if event.kind is EventKind.SYSTEM_STOP_BLOCK:
             for each in self.tasks.values():
                 each.lose_pp()

@@ -230,6 +230,7 @@ def test_stop_stops_its_own_task_only(world: World, running: Irc5) -> None:
     assert running.is_running
     states = {name: task.execution for name, task in running.tasks.items()}
     assert states == {"T_ROB_R": Execution.STARTED, "T_ROB_L": Execution.STOPPED}
+    assert (codes(running)[0], "T_ROB_L was stopped by" in running.events.entries()[0].description) == (10125, True)
 
 
 def test_task_that_stopped_alone_is_started_again_beside_the_other(world: World, running: Irc5) -> None:
