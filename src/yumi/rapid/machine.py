@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DEEPEST_STACK = 250
 COMPILED_AT_ONCE = 40  # statements, about 2 ms; what is left of a longer routine is compiled in the following cycles
-STEPS_BETWEEN_LOOKS = 8  # at the clock, which takes a third of a step
+STEPS_BETWEEN_LOOKS = 8  # at the clock, which takes as long as a step; after an instruction it is looked at at once
 
 
 class Machine:
@@ -39,6 +39,7 @@ class Machine:
         self.instant = 0
         self.budget = 0
         self.deadline = math.inf
+        self.until_look = 0
 
     # Running ------------------------------------------------------------------------------------------------------
 
@@ -59,8 +60,11 @@ class Machine:
 
     def is_exhausted(self) -> bool:
         """Whether this advance has computed enough; the budget is used up then."""
-        if self.budget > 0 and self.budget % STEPS_BETWEEN_LOOKS == 0 and self.task.clock() > self.deadline:
-            self.budget = 0
+        self.until_look -= 1
+        if self.until_look < 0:
+            self.until_look = STEPS_BETWEEN_LOOKS - 1
+            if self.task.clock() > self.deadline:
+                self.budget = 0
         return self.budget <= 0
 
     def _look(self, frame: Frame) -> bool:

@@ -272,6 +272,10 @@ class Task:
         if self.is_running:
             self._machine.interrupts.signal_changed(name, old, new)
 
+    def instruction_used(self) -> None:
+        """Some instructions and functions take as long as a hundred steps."""
+        self._machine.until_look = 0
+
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
         found = self.program.find(name, self._machine.frames[-1].routine.module)

@@ -203,6 +203,22 @@ def test_endless_loop_takes_its_share_of_time_only() -> None:
     assert 0 < float(bench.read("n")) - before < STEPS_PER_ADVANCE / 20
 
 
+def test_clock_is_looked_at_after_each_instruction() -> None:
+    """One that takes as long as its share allows is the only one in a cycle."""
+    library, clock = InstructionSet(), StepClock(0.0)
+
+    @library.function("Slow", "", "num")
+    def slow(call: Call) -> float:
+        clock.now += 2.0 * TIME_PER_ADVANCE
+        return 1.0
+
+    bench = Bench("WHILE TRUE DO n := n + Slow(); ENDWHILE", "VAR num n;", library)
+    bench.task.clock = clock
+    bench.start()
+    bench.run(0.04)
+    assert float(bench.read("n")) <= 11
+
+
 def test_program_that_is_out_of_time_goes_on_in_the_next_cycle() -> None:
     bench = Bench("FOR i FROM 1 TO 1000 DO n := n + 1; ENDFOR", "VAR num n;")
     bench.task.clock = StepClock(TIME_PER_ADVANCE / 10.0)
