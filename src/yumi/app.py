@@ -59,7 +59,7 @@ from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.stops import StopLog
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
-from yumi.links.realtime import brisk_threads, settle_memory
+from yumi.links.realtime import brisk_threads, release_process, settle_memory
 from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
@@ -306,6 +306,7 @@ def run_driver(
         ros.tell(event)
 
     with brisk_threads(), ExitStack() as stack:
+        stack.callback(release_process)
         for only in (_only_in_ros_domain(), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)

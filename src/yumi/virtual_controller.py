@@ -1,27 +1,42 @@
-"""The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock."""
+"""The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock.
+
+What takes longer than a cycle may wait (parsing and compiling RAPID) is done in a third, which holds the lock for a
+millisecond at most.
+"""
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from queue import Queue
 from threading import Event as Flag
-from threading import Lock
+from threading import Lock, Thread
+from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
-from yumi.links.realtime import brisk_threads, prefer_process
+from yumi.links.realtime import brisk_threads, prefer_process, release_process
 from yumi.links.udp import UdpClient
+from yumi.rapid.errors import RapidSyntaxError
+from yumi.rapid.parser import parse_expression, parse_module
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
+from yumi.rws import forms
 from yumi.virtual.fault_desk import PATH, FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.vacuum_cup import CupObject
 from yumi.virtual.world import World, WorldSettings
+
+T = TypeVar("T")
 
 
 def world_settings(
@@ -89,6 +104,55 @@ class Pace:
             self._due = self._clock.now()
 
 
+_SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
+_LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
+_LARGEST_FORM = 256 * 1024  # bytes
+_LONG_WORK = 0.1  # [s] of work in the background, after which there is so much new that the collector leaves it alone
+_LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
+_LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
+
+
+class Background:
+    """Does long work in a thread of its own, one piece after another, while the robot goes on."""
+
+    def __init__(self) -> None:
+        self._work: Queue[Callable[[], None] | None] = Queue()
+        # It does not keep the process from ending: parsing a long module takes seconds.
+        self._thread = Thread(target=self._run, name="background", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Do nothing more; what is under way goes on."""
+        self._work.put(None)
+
+    def submit(self, work: Callable[[], T]) -> Future[T]:
+        """What ``work`` will have returned or raised."""
+        result: Future[T] = Future()
+        self._work.put(partial(_done, work, result))
+        return result
+
+    def _run(self) -> None:
+        while (work := self._work.get()) is not None:
+            work()
+
+
+def _done(work: Callable[[], T], result: Future[T]) -> None:
+    if not result.set_running_or_notify_cancel():  # the client is gone
+        return
+    begin = time.monotonic()
+    gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
+    try:
+        result.set_result(work())
+    except Exception as error:  # whoever waits for it gets it
+        result.set_exception(error)
+    finally:
+        if time.monotonic() - begin > _LONG_WORK:
+            gc.freeze()
+        gc.enable()
+
+
 class VirtualController:
     """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
 
@@ -106,7 +170,13 @@ class VirtualController:
         self.world = World(settings)
         self._adapter = RwsAdapter(self.world.controller, user=user, password=password, hang_up=self._hang_up)
         self._faults = FaultDesk(self.world, self._adapter)
-        self._server = HttpServer(self._handle, host=host, port=rws_port)
+        self._server = HttpServer(
+            self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
+        )
+        self._background = Background()
+        for task in self.world.controller.tasks.values():
+            task.clock = time.thread_time  # what other threads and processes take is not the program's fault
+            task.parsed = lambda text, path: self._background.submit(partial(parse_module, text, path))
         self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
@@ -116,14 +186,19 @@ class VirtualController:
             NoConnection: the port is taken.
         """
         prefer_process()
-        with brisk_threads(), self._server as server:
-            on_ready(server.port)
-            pace = Pace(self._clock)
-            while not is_over.is_set():
-                self._cycle()
-                pace.wait()
-        for link in self._links.values():
-            link.close()
+        self._background.start()
+        try:
+            with brisk_threads(), self._server as server:
+                on_ready(server.port)
+                pace = Pace(self._clock)
+                while not is_over.is_set():
+                    self._cycle()
+                    pace.wait()
+        finally:
+            self._background.stop()
+            release_process()
+            for link in self._links.values():
+                link.close()
 
     def _cycle(self) -> None:
         inboxes = {side: link.receive() for side, link in self._links.items()}
@@ -143,9 +218,55 @@ class VirtualController:
             answer = self._adapter.handle(request, self._clock.now())
         return answer if not isinstance(answer, Upgrade) else replace(answer, attach=self._locked(answer.attach))
 
+    def _body_limit(self, request: HttpRequest) -> int:
+        """Strangers' bodies are not read."""
+        if request.target.startswith(PATH):
+            return _LARGEST_FORM
+        with self._lock:
+            if not self._adapter.knows(request, self._clock.now()):
+                return 0
+        return _LARGEST_UPLOAD if request.method == "PUT" else _LARGEST_FORM
+
+    def _prepare(self, request: HttpRequest) -> Future[object] | None:
+        """Begin what is too long for the world to stand still: parsing a module or a long value, compiling.
+
+        The answer then finds it done; whatever is wrong with it, it finds and says again.
+        """
+        query = request.target.partition("?")[2].split("&")
+        if request.method != "POST" or not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
+            return None
+        with self._lock:
+            if not self._adapter.knows(request, self._clock.now()):
+                return None
+        form = forms.decode(request.body.decode("utf-8", "replace"))
+        if _LOAD_MODULE in query:
+            path = forms.first(form, "modulepath") or ""
+            text = self.world.controller.files.get(path)
+            return None if text is None else self._background.submit(partial(_tried, parse_module, text, path))
+        if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
+            value = forms.first(form, "value") or ""
+            return self._background.submit(partial(_tried, parse_expression, value))
+        return self._background.submit(self._compile) if _RESET_PP in query else None
+
+    def _compile(self) -> None:
+        """Compile the programs as they stand, a millisecond at a time."""
+        for task in self.world.controller.tasks.values():
+            steps, is_done = task.compiling(), False
+            while not is_done:
+                with self._lock:
+                    end = self._clock.now() + _SLICE
+                    is_done = all(self._clock.now() < end for _ in steps)
+                self._clock.wait(_SLICE)
+
     def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
         def attach_locked(channel: Channel) -> None:
             with self._lock:
                 attach(channel)
 
         return attach_locked
+
+
+def _tried(parse: Callable[..., object], *arguments: str) -> None:
+    """Parse, so that the result is at hand for whoever asks next; an error they will get again."""
+    with suppress(RapidSyntaxError):
+        parse(*arguments)

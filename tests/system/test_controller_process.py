@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from http.client import HTTPConnection
 from pathlib import Path
 from queue import Queue
 
@@ -11,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from yumi.cli import main
-from yumi.errors import NoConnection
+from yumi.errors import ControllerRefused, NoConnection
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.command import Command
 from yumi.rws.states import ControllerState
@@ -59,6 +60,66 @@ def state_as_soon_as_it_is_back(client: RwsClient) -> ControllerState | None:
 def test_running_controller_takes_a_fault_and_tells_of_it(address: str, told: Queue[Change | str]) -> None:
     assert fault(address, "motors-off") == "motors-off: done\n"
     assert told.get(timeout=PATIENCE) == Change(CONTROLLER_STATE.path, {"ctrlstate": "motoroff"})
+
+
+def test_stranger_is_answered_before_the_body_has_come(address: str) -> None:
+    with closing(HTTPConnection(address, timeout=PATIENCE)) as stranger:
+        stranger.putrequest("PUT", "/fileservice/$home/x.mod")
+        stranger.putheader("Content-Length", "60000000")
+        stranger.endheaders(b"x" * 100_000)
+        assert stranger.getresponse().status == 401
+
+
+def test_upload_is_limited_and_the_connection_goes_on(address: str, client: RwsClient) -> None:
+    client.upload("HOME:/large.mod", "!" * 1_000_000)
+    with pytest.raises(ControllerRefused, match="413"):
+        client.upload("HOME:/larger.mod", "!" * 17_000_000)
+    assert client.controller_state() in ControllerState
+
+
+def test_fault_under_a_strange_name_is_refused(address: str) -> None:
+    with closing(HTTPConnection(address, timeout=PATIENCE)) as page:
+        page.request("POST", "/virtual/faults/emergency-stop", headers={"Host": "evil.example"})
+        assert page.getresponse().status == 403
+
+
+@pytest.mark.parametrize("value", ["-" * 5000 + "1", "1+" * 5000 + "1"])
+def test_value_that_is_nested_too_deeply_is_refused(client: RwsClient, value: str) -> None:
+    with pytest.raises(ControllerRefused, match="400"):
+        client.set_symbol("T_ROB_L", "TRobMain", "idle_counter", value)
+
+
+def test_module_that_is_nested_too_deeply_is_refused(client: RwsClient) -> None:
+    client.upload("HOME:/deep.mod", f"MODULE deep PROC d() {'IF TRUE THEN ' * 2000}{'ENDIF ' * 2000} ENDPROC ENDMODULE")
+    with pytest.raises(ControllerRefused, match="400, SYNTAX"):
+        client.load_module("T_ROB_L", "HOME:/deep.mod")
+
+
+def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
+    """Not with the complaints of libraries about what was frozen for the collector and never freed."""
+    log = tmp_path / "log"
+    with Command("controller", ["controller", "--rws-port", "0"], log) as command:
+        address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
+        with RwsClient(address) as client:
+            client.set_motors(True)
+            client.move_pp_to_main()
+            client.start_rapid()
+            asked_until(lambda: client.symbol("T_ROB_R", "TRobMain", "current_state") == "0")
+            before = client.joint_target("ROB_R")
+            client.set_symbol("T_ROB_R", "TRobRAPID", "move_jointtarget_input", BENT)
+            client.set_symbol("T_ROB_R", "TRobRAPID", "routine_name_input", '"runMoveAbsJ"')
+            client.pulse_signal("RUN_RAPID_ROUTINE")
+            asked_until(lambda: client.joint_target("ROB_R") != before)
+    assert command.exit_code == 0
+    assert log.read_text().splitlines() == [f"yumi is up: http://{address}"]
+
+
+BENT = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
+
+
+def asked_until(condition: Callable[[], bool]) -> None:
+    """Ask again and again; the client's pace makes the attempts last some seconds."""
+    assert any(condition() for _ in range(200))
 
 
 def test_running_controller_comes_back_after_a_restart(

@@ -10,7 +10,9 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
+from yumi.rws.codes import Code
 from yumi.rws.states import ControllerState, OperatingMode
+from yumi.virtual.files import CAPACITY
 
 FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 SYMBOL = "/rw/rapid/symbol/data/RAPID/T_ROB_R"
@@ -321,6 +323,12 @@ def test_motors_stay_off_in_emergency_stop(client: httpx.Client, controller: Pla
     controller.controller_state = ControllerState.EMERGENCY_STOP
     response = post(client, "/rw/panel/ctrlstate?action=setctrlstate&json=1", "ctrl-state=motoron")
     assert code(response) == (403, -1073435887)
+
+
+def test_upload_to_a_full_disk_is_refused(client: httpx.Client, controller: PlainController) -> None:
+    controller.files.write("TEMP:/big", bytes(CAPACITY - 100))
+    response = client.put("/fileservice/$home/more.mod?json=1", content=b"x" * 101)
+    assert code(response) == (507, Code.MAX_LIMIT_REACHED)
 
 
 def test_body_that_is_no_form_is_refused(client: httpx.Client) -> None:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import socket
+import tracemalloc
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 
 import pytest
@@ -48,6 +52,64 @@ def test_body_arrives_as_it_was_sent() -> None:
 
 def test_body_may_be_as_long_as_a_program() -> None:
     assert len(heard("/", b"x" * 5_000_000, method="PUT").body) == 5_000_000
+
+
+def test_body_that_is_too_long_is_refused_unread() -> None:
+    with HttpServer(lambda _: HttpReply(204), port=0, body_limit=lambda _: 1000) as server:
+        assert answered(server, b"x" * 1000) == 204
+        assert answered(server, b"x" * 1001) == 413
+        assert answered(server, iter([b"x" * 600] * 2)) == 413  # in chunks, its length untold
+
+
+def answered(server: HttpServer, body: bytes | Iterator[bytes]) -> int:
+    with closing(HTTPConnection(server.address, timeout=5.0)) as connection:
+        connection.request("PUT", "/", body=body)
+        return connection.getresponse().status
+
+
+def test_stranger_is_answered_before_the_body_has_come() -> None:
+    bodies: list[bytes] = []
+
+    def handle(request: HttpRequest) -> HttpReply:
+        bodies.append(request.body)
+        return HttpReply(401)
+
+    with (
+        HttpServer(handle, port=0, body_limit=lambda _: 0) as server,
+        socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as end,
+    ):
+        end.sendall(b"PUT / HTTP/1.1\r\nHost: x\r\nContent-Length: 60000000\r\n\r\n" + b"x" * 100_000)
+        assert end.recv(100).startswith(b"HTTP/1.1 401 ")
+    assert bodies == [b""]
+
+
+def test_unfinished_bodies_of_strangers_take_no_memory() -> None:
+    head = b"PUT / HTTP/1.1\r\nHost: x\r\nContent-Length: 60000000\r\n\r\n"
+    with HttpServer(lambda _: HttpReply(401), port=0, body_limit=lambda _: 0) as server, ExitStack() as stack:
+        tracemalloc.start()
+        for _ in range(5):
+            end = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=5.0))
+            end.sendall(head + b"x" * 10_000_000)
+            assert end.recv(100).startswith(b"HTTP/1.1 401 ")
+        used, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert used < 20_000_000  # of 50 that were sent, and 10 of them are the test's
+
+
+def test_answer_waits_for_its_preparation_while_others_are_answered() -> None:
+    pending: Future[object] = Future()
+    with (
+        HttpServer(
+            lambda request: HttpReply(204),
+            port=0,
+            prepare=lambda request: pending if request.target == "/long" else None,
+        ) as server,
+        closing(HTTPConnection(server.address, timeout=5.0)) as slow,
+    ):
+        slow.request("POST", "/long")
+        assert answered(server, b"") == 204
+        pending.set_result(None)
+        assert slow.getresponse().status == 204
 
 
 def test_header_is_found_in_any_case() -> None:

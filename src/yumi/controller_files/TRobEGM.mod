@@ -1,4 +1,4 @@
-MODULE TRobEGM(SYSMODULE)
+MODULE TRobEGM
     ! Externally Guided Motion of one YuMi arm. An edge starts or stops an action on both arms at once; write
     ! allow_egm_motions FALSE into the settings of the arm that shall stand still.
 

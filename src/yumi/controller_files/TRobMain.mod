@@ -1,4 +1,4 @@
-MODULE TRobMain(SYSMODULE)
+MODULE TRobMain
     ! The state machine of one arm. Requests arrive as rising edges of I/O signals; the traps that receive them set
     ! the new state and raise CHANGE_STATE, a long jump that abandons whatever the loop below was waiting in.
 

@@ -1,4 +1,4 @@
-MODULE TRobRAPID(SYSMODULE)
+MODULE TRobRAPID
     ! Runs RAPID routines by name: write the inputs and routine_name_input, then raise RUN_RAPID_ROUTINE.
     ! Both arms see the same edge; the arm whose name is empty does nothing.
 

@@ -1,4 +1,4 @@
-MODULE TRobSG(SYSMODULE)
+MODULE TRobSG
     ! Commands to the Smart Gripper of one arm: write command_input (and target_position_input), then raise
     ! RUN_SG_ROUTINE. Both arms see the edge; an arm with COMMAND_NONE does nothing. The trap does the work itself, so
     ! the gripper obeys in any state, also while EGM moves the arm.

@@ -1,4 +1,4 @@
-MODULE TRobUtility(SYSMODULE)
+MODULE TRobUtility
     ! What the other modules share: who this arm is, where its base and its calibration marks are, and how
     ! messages begin. Loaded once per motion task, so every value here belongs to one arm.
 

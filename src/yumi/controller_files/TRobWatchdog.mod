@@ -1,7 +1,7 @@
-MODULE TRobWatchdog(SYSMODULE)
+MODULE TRobWatchdog
     ! Stops the program when whoever guides the arm falls silent, or asks for it. A client writes TRUE into active and
     ! check_external_status, then sets WD_EXTERNAL_STATUS to 1 again and again; it is taken back here, so that each 1 is
-    ! an edge. WD_STOP_REQUEST stops the program at once. Neither replaces an emergency stop.
+    ! an edge. WD_STOP_REQUEST stops both arms and the program at once. Neither replaces an emergency stop.
 
     VAR bool active:=FALSE;
     VAR bool check_external_status:=FALSE;
@@ -63,7 +63,8 @@ MODULE TRobWatchdog(SYSMODULE)
     LOCAL PROC stopProgram(string reason)
         TPWrite MSG_WATCHDOG+reason;
         ErrWrite "Stopped by the watchdog",reason\RL2:=GetTaskName();
-        Stop;
+        ! Stop would wait for the end of the movement, which one that EGM guides does not have.
+        SystemStopAction\Stop;
     ENDPROC
 
     LOCAL PROC restartClock(VAR clock watch)

@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from types import TracebackType
 
 from aiohttp import web
@@ -20,6 +21,12 @@ Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
 PING = 30.0
 """A WebSocket's client is asked so often whether it lives (reference/rws.md §14.2) [s]."""
 
+BodyLimit = Callable[[HttpRequest], int]
+"""How long a request's body may be [bytes], told from its head; 0 leaves it unread."""
+
+Preparation = Callable[[HttpRequest], "Future[object] | None"]
+"""Begins what a request needs and takes long; the handler is called when it is done. None for nothing."""
+
 _MAX_BODY = 64 * 1024 * 1024
 _KEEP_ALIVE = 300.0  # [s]
 _LAST_WORDS = 0.02  # [s]
@@ -31,11 +38,28 @@ class HttpServer:
 
     The handler is called on the server's thread, one request at a time; it must answer at once. Port 0 lets
     the system choose: read ``port`` after the start. A server starts once.
+
+    Args:
+        handler: answers.
+        port: to listen on.
+        host: address to listen on.
+        body_limit: asked before a body is read; a longer one is answered with 413.
+        prepare: called before the handler.
     """
 
-    def __init__(self, handler: Handler, port: int, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self,
+        handler: Handler,
+        port: int,
+        host: str = "127.0.0.1",
+        *,
+        body_limit: BodyLimit = lambda request: _MAX_BODY,
+        prepare: Preparation = lambda request: None,
+    ) -> None:
         self.port = port
         self._handler = handler
+        self._body_limit = body_limit
+        self._prepare = prepare
         self._host = host
         self._listening: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
         self._thread = threading.Thread(target=self._run, name="http-server", daemon=True)
@@ -101,15 +125,20 @@ class HttpServer:
             await runner.cleanup()
 
     async def _runner(self) -> web.AppRunner:
-        application = web.Application(client_max_size=_MAX_BODY)
+        application = web.Application()
         application.router.add_route("*", "/{path:.*}", self._answer)
         runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
         await runner.setup()
         return runner
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
-        body = await request.read()
-        answer = self._handler(_incoming(request, body))
+        head = _incoming(request)
+        body = await _body(request, self._body_limit(head)) if request.can_read_body else b""
+        incoming = replace(head, body=body)
+        preparation = self._prepare(incoming)
+        if preparation is not None:
+            await asyncio.wrap_future(preparation)
+        answer = self._handler(incoming)
         if isinstance(answer, Upgrade):
             return await _upgraded(request, answer)
         if answer is None:
@@ -136,8 +165,26 @@ async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamRespons
     return response
 
 
-def _incoming(request: web.Request, body: bytes) -> HttpRequest:
+async def _body(request: web.Request, limit: int) -> bytes:
+    """The body, if it may be as long as it is; what is not read the server lets go by.
+
+    Raises:
+        HTTPRequestEntityTooLarge: it is longer.
+    """
+    if limit == 0:
+        return b""
+    body, length = bytearray(), request.content_length or 0
+    while length <= limit:
+        part = await request.content.readany()
+        if not part:
+            return bytes(body)
+        body += part
+        length = max(length, len(body))
+    raise web.HTTPRequestEntityTooLarge(limit, length, text=f"A body may have {limit} bytes here.")
+
+
+def _incoming(request: web.Request) -> HttpRequest:
     headers = tuple((name, value) for name, value in request.headers.items())
     transport = request.transport
     host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
-    return HttpRequest(request.method, request.raw_path, headers, body, f"{host}:{port}")
+    return HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")

@@ -7,7 +7,10 @@ import itertools
 import math
 from collections.abc import Callable
 
+from yumi.rapid.errors import RapidRuntimeError
+
 Action = Callable[[], None]
+MOST_ACTIONS = 1000
 
 
 class Agenda:
@@ -18,6 +21,13 @@ class Agenda:
         self._order = itertools.count()
 
     def add(self, time: float, action: Action) -> None:
+        """Have an action done at a task time [s].
+
+        Raises:
+            RapidRuntimeError: ERR_EXECPHR, too many wait already.
+        """
+        if len(self._entries) >= MOST_ACTIONS:
+            raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_ACTIONS} delayed outputs and pulses are under way already.")
         heapq.heappush(self._entries, (time, next(self._order), action))
 
     @property

@@ -10,6 +10,7 @@ from yumi.rapid.library import Call, Library
 from yumi.rapid.types import ArrayType, resolved
 
 MATHS = Library(DATA)
+MOST_DECIMALS = 15  # what a dnum has
 
 
 @MATHS.function("Abs", "num Value", "num")
@@ -24,16 +25,24 @@ def absolute_dnum(call: Call) -> float:
 
 @MATHS.function("Round", r"num Val, \num Dec", "num")
 def rounded(call: Call) -> float:
-    scale = 10.0 ** call.get("Dec", 0.0)
+    scale = 10.0 ** _decimals(call)
     nearest = math.floor(abs(call["Val"]) * scale + 0.5)
     return math.copysign(nearest, call["Val"]) / float(scale)
 
 
 @MATHS.function("Trunc", r"num Val, \num Dec", "num")
 def truncated(call: Call) -> float:
-    scale = 10.0 ** call.get("Dec", 0.0)
+    scale = 10.0 ** _decimals(call)
     value: float = math.trunc(call["Val"] * scale) / scale
     return value
+
+
+def _decimals(call: Call) -> float:
+    decimals: float = call.get("Dec", 0.0)
+    if not 0 <= decimals == decimals // 1 <= MOST_DECIMALS:
+        sentence = f"{call.name} takes a whole number of decimals, 0 to {MOST_DECIMALS}, not {decimals:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    return decimals
 
 
 @MATHS.function("Sqrt", "num Value", "num")

@@ -6,7 +6,7 @@ from yumi.rapid.builtin_data import DATA
 from yumi.rapid.errors import RapidRuntimeError, RapidValueError
 from yumi.rapid.library import Call, Library
 from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.types import STRING, resolved
+from yumi.rapid.types import LONGEST_STRING, STRING, resolved, value_count
 
 STRINGS = Library(DATA)
 
@@ -22,12 +22,23 @@ def dnum_to_string(call: Call) -> str:
 
 
 def _number_text(call: Call) -> str:
-    return f"{call['Val']:.{max(0, int(call['Dec']))}{'E' if call.present('Exp') else 'f'}}"
+    return f"{call['Val']:.{_decimals(call)}{'E' if call.present('Exp') else 'f'}}"
+
+
+def _decimals(call: Call) -> int:
+    decimals: float = call["Dec"]
+    if not 0 <= decimals == decimals // 1 <= LONGEST_STRING:
+        sentence = f"{call.name} takes a whole number of decimals, 0 to {LONGEST_STRING}, not {decimals:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    return int(decimals)
 
 
 @STRINGS.function("ValToStr", "anytype Val", "string")
 def value_to_string(call: Call) -> str:
     type_, value = call.place("Val").type, call["Val"]
+    if value_count(type_) > LONGEST_STRING:
+        sentence = f"{value_count(type_)} values do not fit into the {LONGEST_STRING} characters of a string."
+        raise RapidRuntimeError("ERR_STRTOOLNG", sentence)
     return str(value) if resolved(type_) == STRING else format_value(type_, value)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtin_data import DATA
-from yumi.rapid.errors import RapidReferenceError, RapidRuntimeError, RapidSyntaxError
-from yumi.rapid.host import Severity
+from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError
+from yumi.rapid.host import EventKind, Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
-from yumi.rapid.library import Call, Library
+from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.literals import format_value
 
 SYSTEM = Library(DATA)
@@ -167,8 +167,25 @@ def book_error_number(call: Call) -> None:
 
 
 @SYSTEM.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
-def stop(call: Call) -> None:
-    call.task.stopped_by_program()
+def stop(call: Call) -> Wait:
+    r"""A movement under way is finished first, which one that EGM guides never is; other tasks go on.
+
+    RAPID reference manual, Stop: without \AllMoveTasks only the task that executes it stops.
+    """
+    while not call.task.in_position():
+        yield None
+    call.task.stopped_by_program(EventKind.STOP_ALL_TASKS if call.present("AllMoveTasks") else EventKind.STOP)
+
+
+@SYSTEM.instruction("SystemStopAction", r"\switch Stop | \switch StopBlock | \switch Halt")
+def stop_system(call: Call) -> None:
+    r"""Program and movements of all motion tasks stop at once, whatever guides them.
+
+    RAPID reference manual, SystemStopAction: after \StopBlock the program pointers have to be moved, after \Halt the
+    motors are off.
+    """
+    kinds = {"StopBlock": EventKind.SYSTEM_STOP_BLOCK, "Halt": EventKind.SYSTEM_HALT}
+    call.task.stopped_by_program(next((kinds[name] for name in kinds if call.present(name)), EventKind.SYSTEM_STOP))
 
 
 @SYSTEM.function("RobOS", "", "bool")
@@ -195,16 +212,22 @@ def call_by_variable(call: Call) -> None:
 
 
 @SYSTEM.instruction("Load", r"\switch Dynamic, string FilePath, \string File, \switch CheckRef")
-def load(call: Call) -> None:
+def load(call: Call) -> Wait:
     task, path = call.task, _path(call)
     try:
         text = task.host.read_file(path)
     except OSError as error:
         raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
+    parsed = task.parsed(text, path)
+    while not parsed.done():
+        yield None
     try:
-        task.load(text, path)
+        for _ in task.loading(parsed.result()):
+            yield None
     except RapidSyntaxError as error:
         raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
+    except ProgramTooLarge as error:
+        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
     except RapidReferenceError as error:
         raise RapidRuntimeError("ERR_LOADED", str(error)) from error
 

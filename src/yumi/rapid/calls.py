@@ -108,7 +108,12 @@ class Calls:
         """How to make the `Call` that an instruction receives."""
         named = [(p.key, get_place) for p, get_place in zip(routine.parameters, arguments, strict=True)]
         name = routine.name
-        return lambda frame: Call(frame.task, name, {key: get_place(frame) for key, get_place in named})
+
+        def call(frame: Frame) -> Call:
+            frame.task.instruction_used()
+            return Call(frame.task, name, {key: get_place(frame) for key, get_place in named})
+
+        return call
 
     # Arguments ----------------------------------------------------------------------------------------------------
 

@@ -5,7 +5,8 @@
     RapidError
     ├── RapidSyntaxError     the text is not RAPID: mend the module
     ├── RapidReferenceError  a name, type or argument does not fit: mend the module, or load what it refers to
-    │   └── ModuleNameTaken      there is a module of that name: unload it first, or replace it
+    │   ├── ModuleNameTaken      there is a module of that name: unload it first, or replace it
+    │   └── ProgramTooLarge      there is no memory for it: make it smaller, or unload others
     ├── RapidRuntimeError    an execution error with an error number, which an ERROR handler may catch
     ├── UnknownSymbol        no such module or symbol
     └── RapidValueError      a literal does not fit the symbol it was written to
@@ -32,6 +33,10 @@ class RapidReferenceError(RapidError):
 
 class ModuleNameTaken(RapidReferenceError):
     """The task has a module of that name already."""
+
+
+class ProgramTooLarge(RapidReferenceError):
+    """The task has no memory for it."""
 
 
 class UnknownSymbol(RapidError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from yumi.rapid.code import Code
+from yumi.rapid.code import Code, Span
 from yumi.rapid.data import Place
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.scope import UserRoutine
@@ -62,13 +62,11 @@ class Frame:
         "wake",
     )
 
-    def __init__(
-        self, task: Task, routine: UserRoutine, code: Code, arguments: Sequence[Place], result_slot: int | None
-    ) -> None:
+    def __init__(self, task: Task, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> None:
         self.task = task
         self.routine = routine
-        self.code = code
-        self.slots: list[Any] = [*arguments, *[None] * (code.slots - len(arguments))]
+        self.code = Code(spans=[Span(routine.syntax.line, 0)])  # until it is compiled
+        self.slots: list[Any] = list(arguments)
         self.step = 0
         self.result_slot = result_slot
         self.waiting: Generator[float | None, None, Any] | None = None
@@ -81,6 +79,11 @@ class Frame:
         self._retries, self._retried = 0, -1
         self._wait_slot: int | None = None
         self._convert: Callable[[Any], Any] | None = None
+
+    def begin(self, code: Code) -> None:
+        """Let the routine be executed."""
+        self.code = code
+        self.slots += [None] * (code.slots - len(self.slots))
 
     @property
     def line(self) -> int:

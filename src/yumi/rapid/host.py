@@ -17,10 +17,14 @@ class Execution(Enum):
 
 
 class EventKind(Enum):
-    """Why a task has stopped by itself."""
+    """Why a task has stopped by itself, and what stops with it (STOP: nothing else)."""
 
     ERROR = "error"
     STOP = "stop"
+    STOP_ALL_TASKS = "stop all motion tasks"
+    SYSTEM_STOP = "stop the system"
+    SYSTEM_STOP_BLOCK = "stop the system, program pointers lost"
+    SYSTEM_HALT = "stop the system, motors off"
     EXIT = "exit"
     FINISHED = "finished"
 

@@ -11,6 +11,7 @@ from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.scope import UserRoutine
 
 MOST_INTERRUPTS = 100
+LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
 
 
 class Edge(Enum):
@@ -123,7 +124,7 @@ class Interrupts:
     def _came(self, number: int, connection: Connection) -> None:
         if connection.order is not None and connection.order.is_single:
             connection.order = None
-        if not connection.is_asleep:
+        if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
             self.queue.append(number)
 
     def _drop(self, number: int) -> None:

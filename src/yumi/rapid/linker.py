@@ -7,9 +7,14 @@ from collections.abc import Iterator
 from yumi.errors import RapidError
 from yumi.rapid import syntax as s
 from yumi.rapid.data import UNSET, Variable
+from yumi.rapid.errors import ProgramTooLarge
 from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.scope import LoadedModule, Program, UserRoutine, UserType, blamed
 from yumi.rapid.statements import CONSTANT_FRAME, compile_routine, declared_value
+from yumi.rapid.types import Type, value_count
+
+MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
+LINKED_AT_ONCE = 20  # about a millisecond
 
 
 def loaded(module: s.Module) -> LoadedModule:
@@ -45,6 +50,13 @@ class Linker:
             for variable in module.data:
                 self.link(variable, module)
 
+    def linking(self, module: LoadedModule) -> Iterator[None]:
+        """Link the data of a module that is not part of the program yet, with pauses; raises RapidReferenceError."""
+        for index, variable in enumerate(module.data):
+            self.link(variable, module)
+            if index % LINKED_AT_ONCE == LINKED_AT_ONCE - 1:
+                yield
+
     def check_routines(self) -> None:
         """Compile every routine; raises RapidReferenceError for the first thing that does not fit."""
         for routine in self.program.routines():
@@ -61,24 +73,38 @@ class Linker:
         self._under_way.add(variable)
         try:
             self._link(variable, datum, module)
+        except RecursionError:
+            raise blamed(module, datum.line, f"the value of '{datum.name}' is nested too deeply") from None
         finally:
             self._under_way.discard(variable)
 
     def _link(self, variable: Variable, datum: s.Data, module: LoadedModule) -> None:
         for name in (n for e in (*datum.dimensions, datum.initial) if e is not None for n in _names(e)):
             self._link_named(name, module)
-        variable.type, initial = declared_value(Expressions(Scope(self.program, module)), datum)
+        type_, initial = declared_value(Expressions(Scope(self.program, module)), datum)
+        self._check_memory(type_, datum, module)
+        variable.type = type_
         try:
             variable.value = initial(CONSTANT_FRAME)
-        except RapidError as error:
+        except (RapidError, ArithmeticError) as error:
             raise blamed(module, datum.line, f"the value of '{datum.name}' cannot be computed: {error}") from error
         variable.initial = initial
+        module.value_count += value_count(type_)
+
+    def _check_memory(self, type_: Type, datum: s.Data, module: LoadedModule) -> None:
+        others = (m for m in self.program.modules.values() if m is not module)
+        wanted = sum(m.value_count for m in others) + module.value_count + value_count(type_)
+        if wanted > MOST_VALUES:
+            raise ProgramTooLarge(
+                f"{module.name}, line {datum.line}: with '{datum.name}' the data of the task would hold {wanted} "
+                f"values, there is memory for {MOST_VALUES}."
+            )
 
     def _link_named(self, name: str, module: LoadedModule) -> None:
         found = self.program.find(name, module)
         if not isinstance(found, Variable) or found.value is not UNSET:
             return
-        owner = next(m for m in self.program.modules.values() if found in m.data)
+        owner = next(m for m in (module, *self.program.modules.values()) if found in m.data)
         self.link(found, owner)
 
     def initialise_variables(self) -> None:

@@ -7,7 +7,8 @@ is abandoned.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from yumi.rapid.code import Code
@@ -17,12 +18,14 @@ from yumi.rapid.errors import RapidReferenceError, RapidRuntimeError
 from yumi.rapid.frame import Frame, Propagated
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.scope import UserRoutine
-from yumi.rapid.statements import compile_routine
+from yumi.rapid.statements import Compilation, advanced, compiling
 
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
 
 DEEPEST_STACK = 250
+COMPILED_AT_ONCE = 40  # statements, about 2 ms; what is left of a longer routine is compiled in the following cycles
+STEPS_BETWEEN_LOOKS = 8  # at the clock, which takes as long as a step; after an instruction it is looked at at once
 
 
 class Machine:
@@ -35,11 +38,13 @@ class Machine:
         self.in_trap = False
         self.instant = 0
         self.budget = 0
+        self.deadline = math.inf
+        self.until_look = 0
 
     # Running ------------------------------------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Execute until the task waits or stops, or the budget of steps is used up."""
+        """Execute until the task waits or stops, or the budget of steps or time is used up."""
         self.instant += 1
         while self.task.is_running:
             frame = self.frames[-1]
@@ -48,10 +53,19 @@ class Machine:
             elif frame.waiting is not None:
                 if not self._look(frame):
                     return
-            elif self.budget <= 0:
+            elif self.is_exhausted():
                 return
             else:
                 self._execute(frame)
+
+    def is_exhausted(self) -> bool:
+        """Whether this advance has computed enough; the budget is used up then."""
+        self.until_look -= 1
+        if self.until_look < 0:
+            self.until_look = STEPS_BETWEEN_LOOKS - 1
+            if self.task.clock() > self.deadline:
+                self.budget = 0
+        return self.budget <= 0
 
     def _look(self, frame: Frame) -> bool:
         """Look at a waiting frame, once in an instant; whether there is anything to go on with."""
@@ -71,6 +85,8 @@ class Machine:
             self._recover(error)
         except Propagated as passed:
             self._propagate(passed)
+        except ArithmeticError as error:
+            self._recover(RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}."))
 
     def _guarded(self, look: Callable[[], bool]) -> bool:
         try:
@@ -90,17 +106,16 @@ class Machine:
     def enter(self, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> Frame:
         if len(self.frames) >= DEEPEST_STACK:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
-        frame = Frame(self.task, routine, self._code_of(routine), arguments, result_slot)
+        frame = Frame(self.task, routine, arguments, result_slot)
+        if routine.code is None:
+            compilation = compiling(self.task.program, routine)
+            routine.code = _some_compiled(compilation)
+            if routine.code is None:
+                frame.begin_wait(_rest_compiled(compilation, frame), None, None)
+        if routine.code is not None:
+            frame.begin(routine.code)
         self.frames.append(frame)
         return frame
-
-    def _code_of(self, routine: UserRoutine) -> Code:
-        if routine.code is None:
-            try:
-                routine.code = compile_routine(self.task.program, routine)
-            except RapidReferenceError as error:
-                raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
-        return routine.code
 
     def leave(self, value: Any) -> None:
         frame = self.frames.pop()
@@ -193,3 +208,23 @@ class Machine:
             if frame.is_trap:
                 is_long_jump = from_above = True
         return 0
+
+
+def _some_compiled(compilation: Compilation) -> Code | None:
+    """Go on compiling for a while; the code once it is complete."""
+    try:
+        codes = (advanced(compilation) for _ in range(COMPILED_AT_ONCE))
+        return next((code for code in codes if code is not None), None)
+    except RapidReferenceError as error:
+        raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
+
+
+def _rest_compiled(compilation: Compilation, frame: Frame) -> Generator[float | None, None, None]:
+    """The wait of a routine for its code."""
+    program = frame.task.program
+    version = program.version
+    while (code := _some_compiled(compilation)) is None:
+        yield None
+    if program.version == version:  # else names may mean something else by now: compiled anew at the next call
+        frame.routine.code = code
+    frame.begin(code)

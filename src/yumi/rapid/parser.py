@@ -56,14 +56,20 @@ WORDS = {
 }
 
 
-@functools.lru_cache(maxsize=128)
+TOO_DEEP = "the text is nested too deeply: divide long expressions and statements within statements."
+LONGEST_MODULE = 500_000  # characters; a longer one takes more memory than the rest of the controller
+
+
 def parse_module(text: str, filename: str) -> Module:
     """Parse one module.
 
     Raises:
         RapidSyntaxError: with file, line, column, what was found and what would be allowed.
     """
-    module: Module = _parse(text, "module", filename)
+    if len(text) > LONGEST_MODULE:
+        sentence = f"a module has up to {LONGEST_MODULE} characters, this one has {len(text)}: divide it."
+        raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
+    module: Module = _remembered(text, "module", filename)
     return module.read_from(filename, text)
 
 
@@ -75,8 +81,14 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
     return parameters
 
 
+LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
+
+
 def parse_expression(text: str, filename: str = "<value>") -> Expression:
-    expression: Expression = _parse(text, "expression", filename)
+    if len(text) > LONGEST_EXPRESSION:
+        sentence = f"a value has up to {LONGEST_EXPRESSION} characters, this one has {len(text)}."
+        raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
+    expression: Expression = _remembered(text, "expression", filename)
     return expression
 
 
@@ -99,13 +111,31 @@ def _language() -> Lark:
     )
 
 
+def _remembered(text: str, start: str, filename: str) -> Any:
+    """What the text was parsed to before, a syntax error too: who asks again does not wait again."""
+    result = _result(text, start, filename)
+    if isinstance(result, RapidSyntaxError):
+        raise result.with_traceback(None)
+    return result
+
+
+@functools.lru_cache(maxsize=64)
+def _result(text: str, start: str, filename: str) -> Any:
+    try:
+        return _parse(text, start, filename)
+    except RapidSyntaxError as error:
+        return error
+
+
 def _parse(text: str, start: str, filename: str) -> Any:
     try:
         return TreeBuilder().transform(_language().parse(text, start=start))
     except UnexpectedInput as error:
         raise _syntax_error(error, text, filename) from error
-    except VisitError as error:
-        if not isinstance(error.orig_exc, NotAllowed):
+    except (VisitError, RecursionError) as error:
+        if isinstance(getattr(error, "orig_exc", error), RecursionError):
+            raise RapidSyntaxError(TOO_DEEP, filename=filename, line=1, column=1) from None
+        if not isinstance(error, VisitError) or not isinstance(error.orig_exc, NotAllowed):
             raise
         line, column = error.orig_exc.line, error.orig_exc.column
         raise RapidSyntaxError(str(error.orig_exc), filename=filename, line=line, column=column) from error

@@ -39,11 +39,13 @@ class LoadedModule:
     Attributes:
         symbols: its types, data and routines by lower-case name.
         data: declarations and their variables, in order.
+        value_count: how many values its data hold, as far as they are linked.
     """
 
     syntax: s.Module
     symbols: dict[str, Symbol] = field(default_factory=dict)
     data: dict[Variable, s.Data] = field(default_factory=dict)
+    value_count: int = 0
 
     @property
     def name(self) -> str:
@@ -90,12 +92,17 @@ Found = Local | Variable | UserRoutine | LibraryRoutine | UserType | Signal
 
 
 class Program:
-    """All modules of a task, and the names outside of them."""
+    """All modules of a task, and the names outside of them.
+
+    Attributes:
+        version: changes whenever names may have come to mean something else.
+    """
 
     def __init__(self, library: Library, host: Host) -> None:
         self.library = library
         self.host = host
         self.modules: dict[str, LoadedModule] = {}
+        self.version = 0
         self.system_data: dict[str, Variable] = {}
 
     def routines(self) -> Iterator[UserRoutine]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
 from yumi.rapid import syntax as s
@@ -15,7 +16,7 @@ from yumi.rapid.late_calls import late_call
 from yumi.rapid.library import LibraryRoutine
 from yumi.rapid.operators import binary_operation
 from yumi.rapid.scope import Local, Program, UserRoutine
-from yumi.rapid.types import NUM, STRING, ArrayType, Type, described, one
+from yumi.rapid.types import LARGEST_ARRAY, NUM, STRING, ArrayType, Type, described, one
 from yumi.rapid.waits import wait_until
 
 if TYPE_CHECKING:
@@ -23,9 +24,39 @@ if TYPE_CHECKING:
     from yumi.rapid.machine import Machine
 
 
+Compilation = Generator[None, None, Code]
+"""A routine on its way to its code, with pauses."""
+
+
 def compile_routine(program: Program, routine: UserRoutine) -> Code:
     """The steps of a routine; raises RapidReferenceError for what does not fit."""
-    return Statements(program, routine).compiled()
+    compilation = compiling(program, routine)
+    while (code := advanced(compilation)) is None:
+        pass
+    return code
+
+
+def advanced(compilation: Compilation) -> Code | None:
+    """Compile one more statement; the code once it is complete."""
+    try:
+        next(compilation)
+    except StopIteration as end:
+        code: Code = end.value
+        return code
+    return None
+
+
+def compiling(program: Program, routine: UserRoutine) -> Compilation:
+    """Compile a routine bit by bit: a pause after each statement, since long ones take seconds.
+
+    Raises:
+        RapidReferenceError: something does not fit.
+    """
+    statements = Statements(program, routine)
+    try:
+        return (yield from statements.compiled())
+    except RecursionError:
+        statements.scope.blame(routine.syntax.line, f"the statements of '{routine.name}' are nested too deeply")
 
 
 class Statements:
@@ -41,15 +72,15 @@ class Statements:
         self.labels: dict[str, Target] = {}
         self.in_handler = False
 
-    def compiled(self) -> Code:
+    def compiled(self) -> Compilation:
         declared = self.routine.syntax
         self._declare_parameters()
         for datum in declared.locals:
             self._declare(datum)
-        self._block(declared.body)
+        yield from self._block(declared.body)
         self._end()
         if declared.handler is not None:
-            self._handler(declared.handler)
+            yield from self._handler(declared.handler)
         return self.builder.code
 
     # Declarations -------------------------------------------------------------------------------------------------
@@ -81,14 +112,17 @@ class Statements:
 
     # Structure ----------------------------------------------------------------------------------------------------
 
-    def _block(self, block: s.Block) -> None:
+    def _block(self, block: s.Block) -> Generator[None, None, None]:
         """A statement list; its labels can be reached from inside of it and of its statements."""
         outer = self.labels
         found = {n.name.lower(): Target() for n in block if isinstance(n, s.Label)}
         self.labels = {**outer, **found}
         for statement in block:
             with self.builder.statement(statement.line):
-                _COMPILERS[type(statement)](self, statement)
+                inner = _COMPILERS[type(statement)](self, statement)
+                if inner is not None:
+                    yield from inner
+            yield
         self.labels = outer
 
     def _end(self) -> None:
@@ -103,11 +137,11 @@ class Statements:
         with self.builder.statement(self.routine.syntax.line):
             self.builder.add(end)
 
-    def _handler(self, handler: s.Handler) -> None:
+    def _handler(self, handler: s.Handler) -> Generator[None, None, None]:
         numbers = tuple(self.expressions.value(n, NUM).evaluate for n in handler.numbers)
         self.builder.code.handler = HandlerCode(self.builder.here().step, numbers)
         self.in_handler = True
-        self._block(handler.body)
+        yield from self._block(handler.body)
         self._end()
 
     # Simple statements --------------------------------------------------------------------------------------------
@@ -182,25 +216,25 @@ class Statements:
 
     # Compound statements ------------------------------------------------------------------------------------------
 
-    def _if(self, node: s.If) -> None:
+    def _if(self, node: s.If) -> Generator[None, None, None]:
         end = Target()
         for condition, block in node.branches:
             following = Target()
             self.builder.jump_unless(self.expressions.condition(condition), following)
-            self._block(block)
+            yield from self._block(block)
             self.builder.jump(end)
             self.builder.mark(following)
-        self._block(node.otherwise)
+        yield from self._block(node.otherwise)
         self.builder.mark(end)
 
-    def _while(self, node: s.While) -> None:
+    def _while(self, node: s.While) -> Generator[None, None, None]:
         start, end = self.builder.here(), Target()
         self.builder.jump_unless(self.expressions.condition(node.condition), end)
-        self._block(node.body)
+        yield from self._block(node.body)
         self.builder.jump(start)
         self.builder.mark(end)
 
-    def _for(self, node: s.For) -> None:
+    def _for(self, node: s.For) -> Generator[None, None, None]:
         bounds = [(node.first, NUM), (node.last, NUM), *([(node.step, NUM)] if node.step else [])]
         kept = [self.builder.store(c.evaluate) for c in self.expressions.in_order(bounds)]
         if node.step is None:
@@ -210,13 +244,13 @@ class Statements:
         start, end = self.builder.here(), Target()
         with self.builder.statement(node.line):
             self.builder.jump_unless(_loop_test(kept[0], kept[1], kept[2], slot, node.variable), end)
-        self._block(node.body)
+        yield from self._block(node.body)
         self.builder.add(_loop_advance(kept[0], kept[2]))
         self.builder.jump(start)
         self.builder.mark(end)
         self.scope.locals = outer
 
-    def _test(self, node: s.Test) -> None:
+    def _test(self, node: s.Test) -> Generator[None, None, None]:
         value = self.expressions.operand(node.value)
         slot, end = self.builder.store(value.evaluate), Target()
         for values, block in node.cases:
@@ -225,10 +259,10 @@ class Statements:
                 self.builder.jump_if(self._is_case(slot, value.type, case), matched)
             self.builder.jump(following)
             self.builder.mark(matched)
-            self._block(block)
+            yield from self._block(block)
             self.builder.jump(end)
             self.builder.mark(following)
-        self._block(node.otherwise)
+        yield from self._block(node.otherwise)
         self.builder.mark(end)
 
     def _is_case(self, slot: int, type_: Type, node: s.Expression) -> Evaluate:
@@ -282,15 +316,21 @@ def declared_value(expressions: Expressions, datum: s.Data) -> tuple[Type, Evalu
 
 
 def _sizes(expressions: Expressions, datum: s.Data) -> tuple[int, ...]:
-    sizes = tuple(int(expressions.value(n, NUM).evaluate(CONSTANT_FRAME)) for n in datum.dimensions)
-    if not 1 <= len(sizes) <= 3 or min(sizes) < 1:
+    try:
+        sizes = tuple(expressions.value(n, NUM).evaluate(CONSTANT_FRAME) for n in datum.dimensions)
+    except (RapidRuntimeError, ArithmeticError) as error:
+        expressions.scope.blame(datum.line, f"the sizes of '{datum.name}' cannot be computed: {error}")
+    if not 1 <= len(sizes) <= 3 or not all(1 <= size == size // 1 for size in sizes):
         expressions.scope.blame(datum.line, f"the array '{datum.name}' needs one to three sizes of at least 1")
-    return sizes
+    if math.prod(sizes) > LARGEST_ARRAY:
+        sentence = f"the array '{datum.name}' would have {math.prod(sizes):.0f} elements, there is memory for"
+        expressions.scope.blame(datum.line, f"{sentence} {LARGEST_ARRAY}")
+    return tuple(int(size) for size in sizes)
 
 
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
 
-_COMPILERS: dict[type, Callable[[Statements, Any], None]] = {
+_COMPILERS: dict[type, Callable[[Statements, Any], Generator[None, None, None] | None]] = {
     s.Assignment: Statements._assignment,
     s.ProcedureCall: Statements._call,
     s.LateCall: Statements._late_call,

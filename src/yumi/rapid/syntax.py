@@ -317,7 +317,12 @@ class Routine:
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """A module as written; `attributes` in capitals (SYSMODULE, NOVIEW, NOSTEPIN, VIEWONLY, READONLY)."""
+    """A module as written.
+
+    Attributes:
+        attributes: in capitals (SYSMODULE, NOVIEW, NOSTEPIN, VIEWONLY, READONLY).
+        length: of its text, in characters.
+    """
 
     name: str
     attributes: frozenset[str]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from yumi.errors import RobotNotReady
@@ -14,6 +16,7 @@ from yumi.rapid.data import UNSET, Place, Variable
 from yumi.rapid.error_numbers import FIRST_BOOKED_NUMBER
 from yumi.rapid.errors import (
     ModuleNameTaken,
+    ProgramTooLarge,
     RapidReferenceError,
     RapidRuntimeError,
     RapidSyntaxError,
@@ -30,13 +33,32 @@ from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Machine
 from yumi.rapid.parser import parse_module, parse_reference
 from yumi.rapid.scope import LoadedModule, Program, UserRoutine
-from yumi.rapid.statements import CONSTANT_FRAME
-from yumi.rapid.types import resolved
+from yumi.rapid.statements import CONSTANT_FRAME, advanced, compiling
+from yumi.rapid.types import resolved, value_count
 
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
 STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
+TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
+LONGEST_PROGRAM = 2_000_000  # characters in all modules together
+MOST_DATA = 5_000  # declared in all modules together
+MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
+MOST_BOOKED = 500  # error numbers
+LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
 FATAL = 0.0  # the number of an error that no handler may take
+
+
+log = logging.getLogger(__name__)
+
+
+def parsed_at_once(text: str, filename: str) -> Future[s.Module]:
+    """A module that is parsed before anything else happens."""
+    result: Future[s.Module] = Future()
+    try:
+        result.set_result(parse_module(text, filename))
+    except RapidSyntaxError as error:
+        result.set_exception(error)
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +84,8 @@ class Task:
         agenda: what the program has started and left to be done later.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
+        clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
+        parsed: parses a module's text and name of file, at once or in the background.
     """
 
     def __init__(self, name: str, host: Host, library: Library) -> None:
@@ -72,6 +96,8 @@ class Task:
         self.agenda = Agenda()
         self.in_position: Callable[[], bool] = lambda: True
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
+        self.clock: Callable[[], float] = lambda: 0.0
+        self.parsed: Callable[[str, str], Future[s.Module]] = parsed_at_once
         self.is_running = False
         self.program = Program(library, host)
         self._linker = Linker(self.program)
@@ -104,31 +130,42 @@ class Task:
             RapidSyntaxError: the text is not RAPID.
             RapidReferenceError: a name is declared twice, or what is declared does not fit.
             ModuleNameTaken: there is a module of the name already.
+            ProgramTooLarge: there is no memory for it.
             RobotNotReady: the module it would replace is executing.
         """
         module = parse_module(text, filename)
-        new, old = loaded(module), self.program.modules.get(module.name.lower())
-        if old is not None and not replace:
-            raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
-        if old is not None:
-            self.unload(module.name)
-        self._take_in(new, old)
+        for _ in self.loading(module, replace=replace):
+            pass
         return module.name
 
-    def _take_in(self, new: LoadedModule, old: LoadedModule | None) -> None:
-        """Make a module part of the program; one that does not fit leaves it as it was."""
-        key = new.name.lower()
-        self.program.modules[key] = new
-        self._forget_code()
+    def loading(self, module: s.Module, *, replace: bool = False) -> Iterator[None]:
+        """Load a parsed module bit by bit; one that does not fit leaves the program as it was. Raises as `load`."""
+        key, filename = module.name.lower(), module.filename
+        old = self.program.modules.get(key)
+        if old is not None and not replace:
+            raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
+        self._check_memory(module)
+        new = loaded(module)
+        if old is not None:
+            self.unload(module.name)
         try:
             if self._machine.frames:
-                self._linker.link_data()
+                yield from self._linker.linking(new)
         except RapidReferenceError:
-            del self.program.modules[key]
             if old is not None:
                 self.program.modules[key] = old
-            self._forget_code()
             raise
+        self.program.modules[key] = new
+        self._forget_code()
+
+    def _check_memory(self, module: s.Module) -> None:
+        others = [m.syntax for m in self.program.modules.values() if m.name.lower() != module.name.lower()]
+        length, count = (sum(m.length for m in (module, *others)), sum(len(m.data) for m in (module, *others)))
+        if length > LONGEST_PROGRAM or count > MOST_DATA:
+            raise ProgramTooLarge(
+                f"{module.filename}: with '{module.name}' the task {self.name} would have {length} characters of text "
+                f"and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
+            )
 
     def unload(self, module: str) -> None:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
@@ -138,8 +175,27 @@ class Task:
         del self.program.modules[module.lower()]
         self._forget_code()
 
+    def compiling(self) -> Iterator[None]:
+        """Compile what is not yet, bit by bit, as far as it fits: what it took then is saved at PP to main."""
+        version = self.program.version
+        try:
+            for module in tuple(self.program.modules.values()):
+                yield from self._linker.linking(module)
+            for routine in [each for each in self.program.routines() if each.code is None]:
+                compilation = compiling(self.program, routine)
+                code = None
+                while code is None and self.program.version == version:
+                    code = advanced(compilation)
+                    yield
+                if code is None:
+                    return
+                routine.code = code
+        except RapidReferenceError:
+            return  # PP to main says it
+
     def _forget_code(self) -> None:
         """What a name means may have changed, so routines are compiled anew when they are called."""
+        self.program.version += 1
         for routine in self.program.routines():
             routine.code = routine.parameters = routine.returns = None
 
@@ -194,7 +250,8 @@ class Task:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
         machine, end = self._machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
-        while (wake := self._next_wake()) < end and machine.budget > 0:
+        machine.deadline = self.clock() + TIME_PER_ADVANCE
+        while (wake := self._next_wake()) < end and not machine.is_exhausted():
             self._pass_to(max(wake, self.now))
         self._pass_to(end)
 
@@ -204,15 +261,22 @@ class Task:
 
     def _pass_to(self, time: float) -> None:
         self.now = time
-        self.agenda.perform(time)
-        if self.is_running:
-            self._machine.interrupts.time_passed(time)
-            self._machine.run()
+        try:
+            self.agenda.perform(time)
+            if self.is_running:
+                self._machine.interrupts.time_passed(time)
+                self._machine.run()
+        except Exception as error:  # whatever a program does, the controller goes on
+            self._broke(error)
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Latch the interrupts that an I/O signal's change orders; lost while the task is not started."""
         if self.is_running:
             self._machine.interrupts.signal_changed(name, old, new)
+
+    def instruction_used(self) -> None:
+        """Some instructions and functions take as long as a hundred steps."""
+        self._machine.until_look = 0
 
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
@@ -230,10 +294,24 @@ class Task:
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
 
-    def stopped_by_program(self) -> None:
-        """The instruction Stop."""
+    def _broke(self, error: Exception) -> None:
+        """Something went wrong that RAPID has no error for: stop, and say it with all there is to know."""
+        frame = self._machine.frames[-1] if self._machine.frames else None
+        where = "no routine" if frame is None else self._where(frame)
+        what = f"{type(error).__name__}: {error}"
+        sentence = f"{self.name} stopped in {where} with a system error, which is the virtual controller's: {what}"
+        log.error("%s", sentence, exc_info=error)
+        self.stop()
+        if frame is None:
+            self.host.report(self.name, TaskEvent(EventKind.ERROR, sentence))
+        else:
+            self._halt(EventKind.ERROR, sentence, frame)
+            frame.rewind()
+
+    def stopped_by_program(self, kind: EventKind) -> None:
+        """The instructions Stop and SystemStopAction."""
         frame = self._machine.frames[-1]
-        self._halt(EventKind.STOP, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
+        self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
 
     def exited(self, frame: Frame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)
@@ -267,6 +345,8 @@ class Task:
 
     def book_error(self, name: str) -> float:
         """A new error number for the program (BookErrNo)."""
+        if len(self._booked) >= MOST_BOOKED:
+            raise RapidRuntimeError("ERR_EXECPHR", f"A program may book {MOST_BOOKED} error numbers.")
         number = float(FIRST_BOOKED_NUMBER + len(self._booked))
         self._booked[number] = name
         return number
@@ -303,6 +383,11 @@ class Task:
     def read(self, module: str, symbol: str) -> str:
         """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
         place = self._place(module, symbol)
+        if value_count(place.type) > MOST_VALUES_READ:
+            raise RapidValueError(
+                f"'{symbol}' holds {value_count(place.type)} values, at most {MOST_VALUES_READ} are read at a time: "
+                "read its elements."
+            )
         return format_value(place.type, place.value)
 
     def write(self, module: str, symbol: str, literal: str) -> None:
@@ -345,6 +430,8 @@ class Task:
         if "{" not in symbol:
             return datum
         scope = Scope(self.program, self._module(module))
+        if len(symbol) > LONGEST_REFERENCE:
+            raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
         try:
             place = Places(Expressions(scope)).place(parse_reference(symbol))[0](CONSTANT_FRAME)
         except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -42,7 +43,10 @@ def _unescaped(match: re.Match[str]) -> str:
 
 def number_value(token: str) -> float:
     base = BASES.get(token[:2].lower())
-    return float(token) if base is None else float(int(token[2:], base))
+    try:
+        return float(token) if base is None else float(int(token[2:], base))
+    except OverflowError:  # no number of RAPID's is that large; whoever stores it is told
+        return math.inf
 
 
 def _of(kind: type[Node], items: Sequence[object]) -> tuple[Node, ...]:

@@ -7,6 +7,7 @@ tuple with its components as attributes (`target.robax.rax_1`), an array is a tu
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import namedtuple
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from yumi.rapid.errors import RapidRuntimeError
 
 SINGLE = struct.Struct("f")
 LONGEST_STRING = 80  # characters
+LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not without end
 
 
 def single(value: float) -> float:
@@ -95,9 +97,14 @@ class ArrayType:
         return self.element.name
 
     def default(self) -> Any:
-        return tuple(self._row().default() for _ in range(self.sizes[0]))
+        row = self._row()
+        if _holds_objects(row):
+            return tuple(row.default() for _ in range(self.sizes[0]))
+        return (row.default(),) * self.sizes[0]  # values do not change, so that all elements may be the same one
 
     def convert(self, value: Any) -> Any:
+        if type(value) is tuple:  # of a datum, which holds converted values only
+            return value
         row = self._row()
         return tuple(row.convert(item) for item in value)
 
@@ -183,6 +190,26 @@ def resolved(type_: Type) -> Type:
     while isinstance(type_, AliasType):
         type_ = type_.base
     return type_
+
+
+def value_count(type_: Type) -> int:
+    """How many atomic values a datum of the type holds."""
+    type_ = resolved(type_)
+    if isinstance(type_, ArrayType):
+        return math.prod(type_.sizes) * value_count(type_.element)
+    if isinstance(type_, RecordType):
+        return sum(value_count(component) for _, component in type_.components)
+    return 1
+
+
+def _holds_objects(type_: Type) -> bool:
+    """Whether data of the type are or hold objects that instructions change."""
+    type_ = resolved(type_)
+    if isinstance(type_, ArrayType):
+        return _holds_objects(type_.element)
+    if isinstance(type_, RecordType):
+        return any(_holds_objects(component) for _, component in type_.components)
+    return isinstance(type_, ObjectType)
 
 
 def is_numeric(type_: Type) -> bool:

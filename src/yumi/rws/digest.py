@@ -113,8 +113,8 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     if credentials.realm != REALM or unquote(credentials.uri) != unquote(target):
         return False
     expected = _response(replace(credentials, user=user), password, method)
-    same_user = compare_digest(credentials.user.encode(), user.encode())
-    return compare_digest(credentials.response.lower().encode(), expected.encode()) and same_user
+    same_user = compare_digest(_bytes(credentials.user), _bytes(user))
+    return compare_digest(_bytes(credentials.response.lower()), _bytes(expected)) and same_user
 
 
 def make_nonce(secret: str, now: float, count: int) -> str:
@@ -128,7 +128,7 @@ def nonce_age(nonce: str, secret: str, now: float) -> float | None:
         parts = b64decode(nonce, validate=True).decode("ascii").split(":")
         made_by, realm, time_ms, _ = parts
         age = now - int(time_ms, 16) / 1000.0
-    except (Base64Error, ValueError):
+    except (Base64Error, ValueError, OverflowError):
         return None
     return age if compare_digest(made_by, secret) and realm == REALM else None
 
@@ -151,7 +151,12 @@ def _response(credentials: Credentials, password: str, method: str) -> str:
 
 
 def _md5(text: str) -> str:
-    return md5(text.encode(), usedforsecurity=False).hexdigest()
+    return md5(_bytes(text), usedforsecurity=False).hexdigest()
+
+
+def _bytes(text: str) -> bytes:
+    """As they came: a header may hold bytes that are no text, which Python keeps as lone surrogates."""
+    return text.encode(errors="surrogateescape")
 
 
 def _escaped(text: str) -> str:

@@ -121,6 +121,8 @@ class VirtualArm:
         """
         self._check_ready()
         self._check_range(target)
+        if self._motion.is_finished and target == self.planned and duration <= 0.0:
+            return  # there already: a program that says so in a loop must not cost a plan each time
         length, turn = self._tool_way(target, tool)
         shortest = max(duration, length / tool_speed, turn / turn_speed)
         self._motion = travel(self._motion.state, target, self.model, shortest)

@@ -43,7 +43,7 @@ _DEFAULTS: Mapping[tuple[str, str], Mapping[str, Value]] = {
         "Access": "Default",
         "Default": "0",
     },
-    ("SIO", "COM_TRP"): {"LocalPortNumber": "0"},
+    ("SIO", "COM_TRP"): {"PhyChannel": ""},
 }
 _ATTRIBUTE = re.compile(r'-(\w+)\s*("[^"]*"|[^\s"]\S*)?')
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from yumi.egm.messages import RapidState
@@ -15,25 +15,35 @@ from yumi.virtual.refusal import Refusal, Refused
 from yumi.virtual.station import Station
 from yumi.virtual.task_host import TaskHost
 
+_OF_ITS_OWN_TASK = (EventKind.STOP, EventKind.FINISHED)
+"""What one task stops for while the others go on."""
+
 
 class RapidExecution:
-    """The tasks of all arms; when one stops by itself, the others are stopped with it, as ABB's normal tasks are.
+    r"""The tasks of all arms; an error, EXIT or a stop of all tasks in one of them stops the others with it.
 
     Args:
         tasks: the tasks in their order, each with the arm it moves and what it runs on.
         events: the controller's event log.
+        halt: switches the motors off and says why (SystemStopAction \Halt).
 
     Attributes:
         tasks: the tasks by name.
-        is_running: whether RAPID runs.
+        is_running: whether RAPID runs in any task.
     """
 
-    def __init__(self, tasks: Sequence[tuple[Task, Station, TaskHost]], events: EventLog) -> None:
+    def __init__(
+        self,
+        tasks: Sequence[tuple[Task, Station, TaskHost]],
+        events: EventLog,
+        halt: Callable[[str], None] = lambda reason: None,
+    ) -> None:
         self.tasks: Mapping[str, Task] = MappingProxyType({task.name: task for task, _, _ in tasks})
         self.is_running = False
         self._stations = [station for _, station, _ in tasks]
         self._hosts = {task.name: host for task, _, host in tasks}
         self._events = events
+        self._halt = halt
 
     @property
     def screens(self) -> Mapping[str, tuple[str, ...]]:
@@ -41,12 +51,12 @@ class RapidExecution:
         return {name: tuple(host.lines) for name, host in self._hosts.items()}
 
     def start(self) -> None:
-        """Start all tasks from their program pointers.
+        """Start all tasks that do not run from their program pointers.
 
         Raises:
             Refused: ALREADY_RUNNING or NO_PROGRAM_POINTER.
         """
-        if self.is_running:
+        if all(task.execution is Execution.STARTED for task in self.tasks.values()):
             raise Refused(Refusal.ALREADY_RUNNING, "RAPID is running already.")
         for task in self.tasks.values():
             if task.execution is Execution.UNINITIALIZED:
@@ -146,8 +156,16 @@ class RapidExecution:
         if event.kind is EventKind.ERROR:
             place = f"{task}/{event.module}/{event.routine}, line {event.line}"
             self._events.append(40228, "Execution error", f"{place}: {event.sentence}", EventType.ERROR)
-        if event.kind is not EventKind.FINISHED or self._none_runs():
-            self.stop(f"{task} has stopped: {event.sentence}")
+        reason = f"{task} has stopped: {event.sentence}"
+        if event.kind not in _OF_ITS_OWN_TASK or self._none_runs():
+            self.stop(reason)
+        elif event.kind is EventKind.STOP:
+            self._events.append(10125, "Program stopped", reason)
+        if event.kind is EventKind.SYSTEM_STOP_BLOCK:
+            for each in self.tasks.values():
+                each.lose_pp()
+        elif event.kind is EventKind.SYSTEM_HALT:
+            self._halt(reason)
 
     def _none_runs(self) -> bool:
         return all(task.execution is not Execution.STARTED for task in self.tasks.values())

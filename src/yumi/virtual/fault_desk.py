@@ -1,7 +1,7 @@
 """Where a running virtual controller is given faults: ``/virtual/faults``, which no ABB controller has.
 
 ``GET /virtual/faults`` lists them, ``POST /virtual/faults/<name>`` lets one happen; ``side`` and ``duration`` stand in
-the form. Only programs of the same machine are served, without a login.
+the form. Only programs of the same machine are served, without a login; a web page is not, wherever it is shown.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
 from math import inf, isfinite
+from urllib.parse import urlsplit
 
 from yumi.errors import CommandRefused, YumiError
 from yumi.links.http import HttpReply, HttpRequest
@@ -97,6 +98,10 @@ class FaultDesk:
         """The answer to a request below :data:`PATH`."""
         if not _is_local(request.peer):
             return _sentence(_FORBIDDEN, "Faults are taken from programs on this machine only.")
+        if not _is_called_local(request):
+            return _sentence(
+                _FORBIDDEN, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
+            )
         name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
         if not name:
             return HttpReply(_OK, (("Content-Type", "application/json"),), json.dumps(_list()).encode())
@@ -186,8 +191,29 @@ def _list() -> list[dict[str, object]]:
 
 
 def _is_local(peer: str) -> bool:
+    return _is_loopback(peer.rpartition(":")[0])
+
+
+def _is_called_local(request: HttpRequest) -> bool:
+    """Whether Host and, where there is one, Origin are names of this machine.
+
+    Else a page from elsewhere would let faults happen: by its forms, or by a name of its own that it lets lead here.
+    """
+    origin = request.header("Origin")
+    urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
+    return all(_is_loopback(_host_of(url)) for url in urls)
+
+
+def _host_of(url: str) -> str:
     try:
-        return ip_address(peer.rpartition(":")[0]).is_loopback
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
     except ValueError:
         return False
 

@@ -11,6 +11,15 @@ DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"
 """Of RAPID's files."""
 
+CAPACITY = 64 * 1024 * 1024
+"""Of all devices together [bytes]."""
+
+MOST_FILES = 1000
+"""Files and directories of all devices together."""
+
+LONGEST_PATH = 1000
+"""Characters."""
+
 
 @dataclass(frozen=True, slots=True)
 class File:
@@ -90,11 +99,15 @@ class FileStore(MutableMapping[str, str]):
         """Create or replace a file; whether it is new. Directories on the way come into being.
 
         Raises:
-            Refused: NO_FILE for an unknown device, BAD_VALUE where a directory has the name.
+            Refused: NO_FILE for an unknown device, BAD_VALUE where a directory has the name, NO_SPACE.
         """
         known = self._files.get(_key(path))
         if known is not None and known.content is None:
             raise Refused(Refusal.BAD_VALUE, f"{path} is a directory.")
+        if known is None:
+            self._check_space(len(content))
+        else:
+            self._check_space(len(content) - _size(known), files=0)
         self.make_directory(_clean(path).rpartition("/")[0])
         self._put(path, content)
         return known is None
@@ -103,7 +116,7 @@ class FileStore(MutableMapping[str, str]):
         """Create a directory and those above it; nothing happens when it is there.
 
         Raises:
-            Refused: NO_FILE for an unknown device, BAD_VALUE where a file has the name.
+            Refused: NO_FILE for an unknown device, BAD_VALUE where a file has the name, NO_SPACE.
         """
         found = self._files.get(_key(path))
         if found is not None and found.content is not None:
@@ -131,16 +144,34 @@ class FileStore(MutableMapping[str, str]):
         """Copy a file or a directory with what is in it, over what has the name.
 
         Raises:
-            Refused: NO_FILE.
+            Refused: NO_FILE, NO_SPACE.
         """
         source, target = _clean(self.get_file(path).path), _clean(to)
         inside = [file for key, file in self._files.items() if f"{key}/".startswith(f"{_key(source)}/")]
+        self._check_space(sum(map(_size, inside)), len(inside))
         for file in inside:
             moved = f"{target}{_clean(file.path)[len(source) :]}"
             self._files[_key(moved)] = replace(file, path=moved, changed=self._now())
 
+    def _check_space(self, more: int, files: int = 1) -> None:
+        used = sum(map(_size, self._files.values()))
+        if used + more > CAPACITY or len(self._files) + files > MOST_FILES:
+            raise Refused(
+                Refusal.NO_SPACE,
+                f"the disk is full: it has {CAPACITY} bytes and {MOST_FILES} files, {used} and {len(self._files)} are "
+                "in use; delete some.",
+            )
+
     def _put(self, path: str, content: bytes | None) -> None:
+        if len(path) > LONGEST_PATH:
+            raise Refused(Refusal.BAD_VALUE, f"a path has up to {LONGEST_PATH} characters, not {len(path)}.")
+        if content is None and self._files.get(_key(path)) is None:
+            self._check_space(0)
         self._files[_key(path)] = File(_clean(path), content, self._now())
+
+
+def _size(file: File) -> int:
+    return len(file.content or b"")
 
 
 def _clean(path: str) -> str:

@@ -38,14 +38,20 @@ class MotionInstructions:
     def __init__(self, station: Station, speed_ratio: SpeedRatio) -> None:
         self._station = station
         self._speed_ratio = speed_ratio
+        self._moved_at = -1.0  # task time [s]
 
     def move_abs_j(self, call: Call) -> Wait:
-        """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between."""
+        """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
+
+        A way of no length ends at once, but one in a cycle only: a loop of them leaves time to others.
+        """
         arm = self._station.arm
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
         self._remember_frames(call)
         self._begin(call, target)
         try:
+            if self._moved_at == call.task.now:
+                yield None
             while not (arm.is_stationary and arm.planned == target):
                 if arm.is_stationary:
                     self._begin(call, target)
@@ -54,6 +60,7 @@ class MotionInstructions:
             arm.stop()
             raise
         self._station.has_moved = True
+        self._moved_at = call.task.now
 
     def refuse(self, call: Call) -> None:
         """Cartesian motions need inverse kinematics, which the virtual controller does not have."""

@@ -98,7 +98,8 @@ class Irc5:
         self._gripper_signals: dict[Side, dict[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
-        self.execution = RapidExecution([self._loaded(station) for station in stations], self.events)
+        tasks = [self._loaded(station) for station in stations]
+        self.execution = RapidExecution(tasks, self.events, self._halt)
         self.execution.move_pp_to_main()
         self.supervise()
 
@@ -335,6 +336,9 @@ class Irc5:
             self.events.append(10013, "Emergency stop", reason, EventType.ERROR)
         elif were_on:
             self.events.append(10010, "Motors OFF", reason)
+
+    def _halt(self, reason: str) -> None:
+        self._switch_motors_off(ControllerState.MOTORS_OFF, reason)
 
     def _check_auto(self, otherwise: str) -> None:
         if self.mode is not OperatingMode.AUTO:

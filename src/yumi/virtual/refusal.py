@@ -24,6 +24,7 @@ class Refusal(Enum):
     NO_MODULE = auto()
     NAME_TAKEN = auto()
     BAD_PROGRAM = auto()
+    NO_SPACE = auto()
 
 
 class Refused(YumiError):

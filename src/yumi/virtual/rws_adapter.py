@@ -97,6 +97,13 @@ class RwsAdapter:
             return reply
         return replace(reply, headers=(*reply.headers, _connection(request)))
 
+    def knows(self, request: HttpRequest, now: float) -> bool:
+        """Whether a request is of a session, or has credentials that open one."""
+        if self._sessions.find(cookies.read_cookies(request.header_values("Cookie")), now) is not None:
+            return True
+        age = self._proven_age(request, now)
+        return age is not None and age <= digest.NONCE_LIFE
+
     def advance(self, now: float) -> None:
         """Tell subscribers what has changed, and forget what belongs to sessions that have ended."""
         self._now = now

@@ -107,7 +107,7 @@ class Groups:
 
     def find(self, number: str) -> Group | None:
         """The group of a number as it is written in an address."""
-        return self._groups.get(int(number)) if number.isdecimal() else None
+        return next((group for known, group in self._groups.items() if str(known) == number), None)
 
     def count(self, priority: Priority) -> int:
         """How many resources have a priority, of all clients."""

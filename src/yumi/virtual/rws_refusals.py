@@ -24,6 +24,7 @@ _ANSWERS: Mapping[Refusal, tuple[int, Code]] = {
     Refusal.NO_MODULE: (400, Code.NO_SUCH_SYMBOL),
     Refusal.NAME_TAKEN: (400, Code.MODULE_NAME_TAKEN),
     Refusal.BAD_PROGRAM: (400, Code.SYNTAX),
+    Refusal.NO_SPACE: (507, Code.MAX_LIMIT_REACHED),
 }
 
 

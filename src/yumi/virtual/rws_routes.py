@@ -16,6 +16,8 @@ from yumi.rws.forms import Pairs
 from yumi.rws.pages import Link, Page, State
 from yumi.virtual.rws_port import Controller
 
+_MOST_DIGITS = 12
+
 
 class Failure(YumiError):
     """The answer is no.
@@ -79,8 +81,8 @@ class Call:
         text = self.option(name)
         if text is None:
             return default
-        if not text.isdecimal():
-            raise invalid(f"{name} is a whole number, not {text!r}")
+        if not text.isdecimal() or len(text) > _MOST_DIGITS:
+            raise invalid(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
         return int(text)
 
 

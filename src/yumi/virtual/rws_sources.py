@@ -166,6 +166,6 @@ _KINDS: Sequence[tuple[str, _Find, Priority]] = (
         _variable,
         Priority.HIGH,
     ),
-    (r"/rw/elog/(?P<domain>\d+)", _event_log, Priority.MEDIUM),
+    (r"/rw/elog/(?P<domain>\d{1,3})", _event_log, Priority.MEDIUM),
 )
 """Path, how its source is found, highest priority."""

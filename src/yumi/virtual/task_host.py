@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
+from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.host import Severity, TaskEvent
 from yumi.virtual.events import EventLog, EventType
 from yumi.virtual.refusal import Refusal, Refused
@@ -53,7 +54,7 @@ class TaskHost:
         except Refused as refused:
             if refused.reason is Refusal.UNKNOWN:
                 raise KeyError(name) from refused
-            raise
+            raise RapidRuntimeError("ERR_ARGVALERR", str(refused)) from refused
 
     def read_file(self, path: str) -> str:
         try:

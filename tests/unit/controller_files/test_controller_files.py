@@ -64,7 +64,12 @@ def configuration() -> Configuration:
 def test_module_is_rapid_named_like_its_file(path: Path) -> None:
     module = parsed(path)
     assert module.name == path.stem
-    assert module.is_system
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
+def test_only_the_hooks_are_a_system_module(path: Path) -> None:
+    """As in ABB's Add-In: main, and what it calls, stand in program modules."""
+    assert parsed(path).is_system == (path.suffix == ".sys")
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.name)
@@ -126,6 +131,11 @@ def test_each_arm_has_an_egm_device_of_its_own(configuration: Configuration, uni
     device = configuration.find("SIO", "COM_TRP", unit)
     assert device is not None
     assert (device.attributes["Type"], device.attributes["RemotePortNumber"]) == ("UDPUC", port)
+
+
+def test_egm_devices_have_the_attributes_of_robotware_6_only(configuration: Configuration) -> None:
+    attributes = {name for device in configuration.instances("SIO", "COM_TRP") for name in device.attributes}
+    assert attributes == {"Name", "Type", "PhyChannel", "RemoteAdress", "RemotePortNumber"}
 
 
 @pytest.mark.parametrize("name", ["ROB_R", "ROB_R_RAW", "ROB_L", "ROB_L_RAW"])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from base64 import b64encode
 from dataclasses import replace
 
 import pytest
@@ -104,3 +105,17 @@ def test_nonce_tells_its_age_to_its_maker() -> None:
 @pytest.mark.parametrize("nonce", [NONCE.lower(), "no base64", "", digest.make_nonce("0" * 16, 1.0, 1)])
 def test_nonce_of_another_maker_has_no_age(nonce: str) -> None:
     assert digest.nonce_age(nonce, SECRET, now=1000.0) is None
+
+
+@pytest.mark.parametrize("field", ["user", "response", "uri", "cnonce", "nc", "nonce"])
+def test_credentials_that_are_no_text_are_not_genuine(field: str) -> None:
+    """Bytes of a header that are no UTF-8 reach us as lone surrogates."""
+    challenge = digest.Challenge(digest.make_nonce("s", 0.0, 1))
+    login = digest.answer(challenge, user="u", password="p", method="GET", uri="/", cnonce="c")
+    forged = replace(login, **{field: "\udcff"})
+    assert not digest.is_genuine(forged, user="u", password="p", method="GET", target="/")
+
+
+def test_nonce_of_a_time_without_end_is_not_ours() -> None:
+    nonce = b64encode(f"secret:{digest.REALM}:{'f' * 400}:1".encode()).decode()
+    assert digest.nonce_age(nonce, "secret", 0.0) is None

@@ -58,8 +58,18 @@ def worn_desk() -> FaultDesk:
     return FaultDesk(world, MemoryHttp(world.controller, ManualClock()).adapter)
 
 
-def post(desk: FaultDesk, name: str, form: str = "", peer: str = LOCAL, method: str = "POST") -> HttpReply:
-    return desk.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), (), form.encode(), peer))
+HOST = (("Host", "127.0.0.1:8080"),)
+
+
+def post(
+    desk: FaultDesk,
+    name: str,
+    form: str = "",
+    peer: str = LOCAL,
+    method: str = "POST",
+    headers: tuple[tuple[str, str], ...] = HOST,
+) -> HttpReply:
+    return desk.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), headers, form.encode(), peer))
 
 
 @pytest.mark.parametrize("duration", [0.05, 1.0])
@@ -211,6 +221,43 @@ def test_posted_nonsense_is_refused(
 ) -> None:
     reply = post(idle_desk, name, form, peer)
     assert (reply.status, reply.body.decode().startswith(sentence)) == (status, True)
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        (("Host", "evil.example"),),
+        (("Host", "evil.example:8080"), ("Origin", "http://evil.example:8080")),
+        (("Host", "127.0.0.1.evil.example"),),
+        (*HOST, ("Origin", "http://evil.example")),
+        (*HOST, ("Origin", "null")),
+        (*HOST, ("Origin", "")),
+        (*HOST, ("Origin", "http://[::1")),
+        (("Host", "[evil"),),
+        (),
+    ],
+)
+def test_web_page_lets_no_fault_happen(idle_desk: FaultDesk, method: str, headers: tuple[tuple[str, str], ...]) -> None:
+    """Neither by a form of its own, nor under a name of its own that leads to this machine."""
+    reply = post(idle_desk, "emergency-stop", method=method, headers=headers)
+    assert (reply.status, reply.body.decode().split(",")[0]) == (
+        403,
+        "Faults are taken under the names of this machine only",
+    )
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        (("Host", "localhost:8080"),),
+        (("Host", "[::1]:8080"),),
+        (("host", "127.0.0.1"),),
+        (*HOST, ("Origin", "http://localhost:8080")),
+    ],
+)
+def test_program_of_this_machine_lets_faults_happen(idle_desk: FaultDesk, headers: tuple[tuple[str, str], ...]) -> None:
+    assert post(idle_desk, "motors-off", headers=headers).status == 204
 
 
 @pytest.mark.parametrize("fault", Fault)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side
 from yumi.robot.kinematics import tool0_to_body
 from yumi.robot.limits import YUMI_LIMITS
@@ -33,6 +34,25 @@ def test_move_abs_j_stands_at_its_target(bench: InstructionBench) -> None:
 def test_move_abs_j_leaves_an_axis_that_is_not_given(bench: InstructionBench) -> None:
     bench.run("MoveAbsJ [[20,-120,30,0,40,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;")
     assert bench.station.arm.position[2] == pytest.approx(radians(-135), abs=1e-5)
+
+
+def test_move_abs_j_to_where_the_arm_stands_takes_no_time(bench: InstructionBench) -> None:
+    assert bench.run("MoveAbsJ CJointT(),v1000,fine,tool0;") <= CYCLE
+
+
+def test_loop_of_moves_of_no_length_makes_one_in_a_cycle(bench: InstructionBench) -> None:
+    loop = "WHILE TRUE DO MoveAbsJ target,v1000,fine,tool0; number:=number+1; ENDWHILE"
+    bench.start(f"target:=CJointT(); MoveAbsJ target,v1000,fine,tool0; {loop}")
+    for _ in range(100):
+        bench.step()
+    assert 90 <= float(bench.read("number")) <= 100
+
+
+def test_move_of_no_length_is_not_planned(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    planned: list[object] = []
+    monkeypatch.setattr("yumi.virtual.arm.tool0_to_body", planned.append)
+    bench.station.arm.move_to(bench.station.arm.planned)
+    assert planned == []
 
 
 def test_move_abs_j_is_slower_with_a_slower_speed(bench: InstructionBench) -> None:

@@ -221,11 +221,52 @@ def run_by_name(world: World, text: str, name: str) -> None:
         world.cycle({})
 
 
-def test_program_that_stops_itself_stops_both_tasks(world: World, running: Irc5) -> None:
-    run_by_name(world, "MODULE halt\nPROC halt0()\nStop;\nENDPROC\nENDMODULE", "halt")
+def stopping(instruction: str) -> str:
+    return f"MODULE halt\nPROC halt0()\n{instruction};\nENDPROC\nENDMODULE"
+
+
+def test_stop_stops_its_own_task_only(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("Stop"), "halt")
+    assert running.is_running
+    states = {name: task.execution for name, task in running.tasks.items()}
+    assert states == {"T_ROB_R": Execution.STARTED, "T_ROB_L": Execution.STOPPED}
+    assert (codes(running)[0], "T_ROB_L was stopped by" in running.events.entries()[0].description) == (10125, True)
+
+
+def test_task_that_stopped_alone_is_started_again_beside_the_other(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("Stop"), "halt")
+    running.start_rapid()
+    assert {task.execution for task in running.tasks.values()} == {Execution.STARTED}
+
+
+@pytest.mark.parametrize(
+    "instruction", ["Stop\\AllMoveTasks", "SystemStopAction\\Stop", "SystemStopAction\\StopBlock", "EXIT"]
+)
+def test_program_that_stops_the_system_stops_both_tasks(world: World, running: Irc5, instruction: str) -> None:
+    run_by_name(world, stopping(instruction), "halt")
     assert not running.is_running
-    assert {task.execution for task in running.tasks.values()} == {Execution.STOPPED}
-    assert "T_ROB_L was stopped by the program" in running.events.entries()[0].description
+    assert Execution.STARTED not in {task.execution for task in running.tasks.values()}
+    assert "T_ROB_L was " in running.events.entries()[0].description
+
+
+def test_system_stop_goes_on_behind_the_instruction(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("SystemStopAction\\Stop"), "halt")
+    running.start_rapid()
+    for _ in range(10):
+        world.cycle({})
+    assert running.is_running
+
+
+def test_blocking_system_stop_takes_the_program_pointers_away(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("SystemStopAction\\StopBlock"), "halt")
+    with pytest.raises(Refused, match="T_ROB_R has no program pointer: move it to main first"):
+        running.start_rapid()
+
+
+def test_halting_system_stop_switches_the_motors_off(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("SystemStopAction\\Halt"), "halt")
+    assert not running.is_running
+    assert running.controller_state is ControllerState.MOTORS_OFF
 
 
 def test_error_that_is_handled_stops_nothing(world: World, running: Irc5) -> None:
