@@ -181,10 +181,11 @@ class System(ManualClock):
             self.world.controller.signals.set("WD_EXTERNAL_STATUS", 1)
         if self.is_powered:
             inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
-            datagrams = self.world.cycle(inboxes)
+            departures = self.world.exchange(inboxes)
             self.adapter.advance(self.now())
-            for side, datagram in datagrams.items():
-                self._robot_ends[side].send(datagram)
+            for side, datagram, is_foreign in departures:
+                if not is_foreign:  # which a wire in memory does not have
+                    self._robot_ends[side].send(datagram)
         for arm in self.arms.values():
             for event in arm.advance(self.now()):
                 self.manager.note(event)

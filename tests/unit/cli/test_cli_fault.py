@@ -39,7 +39,7 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_fault_command_lets_a_fault_happen(world: World, port: int) -> None:
     assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
-    assert (world.lines[Side.LEFT].is_cut, world.lines[Side.RIGHT].is_cut) == (True, False)
+    assert [world.lines.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",)])

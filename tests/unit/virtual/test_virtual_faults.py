@@ -76,9 +76,9 @@ def test_silence_lasts_as_long_as_it_is_told(guided: System, guided_desk: FaultD
 def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guided_desk: FaultDesk) -> None:
     guided_desk.happen(Fault.EGM_SILENCE)
     guided.wait(1.0)
-    assert all(line.is_cut for line in guided.world.lines.values())
+    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
     guided_desk.happen(Fault.EGM_REPAIR)
-    assert not any(line.is_cut for line in guided.world.lines.values())
+    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) is None for side in Side)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
     assert post(desk, "emergency-stop").status == 204
     assert post(desk, "egm-silence", "side=left&duration=2").status == 204
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP
-    assert system.world.lines[Side.LEFT].is_cut
+    assert system.world.lines.amount(Fault.EGM_LOSS, Side.LEFT) == 100.0
 
 
 @pytest.mark.parametrize(
