@@ -89,7 +89,7 @@ class EgmLines:
         self._once: dict[Side, list[_Once]] = {side: [] for side in Side}
         self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=REMEMBERED) for side in Side}
         self._under_way: dict[tuple[Way, Side], list[tuple[float, bytes]]] = {}
-        self._count = 0
+        self._count = dict.fromkeys(Side, 0)
         self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
 
     def put(
@@ -155,14 +155,14 @@ class EgmLines:
         """What is sent in place of and beside a datagram of an arm."""
         sent = self._sent[side]
         sent.append(datagram)
-        self._count += 1
+        self._count[side] += 1
         beside = [self._once_sent(one, sent) for one in self._once[side]]
         self._once[side].clear()
         offset = self.amount(Fault.EGM_OFFSET, side)
         if offset is not None:
             datagram = self._forged(datagram, offset, ahead=0)
         kept = self.amount(Fault.EGM_TRUNCATE, side)
-        if kept is not None and self._count % 2:
+        if kept is not None and self._count[side] % 2:
             datagram = datagram[: int(kept) or self._random.choice(field_borders(datagram))]
         return (datagram, *beside)
 
