@@ -18,15 +18,15 @@ from yumi.virtual.fault_names import Fault, Way
 REMEMBERED = 1000
 """Datagrams of an arm that can come a second time."""
 
-OLD = 100
-"""By so much the number of a forged datagram with an old number is lower."""
-
 _MS = 1e-3
 _ROUNDING = 1e-6  # of times [s]
 _VARINT, _FIXED64, _LENGTH = 0, 1, 2  # wire types of Protocol Buffers; 5, the only other one, has four bytes
 
 
-SINGLE = (Fault.EGM_STALE, Fault.EGM_FORGE, Fault.EGM_FORGE_OLD)
+FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
+"""By so much the number of a forged datagram is higher than that of the arm's last."""
+
+SINGLE = (Fault.EGM_STALE, *FORGED)
 """Faults that are one more datagram."""
 
 LASTING = (
@@ -169,7 +169,7 @@ class EgmLines:
     def _once_sent(self, one: _Once, sent: Sequence[bytes]) -> bytes:
         if one.fault is Fault.EGM_STALE:
             return sent[-1 - int(one.amount)]
-        return self._forged(sent[-1], one.amount, ahead=1 if one.fault is Fault.EGM_FORGE else -OLD)
+        return self._forged(sent[-1], one.amount, FORGED[one.fault])
 
     def _forged(self, datagram: bytes, offset_deg: float, ahead: int) -> bytes:
         """A datagram with all joints elsewhere, and the number ``ahead`` of it; its time is the next cycle's then."""

@@ -126,6 +126,12 @@ class Fault(Enum):
         has_side=True,
         amount=Amount("degrees", 5.0, -360.0, 360.0),
     )
+    EGM_FORGE_AHEAD = FaultKind(
+        "egm-forge-ahead",
+        "one forged EGM datagram with a number that is 1000 higher, all joints elsewhere",
+        has_side=True,
+        amount=Amount("degrees", 5.0, -360.0, 360.0),
+    )
     EGM_OFFSET = FaultKind(
         "egm-offset",
         "the EGM datagrams of the robot say that all joints are elsewhere",

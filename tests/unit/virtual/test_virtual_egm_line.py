@@ -114,7 +114,9 @@ def test_stale_datagram_is_the_one_so_many_before(bench: Bench) -> None:
     assert bench.numbers(2) == [[43, 13], [44]]
 
 
-@pytest.mark.parametrize(("fault", "number"), [(Fault.EGM_FORGE, 121), (Fault.EGM_FORGE_OLD, 20)])
+@pytest.mark.parametrize(
+    ("fault", "number"), [(Fault.EGM_FORGE, 121), (Fault.EGM_FORGE_OLD, 20), (Fault.EGM_FORGE_AHEAD, 1120)]
+)
 def test_forged_datagram_has_its_number_a_newer_clock_and_all_joints_elsewhere(
     bench: Bench, fault: Fault, number: int
 ) -> None:
