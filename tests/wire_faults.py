@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import cos, degrees, pi, radians, sin
 from typing import NamedTuple, Protocol
 
@@ -152,11 +153,15 @@ class Tapped:
     cycle: int = 0
 
     def note_received(self, time: float, datagrams: Iterable[bytes]) -> None:
+        """The robot looked, as it does in each cycle."""
         self.cycle += 1
         for datagram in datagrams:
-            told = RobotCodec().decode(datagram).position
-            assert told is not None
-            self.heard.append(Heard(self.cycle, time, joints([value for value in told if value is not None])))
+            self.note_heard(time, datagram)
+
+    def note_heard(self, time: float, datagram: bytes) -> None:
+        told = RobotCodec().decode(datagram).position
+        assert told is not None
+        self.heard.append(Heard(self.cycle, time, joints([value for value in told if value is not None])))
 
     def note_sent(self, datagram: bytes) -> None:
         self.sent.append((self.cycle, datagram))
@@ -180,7 +185,7 @@ def check_limits(heard: Sequence[Heard]) -> None:
     limits = YUMI_LIMITS
     slack = 1.0 + 1e-3
     before = (0.0,) * 7
-    for last, this in zip(heard, heard[1:], strict=False):
+    for last, this in pairwise(heard):
         where = f"in cycle {this.cycle}: {_deg(last.position)} to {_deg(this.position)}"
         assert limits.outside(this.position) is None, f"out of range {where}"
         step = joints([new - old for old, new in zip(last.position, this.position, strict=True)])
