@@ -8,13 +8,14 @@ import pytest
 
 import yumi
 from tapped_controller import TappedController
-from wire_faults import LASTING, PERIOD, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
+from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
 from yumi.api.motions import Motion
 from yumi.api.robot import Robot
 from yumi.cli_fault import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
+from yumi.robot.joints import Joints, Side
+from yumi.robot.values import ZERO
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(120)]
 
@@ -44,11 +45,7 @@ class Rig:
         if not self._motions or any(motion.is_done for motion in self._motions):
             self._robot.recover()
             self._robot.move_to(right=swing(Side.RIGHT, 0.0), left=swing(Side.LEFT, 0.0), speed=1.0, acceleration=1.0)
-            times = [number / POINTS_PER_SECOND for number in range(int(LENGTH * POINTS_PER_SECOND))]
-            right, left = (
-                [(time, swing(side, time), swing_velocity(time)) for time in times if time % PERIOD or not time]
-                for side in (Side.RIGHT, Side.LEFT)
-            )
+            right, left = (_trajectory(side) for side in (Side.RIGHT, Side.LEFT))
             self._motions = self._robot.follow(right=right, left=left, wait=False)
             self._controller.read()
             self._swings_since = {side: self.passed(side).cycle for side in Side}
@@ -76,6 +73,13 @@ class Rig:
         }
         chosen = [text for name, value in options.items() if value is not None for text in (name, str(value))]
         fault_command.main([attack.fault.value.name, *chosen], standalone_mode=False)
+
+
+def _trajectory(side: Side) -> list[tuple[float, Joints, Joints]]:
+    """Times, positions and velocities of a swing that ends at rest."""
+    last = int(LENGTH * POINTS_PER_SECOND)
+    times = [number / POINTS_PER_SECOND for number in range(last)]
+    return [*((time, swing(side, time), swing_velocity(time)) for time in times), (LENGTH, swing(side, LENGTH), ZERO)]
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,41 @@
+"""EGM is started and stopped again and again: nothing of that stays."""
+
+from __future__ import annotations
+
+import pytest
+from ros_bench import Client
+from std_srvs.srv import Trigger
+
+from process_sizes import PATIENCE, settled_sizes, sizes
+from soak import CYCLES, long, short, tell
+from yumi.clock import SystemClock
+from yumi.links.command import Command
+
+LEAST = 5
+"""After so many starts everything that is made once is there."""
+
+GROWTH_KB = 2048
+EVERY = 10
+
+
+@pytest.mark.parametrize("count", [short(2 * LEAST, pytest.mark.ros), long(CYCLES, 10.0 * CYCLES)])
+def test_starting_and_stopping_egm_leaves_no_thread_descriptor_or_memory_behind(
+    client: Client, driver: Command, count: int
+) -> None:
+    half = max(LEAST, count // 4)
+    before = None
+    for number in range(1, count + 1):
+        for name in ("start_egm", "stop_egm"):
+            answer = client.call(Trigger, f"yumi_robot_manager/{name}")
+            assert answer.success, answer.message
+        if number == half:
+            before = settled_sizes(driver.pid)
+        if number % EVERY == 0:
+            tell(f"{number} of {count} starts and stops of EGM: {sizes(driver.pid)}")
+    assert before is not None
+    clock = SystemClock()
+    end = clock.now() + PATIENCE
+    while (after := settled_sizes(driver.pid)).counts != before.counts and clock.now() < end:
+        continue
+    assert after.counts == before.counts
+    assert after.resident_kb - before.resident_kb <= GROWTH_KB
