@@ -18,7 +18,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     What takes long runs where it is asked for only, see ``make soak``.
     """
-    if "soak" not in config.option.markexpr:
+    if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]
     for item in items:
