@@ -15,7 +15,7 @@ LEAST = 5
 """After so many starts everything that is made once is there."""
 
 AT_ONCE = 10
-"""Requests that a service of ROS 2 keeps; the driver answers eight of a node at once, each on a thread that then stays."""
+"""Requests that a service of ROS 2 keeps; a node of the driver answers eight at once, each on a thread that stays."""
 
 GROWTH_KB = 2048
 EVERY = 10
