@@ -1,7 +1,7 @@
 """Where a running virtual controller is given faults: ``/virtual/faults``, which no ABB controller has.
 
-``GET /virtual/faults`` lists them, ``POST /virtual/faults/<name>`` lets one happen; ``side``, ``duration``, ``by`` and
-``way`` stand in the form. Only programs of the same machine are served, without a login.
+``GET /virtual/faults`` lists them, ``POST /virtual/faults/<name>`` lets one happen; ``side`` and ``duration`` stand in
+the form. Only programs of the same machine are served, without a login.
 """
 
 from __future__ import annotations
