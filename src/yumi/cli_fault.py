@@ -61,7 +61,7 @@ def fault(
       yumi fault egm-silence --side left --duration 1
       yumi fault egm-loss --by 50 --duration 2
       yumi fault egm-loss --way to-robot --duration 0.5    the robot hears nothing
-      yumi fault egm-stale --by 60 --side right
+      yumi fault egm-delay --by 20 --side right --duration 2
       yumi fault warm-restart --rws-port 8080
     """
     if name is None:
