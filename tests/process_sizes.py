@@ -21,13 +21,13 @@ class Sizes(NamedTuple):
         processes: how many there are.
         threads: of all of them.
         descriptors: open ones, of all of them.
-        resident_kb: memory in use, of all of them [kB].
+        memory_kb: in use, without what is mapped from files, which the kernel maps in pieces of any size [kB].
     """
 
     processes: int
     threads: int
     descriptors: int
-    resident_kb: int
+    memory_kb: int
 
     @property
     def counts(self) -> tuple[int, int, int]:
@@ -37,7 +37,7 @@ class Sizes(NamedTuple):
     def __str__(self) -> str:
         return (
             f"{self.processes} processes, {self.threads} threads, {self.descriptors} descriptors, "
-            f"{self.resident_kb / 1024:.1f} MB"
+            f"{self.memory_kb / 1024:.1f} MB"
         )
 
 
@@ -71,5 +71,6 @@ def settled_sizes(session: int) -> Sizes:
 
 def _of_process(folder: Path) -> Sizes:
     status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
-    resident = int(status["VmRSS"].split()[0]) if "VmRSS" in status else 0  # one that has ended has none
-    return Sizes(1, int(status["Threads"]), len(os.listdir(folder / "fd")), resident)
+    # A process that has ended has no memory.
+    memory = sum(int(status[name].split()[0]) for name in ("RssAnon", "RssShmem") if name in status)
+    return Sizes(1, int(status["Threads"]), len(os.listdir(folder / "fd")), memory)
