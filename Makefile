@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check constraints clean
+.PHONY: help setup demo test soak check constraints clean
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -13,6 +13,7 @@ help:
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
 	@echo 'make test          the whole check: format, lint, types, layers, spelling, then all tests'
 	@echo 'make check         the same without the tests'
+	@echo 'make soak          what takes long: ten minutes of motion, 200 starts of EGM, 2000 examples; see docs/how-to/soak.md'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
@@ -35,6 +36,11 @@ check: setup
 test: check
 	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile -m 'not ros and not real_time and not soak' $(ARGS)
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
+
+# The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.
+soak: export YUMI_EGM_EXAMPLES ?= 2000
+soak: setup
+	.venv/bin/python -m pytest -m soak --capture=no $(ARGS)
 
 constraints: setup
 	@.venv/bin/python -m venv build/uv

@@ -13,8 +13,14 @@ from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A machine shared with others may stand still for longer than a robot bears: what it disturbed is asked again."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """A machine shared with others may stand still for longer than a robot bears: what it disturbed is asked again.
+
+    What takes long runs where it is asked for only, see ``make soak``.
+    """
+    if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
+        items[:] = [item for item in items if not item.get_closest_marker("soak")]
     for item in items:
         if item.get_closest_marker("real_time") or item.get_closest_marker("ros"):
             item.add_marker(pytest.mark.flaky(reruns=2))

@@ -162,9 +162,19 @@ class VirtualController:
         user: user name that may log in.
         password: its password.
         host: address to listen on.
+        link: makes the sockets of the arms, to an address and port.
     """
 
-    def __init__(self, settings: WorldSettings, *, rws_port: int, user: str, password: str, host: str) -> None:
+    def __init__(
+        self,
+        settings: WorldSettings,
+        *,
+        rws_port: int,
+        user: str,
+        password: str,
+        host: str,
+        link: Callable[[str, int], UdpClient] = UdpClient,
+    ) -> None:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
@@ -177,7 +187,8 @@ class VirtualController:
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # what other threads and processes take is not the program's fault
             task.parsed = lambda text, path: self._background.submit(partial(parse_module, text, path))
-        self._links = {side: UdpClient(*self.world.egm_destination(side)) for side in Side}
+        self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
+        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
         """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
@@ -197,16 +208,16 @@ class VirtualController:
         finally:
             self._background.stop()
             release_process()
-            for link in self._links.values():
+            for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
 
     def _cycle(self) -> None:
         inboxes = {side: link.receive() for side, link in self._links.items()}
         with self._lock:
-            datagrams = self.world.cycle(inboxes)
+            departures = self.world.exchange(inboxes)
             self._adapter.advance(self._clock.now())
-        for side, datagram in datagrams.items():
-            self._links[side].send(datagram)
+        for side, datagram, is_foreign in departures:
+            (self._foreign_links if is_foreign else self._links)[side].send(datagram)
 
     def _hang_up(self) -> None:
         self._server.hang_up()

@@ -177,14 +177,17 @@ class System(ManualClock):
 
     def _cycle(self) -> None:
         self.advance(CYCLE)
+        looks = dict.fromkeys(Side, 1)
         if self.gives_signs:
             self.world.controller.signals.set("WD_EXTERNAL_STATUS", 1)
         if self.is_powered:
             inboxes = {side: end.receive() for side, end in self._robot_ends.items()}
-            datagrams = self.world.cycle(inboxes)
+            departures = [each for each in self.world.exchange(inboxes) if not each.is_foreign]  # memory has no ports
             self.adapter.advance(self.now())
-            for side, datagram in datagrams.items():
+            for side, datagram, _ in departures:
                 self._robot_ends[side].send(datagram)
-        for arm in self.arms.values():
-            for event in arm.advance(self.now()):
-                self.manager.note(event)
+            looks = {side: max(1, sum(each.side is side for each in departures)) for side in Side}
+        for side, arm in self.arms.items():
+            for _ in range(looks[side]):  # the driver looks again while something waits
+                for event in arm.advance(self.now()):
+                    self.manager.note(event)

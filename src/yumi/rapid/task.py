@@ -160,7 +160,7 @@ class Task:
 
     def _check_memory(self, module: s.Module) -> None:
         others = [m.syntax for m in self.program.modules.values() if m.name.lower() != module.name.lower()]
-        length, count = (sum(m.length for m in (module, *others)), sum(len(m.data) for m in (module, *others)))
+        length, count = (sum(len(m.text) for m in (module, *others)), sum(len(m.data) for m in (module, *others)))
         if length > LONGEST_PROGRAM or count > MOST_DATA:
             raise ProgramTooLarge(
                 f"{module.filename}: with '{module.name}' the task {self.name} would have {length} characters of text "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from ipaddress import ip_address
 from math import inf, isfinite
 from urllib.parse import urlsplit
@@ -18,7 +19,8 @@ from yumi.robot.joints import Side
 from yumi.rws import forms
 from yumi.rws.states import ControllerState
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.fault_names import Fault, kind_of
+from yumi.virtual.egm_line import LASTING, SINGLE
+from yumi.virtual.fault_names import Fault, FaultKind, Way, kind_of
 from yumi.virtual.faults import Faults
 from yumi.virtual.rws_adapter import RwsAdapter
 from yumi.virtual.world import World
@@ -60,7 +62,7 @@ class FaultDesk:
             Fault.RWS_BUSY: adapter.be_busy,
         }
         self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
-            Fault.EGM_REPAIR: lambda side: world.lines[side].repair(),
+            Fault.EGM_REPAIR: world.lines.repair,
             Fault.COMM_TIMEOUT: lambda side: self._egm(side).lose_sensor(),
             Fault.EGM_CONVERGENCE: lambda side: self._egm(side).converge(),
             Fault.DYNAMIC_LOAD: lambda side: self._egm(side).overload(),
@@ -70,18 +72,28 @@ class FaultDesk:
             Fault.OBJECT_LOST: self._lose_object,
         }
 
-    def happen(self, fault: Fault, side: Side | None = None, duration: float | None = None) -> None:
+    def happen(
+        self,
+        fault: Fault,
+        side: Side | None = None,
+        duration: float | None = None,
+        amount: float | None = None,
+        way: Way | None = None,
+    ) -> None:
         """Let a fault happen.
 
         Args:
             fault: which.
             side: to which arm; None for both.
             duration: how long it lasts [s]; None for its own time.
+            amount: how strong it is, in the unit of its kind; None for its own strength.
+            way: in which direction datagrams meet it; None for both.
 
         Raises:
-            CommandRefused: side or duration mean nothing for it, or the robot is in no state for it.
+            CommandRefused: one of these means nothing for it or is out of range, or the robot is in no state for it.
         """
-        _check_choice(fault, side, duration)
+        _check_choice(fault.value, side, duration)
+        _check_strength(fault.value, amount, way)
         sides = tuple(Side) if side is None else (side,)
         length = fault.value.default_duration if duration is None else duration
         if fault in self._plain:
@@ -90,7 +102,9 @@ class FaultDesk:
             self._lasting[fault](inf if length is None else length)
         elif fault is Fault.EGM_SILENCE:
             for each in sides:
-                self._world.lines[each].cut(inf if length is None else length)
+                self._world.lines.put(Fault.EGM_LOSS, each, 100.0, duration=length)
+        elif fault in (*SINGLE, *LASTING):
+            self._happen_on_line(fault, sides, length, amount, way or Way.BOTH)
         else:
             self._happen_to(fault, sides, is_chosen=side is not None)
 
@@ -126,6 +140,17 @@ class FaultDesk:
         if refused and (is_chosen or len(refused) == len(sides)):
             raise refused[0]
 
+    def _happen_on_line(
+        self, fault: Fault, sides: Sequence[Side], duration: float | None, amount: float | None, way: Way
+    ) -> None:
+        kind = fault.value.amount
+        strength = amount if amount is not None else (kind.default if kind is not None else None) or 0.0
+        if fault in SINGLE:  # it has to be like those that are sent
+            for side in sides:
+                self._egm(side)
+        for side in sides:
+            self._world.lines.put(fault, side, strength, way, duration)
+
     def _egm(self, side: Side) -> EgmClient:
         egm = self._world.egm[side]
         if not egm.is_guiding:
@@ -149,8 +174,7 @@ class FaultDesk:
             cup.under = None
 
 
-def _check_choice(fault: Fault, side: Side | None, duration: float | None) -> None:
-    kind = fault.value
+def _check_choice(kind: FaultKind, side: Side | None, duration: float | None) -> None:
     if side is not None and not kind.has_side:
         raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
     if duration is not None and not kind.has_duration:
@@ -159,22 +183,43 @@ def _check_choice(fault: Fault, side: Side | None, duration: float | None) -> No
         raise CommandRefused(f"A duration is above 0 and at most {_MAX_DURATION:.0f} s, not {duration:g} s.")
 
 
-def _choice(form: forms.Pairs) -> tuple[Side | None, float | None]:
-    side, duration = forms.first(form, "side"), forms.first(form, "duration")
-    sides = {each.word: each for each in Side}
+def _check_strength(kind: FaultKind, amount: float | None, way: Way | None) -> None:
+    if way is not None and not kind.has_way:
+        raise CommandRefused(f"{kind.name} has no direction; leave the way out.")
+    if amount is None:
+        return
+    if kind.amount is None:
+        raise CommandRefused(f"{kind.name} is not stronger or weaker; leave 'by' out.")
+    is_in_range = kind.amount.lowest <= amount <= kind.amount.highest
+    if not is_in_range or (kind.amount.is_whole and amount != int(amount)):
+        whole = ", a whole number" if kind.amount.is_whole else ""
+        raise CommandRefused(f"{kind.name} goes by {kind.amount.range}{whole}, not by {amount:g}.")
+
+
+def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+    side, way = forms.first(form, "side"), forms.first(form, "way")
+    duration, amount = forms.first(form, "duration"), forms.first(form, "by")
+    sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
     if side is not None and side not in sides:
         raise CommandRefused(f"A side is left or right, not {side!r}.")
-    return None if side is None else sides[side], None if duration is None else _seconds(duration)
+    if way is not None and way not in ways:
+        raise CommandRefused(f"A way is {', '.join(ways)}, not {way!r}.")
+    return (
+        None if side is None else sides[side],
+        None if duration is None else _number(duration, "A duration is a number of seconds"),
+        None if amount is None else _number(amount, "'by' is a number"),
+        None if way is None else ways[way],
+    )
 
 
-def _seconds(text: str) -> float:
+def _number(text: str, meaning: str) -> float:
     try:
-        seconds = float(text)
+        number = float(text)
     except ValueError:
-        seconds = inf
-    if not isfinite(seconds):
-        raise CommandRefused(f"A duration is a number of seconds, not {text!r}.")
-    return seconds
+        number = inf
+    if not isfinite(number):
+        raise CommandRefused(f"{meaning}, not {text!r}.")
+    return number
 
 
 def _list() -> list[dict[str, object]]:
@@ -185,6 +230,8 @@ def _list() -> list[dict[str, object]]:
             "has_side": fault.value.has_side,
             "has_duration": fault.value.has_duration,
             "default_duration_s": fault.value.default_duration,
+            "by": None if fault.value.amount is None else asdict(fault.value.amount),
+            "has_way": fault.value.has_way,
         }
         for fault in Fault
     ]

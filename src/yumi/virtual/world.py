@@ -14,7 +14,7 @@ from yumi.virtual.arm import VirtualArm
 from yumi.virtual.arm_model import ArmModel
 from yumi.virtual.configuration import Configuration
 from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_line import EgmLine
+from yumi.virtual.egm_line import Departure, EgmLines
 from yumi.virtual.egm_options import EgmOptions
 from yumi.virtual.gripper import VirtualGripper, Workpiece
 from yumi.virtual.identity import Identity
@@ -64,7 +64,7 @@ class World:
         arms: the arms by side.
         grippers: the grippers by side.
         egm: the EGM clients by side.
-        lines: what carries the datagrams, by side.
+        lines: what carries the datagrams of both arms.
         cycle_time: how long a cycle is [s].
     """
 
@@ -76,7 +76,7 @@ class World:
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._stations.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._stations.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._stations.items()}
-        self.lines: Mapping[Side, EgmLine] = {side: EgmLine() for side in Side}
+        self.lines = EgmLines(self.cycle_time)
         self.controller = Irc5(
             tuple(self._stations.values()),
             self._configuration,
@@ -84,6 +84,18 @@ class World:
             Identity(system_name=settings.robot_name, controller_name=settings.robot_name),
             settings.start_time,
         )
+
+    def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Departure]:
+        """One cycle with what can go wrong between the robot and the driver.
+
+        Args:
+            inboxes: datagrams of the driver that came for each arm since the last cycle, oldest first.
+
+        Returns:
+            What leaves for the driver, in this order.
+        """
+        self.lines.advance(self.cycle_time)
+        return self.lines.leaving(self.cycle(self.lines.arriving(inboxes)))
 
     def cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> dict[Side, bytes]:
         """One cycle, of 4.032 ms unless the settings say otherwise.
@@ -97,21 +109,14 @@ class World:
         self.controller.advance(self.cycle_time)
         datagrams = {}
         for side, station in self._stations.items():
-            datagram = self._exchange(side, inboxes.get(side, ()))
+            # A controller that restarts neither hears nor sends.
+            datagram = None if self.controller.is_dark else station.egm.cycle(inboxes.get(side, ()))
             if datagram is not None:
                 datagrams[side] = datagram
             station.gripper.advance(self.cycle_time)
             station.arm.advance(self.cycle_time)
         self.controller.supervise()
         return datagrams
-
-    def _exchange(self, side: Side, inbox: Sequence[bytes]) -> bytes | None:
-        """What an arm has to send, as far as it gets out; a controller that restarts neither hears nor sends."""
-        line, egm = self.lines[side], self.egm[side]
-        line.advance(self.cycle_time)
-        if self.controller.is_dark:
-            return None
-        return line.leaving(egm.cycle(line.arriving(inbox)))
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""

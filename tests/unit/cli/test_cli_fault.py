@@ -14,7 +14,7 @@ from yumi.links.http import HttpReply
 from yumi.links.http_server import HttpServer
 from yumi.robot.joints import Side
 from yumi.virtual.fault_desk import FaultDesk
-from yumi.virtual.fault_names import Fault
+from yumi.virtual.fault_names import Fault, Way
 from yumi.virtual.world import World
 
 
@@ -39,7 +39,17 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_fault_command_lets_a_fault_happen(world: World, port: int) -> None:
     assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
-    assert (world.lines[Side.LEFT].is_cut, world.lines[Side.RIGHT].is_cut) == (True, False)
+    assert [world.lines.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
+
+
+def test_fault_command_passes_strength_and_direction_on(world: World, port: int) -> None:
+    chosen = ("--by", 20, "--way", "to-robot", "--side", "right", "--rws-port", port)
+    assert run("egm-delay", *chosen) == (0, "egm-delay: done\n")
+    assert world.lines.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
+    assert run("egm-loss", "--by", 200, "--rws-port", port) == (
+        1,
+        "Error: egm-loss goes by 0 to 100 %, not by 200.\n",
+    )
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",)])

@@ -16,7 +16,7 @@ from yumi.robot.joints import Side
 from yumi.rws.states import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.egm_adapter import EgmOutcome
 from yumi.virtual.fault_desk import PATH, FaultDesk
-from yumi.virtual.fault_names import Fault
+from yumi.virtual.fault_names import Fault, Way
 from yumi.virtual.world import World
 
 LOCAL = "127.0.0.1:4711"
@@ -86,9 +86,9 @@ def test_silence_lasts_as_long_as_it_is_told(guided: System, guided_desk: FaultD
 def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guided_desk: FaultDesk) -> None:
     guided_desk.happen(Fault.EGM_SILENCE)
     guided.wait(1.0)
-    assert all(line.is_cut for line in guided.world.lines.values())
+    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
     guided_desk.happen(Fault.EGM_REPAIR)
-    assert not any(line.is_cut for line in guided.world.lines.values())
+    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) is None for side in Side)
 
 
 @pytest.mark.parametrize(
@@ -183,6 +183,12 @@ def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk)
         (Fault.MOTORS_OFF, Side.LEFT, None, "motors-off happens to the whole robot; leave the side out."),
         (Fault.MOTORS_OFF, None, 1.0, "motors-off has no duration; leave it out."),
         (Fault.EGM_SILENCE, None, -1.0, "A duration is above 0 and at most 86400 s, not -1 s."),
+        (Fault.EGM_STALE, Side.LEFT, None, "EGM does not guide the left arm; start EGM first."),
+        (Fault.EGM_FORGE, None, None, "EGM does not guide the right arm; start EGM first."),
+        (Fault.EMERGENCY_STOP_RESET, None, None, "The emergency stop is not pressed; there is nothing to reset."),
+        (Fault.AUTO_MODE, None, None, "The key stands at AUTO already."),
+        (Fault.MOTORS_OFF, None, None, "The motors are off already."),
+        (Fault.PROGRAM_STOP, None, None, "No RAPID program runs; there is nothing to stop."),
     ],
 )
 def test_fault_that_makes_no_sense_is_refused(
@@ -193,6 +199,40 @@ def test_fault_that_makes_no_sense_is_refused(
     assert str(refused.value) == sentence
 
 
+@pytest.mark.parametrize(
+    ("fault", "amount", "way", "sentence"),
+    [
+        (Fault.EGM_LOSS, 101.0, None, "egm-loss goes by 0 to 100 %, not by 101."),
+        (Fault.EGM_STALE, 2.5, None, "egm-stale goes by 1 to 999 datagrams, a whole number, not by 2.5."),
+        (Fault.EGM_SWAP_ARMS, 1.0, None, "egm-swap-arms is not stronger or weaker; leave 'by' out."),
+        (Fault.EGM_STALE, None, Way.TO_ROBOT, "egm-stale has no direction; leave the way out."),
+    ],
+)
+def test_strength_that_makes_no_sense_is_refused(
+    idle_desk: FaultDesk, fault: Fault, amount: float | None, way: Way | None, sentence: str
+) -> None:
+    with pytest.raises(CommandRefused) as refused:
+        idle_desk.happen(fault, amount=amount, way=way)
+    assert str(refused.value) == sentence
+
+
+def test_stop_that_is_pressed_is_not_pressed_again_but_reset_once(system: System, desk: FaultDesk) -> None:
+    desk.happen(Fault.EMERGENCY_STOP)
+    with pytest.raises(CommandRefused, match="The emergency stop is pressed already; emergency-stop-reset releases it"):
+        desk.happen(Fault.EMERGENCY_STOP)
+    desk.happen(Fault.EMERGENCY_STOP_RESET)
+    assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP_RESET
+    with pytest.raises(CommandRefused, match="not pressed"):
+        desk.happen(Fault.EMERGENCY_STOP_RESET)
+
+
+def test_datagram_that_was_never_sent_cannot_come_again(guided: System, guided_desk: FaultDesk) -> None:
+    with pytest.raises(
+        CommandRefused, match=r"The left arm has sent only \d+ EGM datagrams, not 999; let it send more"
+    ):
+        guided_desk.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
+
+
 def test_faults_are_listed(idle_desk: FaultDesk) -> None:
     names = [entry["name"] for entry in json.loads(post(idle_desk, "", method="GET").body)]
     assert names == [fault.value.name for fault in Fault]
@@ -200,9 +240,10 @@ def test_faults_are_listed(idle_desk: FaultDesk) -> None:
 
 def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
     assert post(desk, "emergency-stop").status == 204
-    assert post(desk, "egm-silence", "side=left&duration=2").status == 204
+    assert post(desk, "egm-loss", "side=left&duration=2&by=100&way=from-robot").status == 204
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP
-    assert system.world.lines[Side.LEFT].is_cut
+    assert system.world.lines.amount(Fault.EGM_LOSS, Side.LEFT, Way.FROM_ROBOT) == 100.0
+    assert system.world.lines.amount(Fault.EGM_LOSS, Side.LEFT, Way.TO_ROBOT) is None
 
 
 @pytest.mark.parametrize(
@@ -214,6 +255,8 @@ def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
         ("egm-silence", "side=middle", LOCAL, 409, "A side is left or right, not 'middle'."),
         ("egm-silence", "duration=nan", LOCAL, 409, "A duration is a number of seconds, not 'nan'."),
         ("egm-silence", "duration=long", LOCAL, 409, "A duration is a number of seconds, not 'long'."),
+        ("egm-loss", "by=half", LOCAL, 409, "'by' is a number, not 'half'."),
+        ("egm-loss", "way=back", LOCAL, 409, "A way is to-robot, from-robot, both, not 'back'."),
     ],
 )
 def test_posted_nonsense_is_refused(

@@ -1,0 +1,30 @@
+"""How long the long forms of tests take, and where they tell how far they are; see ``make soak``."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+
+MINUTES = float(os.environ.get("YUMI_SOAK_MINUTES", "10"))
+"""Of motion."""
+
+CYCLES = int(os.environ.get("YUMI_SOAK_CYCLES", "200"))
+"""Starts and stops of EGM."""
+
+
+def short(value: float, *marks: pytest.MarkDecorator) -> object:
+    """The form of a test that runs with all others."""
+    return pytest.param(value, marks=marks, id="short")
+
+
+def long(value: float, seconds: float) -> object:
+    """The form that ``make soak`` runs; it has so many seconds."""
+    return pytest.param(value, marks=(pytest.mark.soak, pytest.mark.timeout(seconds)), id="long")
+
+
+def tell(sentence: str) -> None:
+    """Show how far it is; pytest shows it at once with ``-s`` only."""
+    sys.stdout.write(f"\n{sentence}")
+    sys.stdout.flush()

@@ -1,0 +1,115 @@
+"""Datagrams that are late, forged, cut, lost, swapped or doubled, over real sockets: what is sent never jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+import yumi
+from tapped_controller import TappedController
+from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
+from yumi.api.motions import Motion
+from yumi.api.robot import Robot
+from yumi.cli_fault import fault as fault_command
+from yumi.clock import SystemClock
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Joints, Side
+from yumi.robot.values import ZERO
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(120)]
+
+LENGTH = 60.0  # of the swing [s]
+POINTS_PER_SECOND = 20
+BEFORE, AFTER = 125, 100  # cycles
+PATIENCE = 20.0  # [s]
+DISTURBED = 0.05
+"""A share of its cycles that this machine may take from the driver."""
+
+
+class Rig:
+    """A virtual robot in a process of its own, and a script that swings both of its arms."""
+
+    def __init__(self, robot: Robot, controller: TappedController) -> None:
+        self._robot = robot
+        self._controller = controller
+        self._clock = SystemClock()
+        self._motions: tuple[Motion, ...] = ()
+        self._swings_since = dict.fromkeys(Side, 0)
+
+    def passed(self, side: Side) -> Tapped:
+        return self._controller.passed[side]
+
+    def swing(self) -> None:
+        """Both arms swing, and have done so for some time."""
+        if not self._motions or any(motion.is_done for motion in self._motions):
+            self._robot.recover()
+            self._robot.move_to(right=swing(Side.RIGHT, 0.0), left=swing(Side.LEFT, 0.0), speed=1.0, acceleration=1.0)
+            right, left = (_trajectory(side) for side in (Side.RIGHT, Side.LEFT))
+            self._motions = self._robot.follow(right=right, left=left, wait=False)
+            self._controller.read()
+            self._swings_since = {side: self.passed(side).cycle for side in Side}
+        self.wait_for_cycles(self._swings_since, BEFORE + 50)
+
+    def wait_for_cycles(self, since: dict[Side, int], count: int) -> None:
+        self.until(lambda: all(self.passed(side).cycle >= since[side] + count for side in Side))
+
+    def until(self, is_so: Callable[[], bool]) -> None:
+        end = self._clock.now() + PATIENCE
+        self._controller.read()
+        while not is_so():
+            assert self._clock.now() < end, f"did not happen within {PATIENCE} s"
+            self._clock.wait(5 * CYCLE)
+            self._controller.read()
+
+    def strike(self, attack: Attack) -> None:
+        """``yumi fault``."""
+        options = {
+            "--rws-port": self._controller.rws_port,
+            "--side": attack.side and attack.side.word,
+            "--duration": attack.duration,
+            "--by": attack.amount,
+            "--way": attack.way and attack.way.value,
+        }
+        chosen = [text for name, value in options.items() if value is not None for text in (name, str(value))]
+        fault_command.main([attack.fault.value.name, *chosen], standalone_mode=False)
+
+
+def _trajectory(side: Side) -> list[tuple[float, Joints, Joints]]:
+    """Times, positions and velocities of a swing that ends at rest."""
+    last = int(LENGTH * POINTS_PER_SECOND)
+    times = [number / POINTS_PER_SECOND for number in range(last)]
+    return [*((time, swing(side, time), swing_velocity(time)) for time in times), (LENGTH, swing(side, LENGTH), ZERO)]
+
+
+@pytest.fixture(scope="module")
+def connected(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    controller = TappedController(tmp_path_factory.mktemp("controller"))
+    controller.start()
+    left, right = (controller.egm_ports[side] for side in (Side.LEFT, Side.RIGHT))
+    with yumi.connect(f"127.0.0.1:{controller.rws_port}", left_egm_port=left, right_egm_port=right) as robot:
+        yield Rig(robot, controller)
+    controller.stop()
+
+
+@pytest.fixture
+def rig(connected: Rig) -> Rig:
+    connected.swing()
+    return connected
+
+
+@pytest.mark.parametrize("attack", [*SINGLE, *LASTING], ids=str)
+def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(rig: Rig, attack: Attack) -> None:
+    begin = {side: rig.passed(side).cycle for side in Side}
+    paths = {side: Swing(side, rig.passed(side).heard[-BEFORE:]) for side in Side}
+    rig.strike(attack)
+    rig.wait_for_cycles(begin, int((attack.duration or 0.0) / CYCLE) + AFTER)
+    for side in Side:
+        passed = rig.passed(side)
+        heard = passed.since(begin[side])
+        check_limits(heard)
+        check_path(heard, paths[side], attack.strays)
+        first = begin[side] if attack.unanswered is not None else passed.cycle - 50
+        answered = {each.cycle for each in heard}
+        unanswered = [cycle for cycle in range(first + 1, passed.cycle) if cycle not in answered]
+        assert len(unanswered) <= (attack.unanswered or 0) + DISTURBED * (passed.cycle - first), unanswered

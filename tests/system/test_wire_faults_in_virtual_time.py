@@ -1,0 +1,87 @@
+"""Datagrams that are late, forged, cut, lost, swapped or doubled while both arms move: what is sent never jumps."""
+
+from __future__ import annotations
+
+import pytest
+
+from system.virtual_time_bench import System
+from wire_faults import LASTING, SINGLE, Attack, Link, Swing, Tapped, check_limits, check_path, is_at_rest, swing
+from yumi.robot.joints import Side
+
+BEFORE, AFTER = 0.6, 0.6  # [s]
+
+
+class Tap:
+    """A link that remembers what passes."""
+
+    def __init__(self, link: Link, system: System) -> None:
+        self.passed = Tapped()
+        self._link = link
+        self._system = system
+
+    def send(self, datagram: bytes) -> None:
+        self.passed.note_sent(datagram)
+        self._link.send(datagram)
+
+    def receive(self) -> list[bytes]:
+        datagrams = self._link.receive()
+        self.passed.note_received(self._system.now(), datagrams)
+        return datagrams
+
+
+class SwingingSystem(System):
+    """Both arms swing, led by goals that are streamed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.taps = {side: Tap(link, self) for side, link in self._robot_ends.items()}
+        self._robot_ends.update(self.taps)  # type: ignore[arg-type]
+        self._begin: float | None = None
+        self.start_egm()
+        for side, arm in self.arms.items():
+            arm.go(swing(side, 0.0))
+        self.wait(0.6)
+        self._begin = self.now()
+        self.wait(BEFORE)
+
+    def passed(self, side: Side) -> Tapped:
+        return self.taps[side].passed
+
+    def _cycle(self) -> None:
+        if self._begin is not None:
+            for side, arm in self.arms.items():
+                arm.go(swing(side, self.now() - self._begin))
+        super()._cycle()
+
+
+@pytest.fixture
+def system() -> SwingingSystem:
+    return SwingingSystem()
+
+
+def test_swing_that_nothing_disturbs_goes_on_within_the_limits(system: SwingingSystem) -> None:
+    for side in Side:
+        heard = system.passed(side).heard
+        path = Swing(side, heard[-124:])
+        system.wait(AFTER)
+        recent = heard[-300:]
+        check_limits(recent)
+        assert check_path(recent, path, Attack(LASTING[0].fault).strays) == "goes on"
+        assert not is_at_rest(recent)
+
+
+@pytest.mark.parametrize("attack", [*SINGLE, *LASTING], ids=str)
+def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: SwingingSystem, attack: Attack) -> None:
+    begin = {side: system.passed(side).cycle for side in Side}
+    paths = {side: Swing(side, system.passed(side).heard[-124:]) for side in Side}
+    system.faults.happen(attack.fault, attack.side, attack.duration, attack.amount, attack.way)
+    system.wait((attack.duration or 0.0) + AFTER)
+    for side in Side:
+        passed = system.passed(side)
+        heard = passed.since(begin[side])
+        check_limits(heard)
+        check_path(heard, paths[side], attack.strays)
+        first = begin[side] if attack.unanswered is not None else passed.cycle - 50
+        sent, answered = {cycle for cycle, _ in passed.sent}, {each.cycle - 1 for each in heard}
+        unanswered = [cycle for cycle in range(first, passed.cycle) if cycle not in sent & answered]
+        assert len(unanswered) <= (attack.unanswered or 0), unanswered
