@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from math import degrees, isnan
 from pathlib import Path
 from threading import Event as Flag
@@ -313,6 +314,7 @@ def _end_flag(until_stdin_closes: bool) -> Flag:
 
 
 def _wait_for_end_of_input(then: Callable[[], None]) -> None:
-    while os.read(sys.stdin.fileno(), 4096):
-        continue
+    with suppress(OSError):  # what cannot be read has ended
+        while os.read(sys.stdin.fileno(), 4096):
+            continue
     then()

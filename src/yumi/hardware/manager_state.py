@@ -70,7 +70,7 @@ class RobotState:
     def __str__(self) -> str:
         """In one line."""
         if not self.is_connected:
-            return f"the controller does not answer; {self._arms()}"
+            return f"{self.reason}; {self._arms()}"
         return (
             f"mode {_word(self.mode)}; controller {_word(self.controller_state)}; RAPID {_word(self.execution)}; "
             f"{self._arms()}"

@@ -5,12 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
 from types import TracebackType
 
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, SettingsError
 
 READY = "yumi is up"
 """First words of the line a command prints when it serves."""
@@ -37,6 +38,10 @@ class Command:
         self._lines: Queue[str | None] = Queue()
 
     def __enter__(self) -> Command:
+        try:
+            self._log_file = self.log.open("wb", buffering=0)
+        except OSError as error:
+            raise SettingsError(f"The output of the {self.name} cannot go to {self.log}: {error.strerror}.") from error
         self._process = subprocess.Popen(
             self._arguments,
             stdin=subprocess.PIPE,
@@ -107,9 +112,10 @@ class Command:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with self.log.open("w", encoding="utf-8") as log, self._process.stdout as output:
+        with self._process.stdout as output:
             for line in output:
-                log.write(line)
-                log.flush()
                 self._lines.put(line.rstrip())
+                with suppress(OSError):  # a full disk; a child whose output is not read would stand still
+                    self._log_file.write(line.encode("utf-8"))
         self._lines.put(None)
+        self._log_file.close()

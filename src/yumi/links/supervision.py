@@ -31,8 +31,8 @@ class Failures:
     def __init__(self) -> None:
         self._counts: Counter[tuple[type[Exception], str, int]] = Counter()
 
-    def note(self, what: str, error: Exception) -> None:
-        """Log that ``what`` failed with ``error``."""
+    def note(self, what: str, error: Exception) -> bool:
+        """Log that ``what`` failed with ``error``; whether that was logged, or has been too often already."""
         kind = _kind(error)
         self._counts[kind] += 1
         count = self._counts[kind]
@@ -40,6 +40,9 @@ class Failures:
             log.error("%s failed with %s: %s", what, type(error).__name__, error, exc_info=error)
         elif _is_power_of_ten(count):
             log.error("%s has failed %d times with %s: %s", what, count, type(error).__name__, error)
+        else:
+            return False
+        return True
 
 
 class SupervisedThread:
