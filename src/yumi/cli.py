@@ -180,12 +180,13 @@ def up(
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
     _demand_ros()
-    from yumi.app import run_driver  # noqa: PLC0415 - a quick --help
+    from yumi.app import end_by_force, run_driver  # noqa: PLC0415 - a quick --help
 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = _end_flag(until_stdin_closes)
+    end_by_force(is_over)
     run_driver(settings, chosen, is_over, lambda: _say_ready(f"driving the robot at {address}"), record)
 
 

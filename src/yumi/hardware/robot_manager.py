@@ -183,6 +183,10 @@ class RobotManager:
         with self._changing(), self._bringup.telling(told):
             return self._recovery.run(is_new=is_new)
 
+    def give_way(self) -> None:
+        """End what is being done to the robot at its next step."""
+        self._stops += 1
+
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
 
@@ -281,7 +285,8 @@ class RobotManager:
         with self._lock:
             self._check_not_stopped(stops)
             try:
-                yield
+                with self._bringup.telling(lambda _: self._check_not_stopped(stops)):
+                    yield
             finally:
                 self.watch.refresh()
 

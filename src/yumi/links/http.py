@@ -36,6 +36,10 @@ class ConnectionLost(NoConnection):
     """The connection broke during an exchange; whether the request was carried out is unknown."""
 
 
+class AnswerTimeout(NoConnection):
+    """The peer took the connection, but its answer did not come, or did not end, in time."""
+
+
 @dataclass(frozen=True, slots=True)
 class HttpRequest:
     """A request.
@@ -114,6 +118,7 @@ class HttpLink:
 
         Raises:
             ConnectionLost: the connection broke after it was made.
+            AnswerTimeout: the answer did not end in time.
             NoConnection: nothing answers at the address in time.
             ProtocolError: what answers does not speak HTTP, or the request cannot be put into it.
         """
@@ -173,7 +178,7 @@ class HttpLink:
                 if len(body) > _MAX_BODY:
                     raise ProtocolError(f"The answer of {self.address} is longer than {_MAX_BODY} bytes.")
         except httpcore.ReadTimeout as error:
-            raise NoConnection(f"{self.address} is too slow: its answer did not end in time.") from error
+            raise AnswerTimeout(f"{self.address} is too slow: its answer did not end in time.") from error
         return bytes(body)
 
 
@@ -207,7 +212,7 @@ class _Backend(httpcore.NetworkBackend):
     def _look_up(self, host: str, port: int) -> tuple[str, ...]:
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        except (socket.gaierror, UnicodeError) as error:
+        except (OSError, UnicodeError) as error:  # an unknown name, or no file descriptor for asking
             raise httpcore.ConnectError(str(error)) from error
         self._hosts = tuple(str(place[0]) for *_, place in found)
         return self._hosts
@@ -298,7 +303,7 @@ def _timed_out(address: str, timeout: float, error: httpcore.TimeoutException) -
             f"Nothing answers at {address} within {timeout:.1f} s; check the address, the cable and that the "
             "controller is switched on."
         )
-    return NoConnection(f"{address} accepted the connection but did not answer within {timeout:.1f} s.")
+    return AnswerTimeout(f"{address} accepted the connection but did not answer within {timeout:.1f} s.")
 
 
 def _why_no_connection(address: str, error: httpcore.ConnectError) -> str:

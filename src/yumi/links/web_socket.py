@@ -72,9 +72,11 @@ class WebSocket:
 
     def _run(self) -> None:
         """Not begun again when it fails: who listens is told of the loss, and opens another one."""
+        serving = self._serve()
         try:
-            asyncio.run(self._serve())
+            asyncio.run(serving)
         except Exception as error:
+            serving.close()
             if not self._loop.done():  # there is no file descriptor left, for example
                 self._loop.set_exception(self._why_not(error))
             else:

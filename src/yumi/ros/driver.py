@@ -27,11 +27,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.requests import Event
-from yumi.errors import YumiError
+from yumi.errors import SettingsError, YumiError
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
@@ -261,8 +262,20 @@ def command_topics(nodes: Mapping[Side, Any], fast_lines: FastLines, clock: Cloc
 
 
 def open_ros() -> None:
-    """Start ROS in this process; signals stay with the application."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    """Start ROS in this process; signals stay with the application.
+
+    Raises:
+        SettingsError: its folder for logs cannot be written, or its environment is not as it should be.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RCLError as error:
+        reason = str(error).partition(", at ")[0]
+        raise SettingsError(
+            f"ROS 2 does not start: {reason}; set ROS_LOG_DIR to a folder that can be written, or unset it."
+            if "log" in reason
+            else f"ROS 2 does not start: {reason}; check ROS_DOMAIN_ID, RMW_IMPLEMENTATION and the --ros-args."
+        ) from error
 
 
 def close_ros() -> None:
