@@ -99,7 +99,7 @@ def test_several_requests_to_a_server_that_drips_all_end(server: HostileServer, 
     begin = monotonic()
     with ThreadPoolExecutor(6) as others:
         errors = [call.exception() for call in [others.submit(client.speed_ratio) for _ in range(6)]]
-    assert [type(error) for error in errors] == [NoConnection] * 6
+    assert all(isinstance(error, NoConnection) for error in errors)
     assert monotonic() - begin < 2.0 * TIMEOUT + 0.5 + MARGIN
     server.attack = None
     assert client.speed_ratio() == 100
@@ -115,7 +115,7 @@ def test_abandoned_client_ends_what_hangs_and_asks_no_more(server: HostileServer
         with pytest.raises(TimeoutError):
             calls[0].exception(timeout=0.2)
         client.abandon()
-        assert [type(call.exception(timeout=MARGIN)) for call in calls] == [NoConnection] * 3
+        assert all(isinstance(call.exception(timeout=MARGIN), NoConnection) for call in calls)
     with pytest.raises(NoConnection, match="is not asked any more: this program is ending"):
         client.speed_ratio()
     client.close()

@@ -42,7 +42,8 @@ class SharedMailbox:
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._memory = shared_numbers(_HEAD + size)
+        with _from_the_system():
+            self._memory = RawArray("d", _HEAD + size)
         self._read_last: tuple[int, tuple[float, ...]] | None = None
 
     def put(self, values: tuple[float, ...]) -> None:
