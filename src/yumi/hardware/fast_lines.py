@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from threading import Event as Flag
 from threading import Lock
 
@@ -26,6 +28,9 @@ from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
 from yumi.links.supervision import Failures, SupervisedThread
 from yumi.robot.joints import Side
+
+STALE = 0.5
+"""A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one tells of a process that hangs [s]."""
 
 _ANSWER_TIMEOUT = 5.0
 
@@ -96,8 +101,13 @@ class FastLineProcess:
         return self._child.exit_code is None
 
     def snapshot(self) -> Snapshot:
-        """What is known of the arm; nothing when the process is gone."""
-        return peek_snapshot(self._snapshots) if self.is_alive else Snapshot()
+        """What is known of the arm; nothing when the process is gone, nothing of its motion when it stands still."""
+        if not self.is_alive:
+            return Snapshot()
+        snapshot = peek_snapshot(self._snapshots)
+        if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE:
+            return replace(snapshot, is_streaming=False, is_running=False, activation=0)
+        return snapshot
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
