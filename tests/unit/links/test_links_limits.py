@@ -105,3 +105,28 @@ def test_output_of_a_child_that_cannot_be_written_is_refused_in_a_sentence(tmp_p
     with pytest.raises(SettingsError) as refused:
         Command("driver", ["up"], log).__enter__()
     assert str(refused.value) == f"The output of the driver cannot go to {log}: No such file or directory."
+
+
+NO_ROOM_FOR_A_STACK = """
+import resource
+from pathlib import Path
+from threading import Event
+from yumi.errors import MissingPrerequisite
+from yumi.links.supervision import SupervisedThread
+
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + 4_000_000, resource.RLIM_INFINITY))
+try:
+    SupervisedThread("watchdog", lambda: None, Event()).start()
+except MissingPrerequisite as error:
+    print(error)
+"""
+
+
+def test_thread_that_finds_no_memory_is_refused_in_a_sentence() -> None:
+    """A real limit, in a process of its own."""
+    done = subprocess.run([sys.executable, "-c", NO_ROOM_FOR_A_STACK], capture_output=True, text=True, check=True)
+    assert done.stdout == (
+        "The operating system permits no further thread for watchdog (can't start new thread); raise the limits of "
+        "processes and memory (ulimit -u, ulimit -v) or end other programs.\n"
+    )
