@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -30,6 +31,7 @@ from yumi.robot.joints import Side
 from yumi.settings import MAX_PORT, Settings, override, read_controllers, read_settings
 
 _INTERRUPTED = 130
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
 _UNTIL = click.option("--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process).")
 
 
@@ -65,6 +67,15 @@ class _Commands(click.Group):
         except YumiError as error:
             click.echo(f"Error: {error}", err=True)
             sys.exit(2 if isinstance(error, SettingsError) else 1)
+        except (OSError, MemoryError) as error:
+            if isinstance(error, OSError) and error.errno not in _EXHAUSTED:
+                raise
+            click.echo(
+                f"Error: this machine gives the program too little: {str(error) or 'no memory'}; see its limits "
+                "(ulimit -a) and that no disk is full (df).",
+                err=True,
+            )
+            sys.exit(1)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})

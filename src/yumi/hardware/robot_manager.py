@@ -69,7 +69,11 @@ class RobotManager:
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
         self.watch.start()
-        self.watchdog.start()
+        try:
+            self.watchdog.start()
+        except YumiError:  # the operating system permits no thread for it
+            self.watch.stop()
+            raise
 
     def stop(self) -> None:
         """Watch no longer; to be called after :meth:`end_motion`."""

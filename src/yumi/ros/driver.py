@@ -32,7 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.requests import Event
-from yumi.errors import SettingsError, YumiError
+from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
@@ -79,8 +79,19 @@ class DriverNodes(NamedTuple):
 
     @classmethod
     def make(cls) -> DriverNodes:
-        streams = {side: stream_node(side.value) for side in Side}
-        return cls(rclpy.create_node("yumi_robot_manager"), rclpy.create_node(DUAL_ARM), stream_node(), streams)
+        """Make them, the first nodes of the process.
+
+        Raises:
+            MissingPrerequisite: the middleware cannot be started.
+        """
+        try:
+            streams = {side: stream_node(side.value) for side in Side}
+            return cls(rclpy.create_node("yumi_robot_manager"), rclpy.create_node(DUAL_ARM), stream_node(), streams)
+        except RCLError as error:
+            raise MissingPrerequisite(
+                f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "
+                "limits of this program are not too low (ulimit -n, ulimit -v)."
+            ) from error
 
     @property
     def streaming(self) -> tuple[Any, ...]:
