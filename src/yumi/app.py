@@ -4,23 +4,28 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, hands, web-socket, robot-watch, watchdog,
-                                            fast-line-events (two), flight-records (when something stops),
-                                            full-recorder (--record)
+                                            joint-states-l, hands, robot-watch, watchdog, fast-line-events (two), all
+                                            of them supervised (links/supervision.py);
+                                            web-socket (opened again by who listens), flight-records (when something
+                                            stops), full-recorder (--record; a broken file is not begun again),
+                                            end-in-time, forced-end
                      process 2, 3  the fast lines: one arm's cycles each, one thread
 """
 
 from __future__ import annotations
 
 import os
+import sys
+import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from math import radians
 from pathlib import Path
 from threading import Event as Flag
+from threading import Thread
 from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
@@ -30,7 +35,7 @@ from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
-from yumi.control.requests import Event
+from yumi.control.requests import Event, HoldArm
 from yumi.control.stations import StationClock
 from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
@@ -60,6 +65,7 @@ from yumi.hardware.stops import StopLog
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
 from yumi.links.realtime import brisk_threads, release_process, settle_memory
+from yumi.links.supervision import start_thread
 from yumi.links.udp import UdpServer, address_towards, resolve
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
@@ -67,6 +73,14 @@ from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.settings import ControllerSettings, Settings
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
+
+TELL_CONTROLLER = 3.0
+"""A driver that is to end gives up telling the controller after this time [s]: the network may be dead."""
+
+END = 4.5
+"""A driver that has not ended this long after it was asked to is ended by force [s]."""
+
+_GLANCE = 0.05  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,6 +331,7 @@ def run_driver(
             lambda step: ros.say(f"Bring-up: {step}"),
             warn=lambda remark: ros.warn(f"Bring-up: {remark}"),
         )
+        stack.enter_context(_ending_in_time(parts.client, parts.manager, is_over))
         stack.callback(parts.client.close)
         connection = _connection_of(parts)
         if settings.ros.autostart:
@@ -335,7 +350,7 @@ def run_driver(
         fast_lines.start()
         stack.callback(fast_lines.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, connection, ros.say)
+        stack.callback(_end_motion, manager, fast_lines, connection, ros.say)
         ros.start()
         ros.say(fast_lines.started_as)
         reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
@@ -375,9 +390,56 @@ def build_grippers(
     }
 
 
-def _end_motion(manager: RobotManager, connection: RobotConnection, say: Callable[[str], None]) -> None:
+@contextmanager
+def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> Iterator[None]:
+    """Once ``is_over``, what is being done to the robot ends at its next step, and the controller is soon given up."""
+    has_ended = Flag()
+
+    def watch() -> None:
+        while not is_over.wait(_GLANCE):
+            if has_ended.is_set():
+                return
+        manager.give_way()
+        if not has_ended.wait(TELL_CONTROLLER):
+            client.abandon()
+
+    thread = Thread(target=watch, name="end-in-time", daemon=True)
+    start_thread(thread)
+    try:
+        yield
+    finally:
+        has_ended.set()
+        thread.join()
+
+
+def _end_motion(
+    manager: RobotManager, fast_lines: FastLines, connection: RobotConnection, say: Callable[[str], None]
+) -> None:
+    """Hold the arms, whatever the network does, and have the controller end EGM, if it can be told."""
+    for side in Side:
+        if fast_lines.snapshot(side).is_commanded:
+            with suppress(YumiError):  # a fast line that is gone: the other arm is held all the same
+                fast_lines.ask(HoldArm(side))
     try:
         if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()
     except YumiError as error:
         say(f"The robot could not be told to end EGM: {error}")
+
+
+def end_by_force(is_over: Flag) -> None:
+    """End the process :data:`END` after ``is_over`` is set, should it still be there; the arms' processes hold then.
+
+    Something may wait for what never comes: a user who has asked the driver to end needs no other program for it.
+    """
+
+    def end() -> None:
+        is_over.wait()
+        time.sleep(END)
+        busy = [each.name for each in threading.enumerate() if not each.daemon and each is not threading.main_thread()]
+        words = f"; these threads had not ended: {', '.join(sorted(busy))}" if busy else ""
+        sys.stderr.write(f"Error: the driver did not end within {END:g} s and is ended by force{words}.\n")
+        sys.stderr.flush()
+        os._exit(1)
+
+    start_thread(Thread(target=end, name="forced-end", daemon=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
@@ -9,6 +10,7 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from math import degrees, isnan, radians
 from pathlib import Path
 from threading import Event as Flag
@@ -44,6 +46,7 @@ _ROS_ARGUMENTS = "yumi.ros_arguments"
 _NAMES_ALL_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 """A rule of rcl's remapping that gives nodes another namespace or name."""
 
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
 _UNTIL = click.option("--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process).")
 
 
@@ -83,6 +86,15 @@ class _Commands(click.Group):
         except YumiError as error:
             click.echo(f"Error: {error}", err=True)
             sys.exit(2 if isinstance(error, SettingsError) else 1)
+        except (OSError, MemoryError) as error:
+            if isinstance(error, OSError) and error.errno not in _EXHAUSTED:
+                raise
+            click.echo(
+                f"Error: this machine gives the program too little: {str(error) or 'no memory'}; see its limits "
+                "(ulimit -a) and that no disk is full (df).",
+                err=True,
+            )
+            sys.exit(1)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -221,12 +233,13 @@ def up(
     """
     _demand_ros()
     click.echo(limit_discovery(is_open=network))
-    from yumi.app import run_driver  # noqa: PLC0415 - a quick --help
+    from yumi.app import end_by_force, run_driver  # noqa: PLC0415 - a quick --help
 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
     is_over = _end_flag(until_stdin_closes)
+    end_by_force(is_over)
 
     def report_ready(reason: str) -> None:
         what = f"not ready: {reason} When that is done, call recover." if reason else f"serving the robot at {address}"
@@ -405,6 +418,7 @@ def _end_flag(until_stdin_closes: bool) -> Flag:
 
 
 def _wait_for_end_of_input(then: Callable[[], None]) -> None:
-    while os.read(sys.stdin.fileno(), 4096):
-        continue
+    with suppress(OSError):  # what cannot be read has ended
+        while os.read(sys.stdin.fileno(), 4096):
+            continue
     then()

@@ -13,7 +13,7 @@ from contract.rws_bench import PASSWORD, PlainController, serving
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
 from yumi.hardware.rws_client import RwsClient
-from yumi.links.http import HttpReply
+from yumi.links.http import AnswerTimeout, HttpReply
 from yumi.links.http_server import HttpServer
 from yumi.virtual.rws_adapter import RwsAdapter
 
@@ -111,7 +111,7 @@ def test_user_with_an_umlaut_is_let_in(controller: PlainController) -> None:
 def test_answer_that_never_ends_is_given_up() -> None:
     head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
     with dripping(head, b"1\r\nx\r\n") as address:
-        sentence = refusal(address, NoConnection, timeout=0.2)
+        sentence = refusal(address, AnswerTimeout, timeout=0.2)
     assert sentence == f"{address} is too slow: its answer did not end in time."
 
 
@@ -145,7 +145,7 @@ def test_machine_that_swallows_all_packets_is_said() -> None:
 def test_machine_that_never_answers_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
-        sentence = refusal(address, NoConnection, timeout=0.2)
+        sentence = refusal(address, AnswerTimeout, timeout=0.2)
     assert sentence == f"{address} accepted the connection but did not answer within 0.2 s."
 
 

@@ -244,3 +244,24 @@ def test_client_that_is_closed_hears_nothing(wire: Wire, client: RwsClient) -> N
     client.close()
     wire.adapter.advance(0.0)
     assert wire.losses == []
+
+
+def test_listener_that_fails_is_told_of_the_loss_and_can_subscribe_again(
+    wire: Wire, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its thread ends, and is not begun again: who listens opens another WebSocket."""
+
+    def fail(change: Change) -> None:
+        if change.fields.get("speedratio") == "30":
+            raise RecursionError("maximum recursion depth exceeded")
+
+    with RwsClient(wire.server.address) as client:
+        client.subscribe([rws.SPEED_RATIO], fail, wire.on_lost)
+        wire.controller.set_speed_ratio(30)
+        wire.until(lambda: wire.losses)
+        assert len(wire.losses) == 1
+        wire.controller.set_speed_ratio(40)
+        client.subscribe([rws.SPEED_RATIO], wire.on_change, wire.on_lost)
+        assert wire.changes[-1] == Change(rws.SPEED_RATIO.path, {"speedratio": "40"})
+    failed = [record for record in caplog.records if "failed: maximum recursion" in record.getMessage()]
+    assert [record.exc_info is not None for record in failed] == [True]

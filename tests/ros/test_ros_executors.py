@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from queue import SimpleQueue
-from threading import Event
+from threading import Event, Thread
 from typing import Any
 
 import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 
+from yumi.errors import MissingPrerequisite
 from yumi.ros.executors import Executors
 
 pytestmark = pytest.mark.ros
@@ -73,3 +74,56 @@ def test_a_family_that_waits_keeps_no_other_one_waiting(family: Family) -> None:
     may_end.set()
     family.executors.stop()
     other.close()
+
+
+def test_a_callback_that_always_fails_is_told_less_and_less(family: Family) -> None:
+    count, has_failed = 200, Event()
+    calls: list[None] = []
+
+    def fail() -> None:
+        calls.append(None)
+        if len(calls) < count:
+            family.call()
+        else:
+            has_failed.set()
+        raise ValueError("no such thing")
+
+    family.callback = fail
+    family.executors.add_answering("answers", family.node)
+    family.executors.start()
+    family.call()
+    assert has_failed.wait(LONG)
+    family.executors.stop()
+    assert 1 <= family.complaints.qsize() <= 3
+
+
+def test_callbacks_are_answered_by_one_thread_where_the_system_permits_no_other(
+    family: Family, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    family.executors.add_answering("answers", family.node)
+    family.executors.start()
+    may_end, has_come = Event(), Event()
+    family.callback = lambda: may_end.wait(LONG)
+    family.call()
+
+    def refuse(self: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(Thread, "start", refuse)
+    family.callback = has_come.set
+    family.call()
+    assert family.complaints.get(timeout=LONG) == "A callback failed with RuntimeError: can't start new thread."
+    may_end.set()
+    assert has_come.wait(LONG)
+
+
+def test_executors_that_get_no_thread_are_refused_in_a_sentence(
+    family: Family, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    family.executors.add_answering("answers", family.node)
+    monkeypatch.setattr(Thread, "start", refuse)
+    with pytest.raises(MissingPrerequisite, match="permits no further thread for ROS 2's services"):
+        family.executors.start()

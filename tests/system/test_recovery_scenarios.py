@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.errors import NoConnection, RobotNotReady
 from yumi.hardware.state_machine import EgmMotionSettings
+from yumi.links.http import AnswerTimeout, HttpReply, HttpRequest
 from yumi.robot.joints import Side
+from yumi.rws.states import ControllerState
 from yumi.virtual.fault_names import Fault
 
 NO_JUMP = 1.001
@@ -241,3 +245,54 @@ def test_controller_that_is_busy_is_waited_for(system: MovingSystem) -> None:
     assert system.told[0] == "wait for the controller, which does not answer"
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
+
+
+def test_recovery_says_within_ten_seconds_that_the_web_service_hangs(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that starts takes no connection; one that takes it and never answers is not worth two minutes."""
+    timeout = 2.0
+
+    def hang(*_: object) -> NoReturn:
+        system.wait(timeout)
+        raise AnswerTimeout("memory accepted the connection but did not answer within 2.0 s.")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(system.http, "exchange", hang)
+        begin = system.now()
+        with pytest.raises(RobotNotReady, match=r"within 2\.0 s\. The web service of the controller hangs, or the"):
+            system.recover()
+        assert system.now() - begin < 10.0
+    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.is_moving_again()
+
+
+def test_one_slow_answer_does_not_end_the_waiting_for_a_controller(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange, slow = system.http.exchange, [1]
+
+    def hang_once(request: HttpRequest, timeout: float) -> HttpReply:
+        if slow:
+            slow.pop()
+            raise AnswerTimeout("memory accepted the connection but did not answer within 2.0 s.")
+        return exchange(request, timeout)
+
+    monkeypatch.setattr(system.http, "exchange", hang_once)
+    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+
+
+def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingSystem) -> None:
+    """Ctrl-C in the middle of a bring-up: no motors on, no program after it."""
+    system.faults.happen(Fault.MOTORS_OFF)
+    system.wait(0.2)
+
+    def interrupt(step: str) -> None:
+        if step == "motors on":
+            system.manager.give_way()
+
+    system.steps.clear()
+    with system.bringup.telling(interrupt), pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+        system.manager.make_ready()
+    assert system.steps == ["motors on"]
+    assert system.client.controller_state() is ControllerState.MOTORS_OFF

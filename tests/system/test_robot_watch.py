@@ -5,12 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from queue import Queue
+from threading import Event
 
 import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.errors import ControllerRefused
 from yumi.hardware.manager_state import RobotState
+from yumi.hardware.robot_watch import STALE, WHOLE_LOOK
 from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
 from yumi.hardware.stops import Cause
@@ -307,3 +310,50 @@ def test_end_of_egm_is_explained_within_half_a_second(
     assert causes[0].text.startswith(text)
     assert bool(causes[0].text) is bool(text)
     assert bool(causes[0].stop) is has_stop
+
+
+def test_state_that_was_read_too_long_ago_is_unknown(watched: Watched) -> None:
+    """Whatever keeps the watch from making its steps, a hung thread or one that is gone."""
+    assert watched.watch.state().is_connected
+    watched.system.wait(STALE + WHOLE_LOOK)
+    state = watched.watch.state()
+    assert not state.is_connected
+    assert state.execution is None
+    assert state.reason.startswith("the robot's state is unknown: it was read ")
+    assert str(state).startswith("the robot's state is unknown: it was read ")
+
+
+def test_state_is_known_for_as_long_as_the_watch_makes_its_steps(watched: Watched) -> None:
+    watched.told.clear()
+    watched.wait(2.0 * STALE)
+    assert all(state.is_connected for state in watched.told)
+    assert watched.watch.state().is_connected
+
+
+def test_watch_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    system, told = MovingSystem(), Queue[RobotState]()
+    may_go_on = Event()
+    watch = system.manager.watch
+    watch.start()
+    watch.on_change = told.put
+    ask = system.client.operating_mode
+
+    def fail() -> OperatingMode:
+        if not may_go_on.is_set():
+            raise RecursionError("maximum recursion depth exceeded")
+        return ask()
+
+    monkeypatch.setattr(system.client, "operating_mode", fail)
+    system.advance(WHOLE_LOOK)
+    watch.hint()
+    while told.get(timeout=10.0).is_connected:
+        continue
+    assert not watch.state().is_connected
+    may_go_on.set()
+    while not told.get(timeout=10.0).is_connected:
+        continue
+    watch.stop()
+    failed = [record for record in caplog.records if record.getMessage().startswith("Thread robot-watch failed")]
+    assert [record.exc_info is not None for record in failed] == [True]

@@ -16,6 +16,7 @@ from yumi.control.requests import Event, is_fault
 from yumi.errors import YumiError
 from yumi.evaluation.recorded_messages import RecordedEvent
 from yumi.evaluation.recording import BEFORE, recorded_event, write_flight_record
+from yumi.links.supervision import Failures
 from yumi.robot.joints import Side
 
 _NAME = "flight_"
@@ -38,6 +39,7 @@ class FlightRecords:
         self._keep = keep
         self._recorders = recorders
         self._say = say
+        self._failures = Failures()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
 
     def note(self, event: Event, now: float, time_of_day: float) -> None:
@@ -50,7 +52,10 @@ class FlightRecords:
         """
         if is_fault(event):
             memory = self._recorders[event.side].copy()
-            self._thread.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
+            try:
+                self._thread.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
+            except RuntimeError as error:  # the operating system permits no thread
+                self._say(f"The flight record of the {event.side.word} arm could not be begun: {error}.")
 
     def close(self) -> None:
         """Wait until everything is written."""
@@ -63,6 +68,9 @@ class FlightRecords:
             self._make_room()
         except (YumiError, OSError) as error:
             self._say(f"The flight record could not be written to {file}: {error}")
+            return
+        except Exception as error:  # the pool would keep it to itself
+            self._failures.note(f"Writing the flight record {file}", error)
             return
         seconds = frames[-1].time - frames[0].time if frames else 0.0
         self._say(f"The last {seconds:.1f} s of the {side.word} arm are in {file}: yumi record show {file}")

@@ -16,6 +16,7 @@ from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.requests import Event
 from yumi.evaluation.recorded_messages import RecordedEvent
 from yumi.evaluation.recording import RecordingWriter, recorded_event
+from yumi.links.supervision import Failures
 from yumi.robot.joints import Side
 
 PERIOD = 0.02
@@ -46,6 +47,7 @@ class FullRecorder:
         self._last = {side: recorder.newest for side, recorder in recorders.items()}
         self._written = self._lost = 0
         self._events: SimpleQueue[RecordedEvent] = SimpleQueue()
+        self._failures = Failures()
         self._is_over = Flag()
         self._thread = Thread(target=self._run, name="full-recorder", daemon=True)
 
@@ -68,8 +70,9 @@ class FullRecorder:
                 self._follow()
             self._follow()
             self._writer.close()
-        except OSError as error:
-            self._say(f"The recording to {self._file} ended early: {error}.")
+        except Exception as error:  # not begun again: what the file holds after that is not known
+            self._failures.note(f"Recording to {self._file}", error)
+            self._say(f"The recording to {self._file} ended early: {type(error).__name__}: {error}.")
             return
         lost = f"; {self._lost} were lost, the disk is too slow" if self._lost else ""
         self._say(f"{self._written} cycles are in {self._file}{lost}.")

@@ -10,10 +10,10 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from threading import Event as Flag
-from threading import Thread
 from typing import Protocol
 
 from yumi.errors import YumiError
+from yumi.links.supervision import SupervisedThread
 
 PERIOD = 1.0
 """Time between two looks [s]."""
@@ -60,13 +60,13 @@ class AutomaticRecovery:
         self._settings = settings
         self._attempts = 0
         self._is_over = Flag()
-        self._thread: Thread | None = None
+        self._thread: SupervisedThread | None = None
 
     def start(self) -> None:
         """Look from now on; nothing to do when it is switched off."""
         if self._settings.automatic:
             self._is_over.clear()
-            self._thread = Thread(target=self._run, name="automatic-recovery", daemon=True)
+            self._thread = SupervisedThread("automatic-recovery", self._run, self._is_over)
             self._thread.start()
 
     def stop(self) -> None:

@@ -112,8 +112,8 @@ def run_fast_line(pipe: PipeEnd, build: Build, side: Side, boxes: Mapping[Side, 
         signal.signal(each, signal.SIG_IGN)  # the parent decides when motion ends; its own end closes the pipe
     try:
         arm = build(side, boxes)
-    except YumiError as error:
-        pipe.send(Refusal(str(error)))
+    except (YumiError, OSError, MemoryError) as error:  # the last two: of limits of the operating system
+        pipe.send(Refusal(str(error) or type(error).__name__))
         return
     clock = SystemClock()
     wait = way_to_wait(wake, clock)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from threading import Event as Flag
-from threading import Lock, Thread
+from threading import Lock
 
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.orders import check_orders, send_orders
@@ -24,7 +26,11 @@ from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.hardware.fast_line import LAST_HOLD, UNREADABLE, Answer, ArmBoxes, Build, Question, run_fast_line
 from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
+from yumi.links.supervision import Failures, SupervisedThread
 from yumi.robot.joints import Side
+
+STALE = 0.5
+"""A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one tells of a process that hangs [s]."""
 
 _ANSWER_TIMEOUT = 5.0
 
@@ -66,7 +72,8 @@ class FastLineProcess:
         self._answers: list[Reply] = []
         self._number = 0
         self._answered = Flag()
-        self._reader = Thread(target=self._read, name="fast-line-events", daemon=True)
+        self._failures = Failures()
+        self._reader = SupervisedThread("fast-line-events", self._read, Flag())  # the end of the pipe ends it
 
     def start(self) -> None:
         """Start the process; :meth:`wait_until_it_listens` follows."""
@@ -94,8 +101,13 @@ class FastLineProcess:
         return self._child.exit_code is None
 
     def snapshot(self) -> Snapshot:
-        """What is known of the arm; nothing when the process is gone."""
-        return peek_snapshot(self._snapshots) if self.is_alive else Snapshot()
+        """What is known of the arm; nothing when the process is gone, nothing of its motion when it stands still."""
+        if not self.is_alive:
+            return Snapshot()
+        snapshot = peek_snapshot(self._snapshots)
+        if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE:
+            return replace(snapshot, is_streaming=False, is_running=False, activation=0)
+        return snapshot
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles.
@@ -125,8 +137,7 @@ class FastLineProcess:
             return
         if not self._child.join(LAST_HOLD + _ANSWER_TIMEOUT):
             self._child.kill()
-        if self._reader.ident is not None:
-            self._reader.join()
+        self._reader.join()
 
     def _exchange(self, request: Request) -> Reply:
         self._answered.clear()
@@ -149,12 +160,18 @@ class FastLineProcess:
                 self._answered.set()  # who waits for an answer waits in vain
                 if self._is_wanted:
                     self._child.join(_ANSWER_TIMEOUT)
-                    self._on_event(FastLineEnded(self._side, self._child.exit_code))
+                    self._tell(FastLineEnded(self._side, self._child.exit_code))
                 return
             if isinstance(value, Answer):
                 self._take_answer(value)
             else:
-                self._on_event(value)
+                self._tell(value)
+
+    def _tell(self, event: Event) -> None:
+        try:
+            self._on_event(event)
+        except Exception as error:  # who waits for an answer does not care what becomes of an event
+            self._failures.note(f"Handling {type(event).__name__} of the {self._side.word} arm", error)
 
     def _take_answer(self, answer: Answer) -> None:
         if answer.number in (self._number, UNREADABLE):

@@ -74,7 +74,7 @@ class RobotState:
     def __str__(self) -> str:
         """In one line."""
         if not self.is_connected:
-            return f"the controller does not answer; {self._arms()}"
+            return f"{self.reason}; {self._arms()}"
         cause = f"; cause: {self.cause}" if self.cause else ""
         stop = f"; waits for a person to confirm the stop {self.stop}" if self.stop else ""
         return (

@@ -12,9 +12,13 @@ from yumi.hardware.event_texts import explain
 from yumi.hardware.manager_state import Report
 from yumi.hardware.stops import StopLog
 from yumi.hardware.waiting import GLANCE
+from yumi.links.http import AnswerTimeout
 
 RESTART = 120.0
 """Longest wait for a controller that is starting [s]."""
+
+HUNG = 5.0
+"""Longest wait for one that takes connections but ends no answer [s]: one that is starting takes none."""
 
 WAITING = "wait for the controller, which does not answer"
 
@@ -56,11 +60,11 @@ class Recovery:
             Whether it had to be waited for.
 
         Raises:
-            RobotNotReady: the controller does not come.
+            RobotNotReady: the controller does not come, or hangs.
         """
-        end, is_told = self._clock.now() + RESTART, False
-        while not self._answers():
-            if self._clock.now() >= end:
+        begin, is_told = self._clock.now(), False
+        while not self._answers(begin + HUNG):
+            if self._clock.now() >= begin + RESTART:
                 raise RobotNotReady(
                     f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and "
                     "the network cable."
@@ -131,9 +135,17 @@ class Recovery:
             return f"The robot was stopped by {stop.cause}"
         return f"The robot was stopped by {explain(event)}" if event else "No stop cause found in the event log"
 
-    def _answers(self) -> bool:
+    def _answers(self, patience: float) -> bool:
+        """Whether it does; raises RobotNotReady when it still hangs after the time ``patience`` [s]."""
         try:
             return bool(self._client.tasks())
+        except AnswerTimeout as error:
+            if self._clock.now() < patience:
+                return False
+            raise RobotNotReady(
+                f"{error} The web service of the controller hangs, or the network is too slow for it; check the "
+                "network, or restart the controller, and call recover again."
+            ) from error
         except (NoConnection, ProtocolError):
             return False
         except ControllerRefused as error:

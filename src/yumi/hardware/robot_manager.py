@@ -81,8 +81,12 @@ class RobotManager:
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
         self.watch.start()
-        self.watchdog.start()
-        self.automatic_recovery.start()
+        try:
+            self.watchdog.start()
+            self.automatic_recovery.start()
+        except YumiError:  # the operating system permits no thread for it
+            self.stop()
+            raise
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
@@ -267,6 +271,10 @@ class RobotManager:
                 return None
             return self._recovery.run(is_new=True)
 
+    def give_way(self) -> None:
+        """End what is being done to the robot at its next step."""
+        self._stops += 1
+
     def end_motion(self) -> None:
         """Hold, and end EGM if the robot is in it: what the driver does before it goes.
 
@@ -366,7 +374,8 @@ class RobotManager:
             self._check_not_stopped(stops)
             self.has_acted = True
             try:
-                yield
+                with self._bringup.telling(lambda _: self._check_not_stopped(stops)):
+                    yield
             finally:
                 self.watch.refresh()
 

@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTime
 from dataclasses import replace
+from math import inf
 from threading import Event as Flag
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any, Protocol
 
 from yumi.clock import Clock
@@ -28,6 +29,7 @@ from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, Mach
 from yumi.hardware.state_machines import read_machine_state
 from yumi.hardware.state_reports import StateReports
 from yumi.hardware.stops import Cause, StopLog
+from yumi.links.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws.replies import Event
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
@@ -54,6 +56,9 @@ BUSY_LOOK = 0.2
 
 WHOLE_LOOK = 5.0
 """Everything is read again after this time, should the controller have forgotten to tell something [s]."""
+
+STALE = 2.0 * WHOLE_LOOK
+"""What was read longer ago than this is not known any more [s]."""
 
 RECONNECT = 1.0
 """Time between two attempts to reach a controller that does not answer [s]."""
@@ -111,8 +116,9 @@ class RobotWatch:
         self._journal: deque[Change] = deque(maxlen=_JOURNAL)
         self._told_changes = self._taken_changes = 0  # how many the controller told, the thread looked at
         self._looked_at = self._glanced_at = -RECONNECT
+        self._read_at = -inf  # when all of it was read last
         self._bell, self._is_over = Flag(), Flag()
-        self._thread: Thread | None = None
+        self._thread: SupervisedThread | None = None
 
     # For everybody, from any thread
 
@@ -122,8 +128,12 @@ class RobotWatch:
         return self._thread is not None
 
     def state(self) -> RobotState:
-        """What was known last, with EGM as it is now."""
+        """What was known last, with EGM as it is now; nothing is known that was read too long ago."""
         with self._lock:
+            age = self._clock.now() - self._read_at
+            if self._state.is_connected and age > STALE:
+                unknown = self._completed(RobotState())
+                return replace(unknown, reason=f"the robot's state is unknown: it was read {age:.0f} s ago")
             return self._completed(self._state)
 
     def look(self) -> RobotState:
@@ -176,8 +186,9 @@ class RobotWatch:
         """Keep it fresh from now on; what is known at first is read here."""
         self._is_over.clear()
         self.look()
-        self._thread = Thread(target=self._run, name="robot-watch", daemon=True)
-        self._thread.start()
+        thread = SupervisedThread("robot-watch", self._run, self._is_over, self._fail)
+        thread.start()
+        self._thread = thread
 
     def stop(self) -> None:
         """Know nothing any more."""
@@ -214,6 +225,12 @@ class RobotWatch:
         while not self._is_over.is_set():
             self.take_ring()
             self._bell.wait(self.step())
+
+    def _fail(self) -> None:
+        """What was known may be wrong; the next step begins anew."""
+        self._forget()
+        self._lose()
+        self._tell()
 
     def _connect(self, now: float) -> float:
         self._subscribe()
@@ -345,7 +362,7 @@ class RobotWatch:
         with self._lock:
             for change in self._changes_since(begin):
                 state = changed(state, change)
-            self._state = state
+            self._state, self._read_at = state, self._clock.now()
             if self._told_changes > begin:  # events and state machines are not told, but have to be read again
                 self._taken_changes = min(self._taken_changes, begin)
                 self._bell.set()

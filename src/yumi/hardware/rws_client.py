@@ -100,6 +100,13 @@ class RwsClient:
         finally:
             self._session.close()
 
+    def abandon(self) -> None:
+        """End every call that is under way, and refuse later ones at once, for a program that has to end now.
+
+        They raise NoConnection. ``close`` is still due; the controller forgets the session after five minutes.
+        """
+        self._session.abandon()
+
     def log_out(self) -> None:
         """End the session at the controller; the next call opens another."""
         if self._session.is_open:

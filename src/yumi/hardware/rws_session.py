@@ -6,13 +6,17 @@
   (503).
 * Any other request is never repeated after it may have been carried out.
 * Requests keep the pace a controller asks for; waiting for its turn is no part of a request's timeout.
+* One request at a time; but one that a peer lets wait keeps no other one waiting for long: that goes on a second
+  connection, which belongs to the same session (reference/rws.md §2.2: cookies hold on every connection).
 
 Source: reference/rws.md §1.1-1.2, §2.2.
 """
 
 from __future__ import annotations
 
-from threading import Lock
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Condition
 from typing import Protocol
 
 from yumi.clock import Clock
@@ -26,10 +30,12 @@ from yumi.rws.requests import Request
 _REPEATS = 2
 _UNAUTHORIZED = 401
 _BUSY = 503
+_CONNECTIONS = 2
+_PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
 
 
 class Link(Protocol):
-    """A connection that carries one exchange at a time; :class:`yumi.links.http.HttpLink` is one."""
+    """Carries two exchanges at a time; :class:`yumi.links.http.HttpLink` is one."""
 
     @property
     def address(self) -> str: ...
@@ -38,7 +44,8 @@ class Link(Protocol):
 
     def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> Socket: ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the connections, and end the exchanges under way."""
 
 
 class Socket(Protocol):
@@ -57,7 +64,10 @@ class RwsSession:
         self._timeout = timeout
         self._clock = clock
         self._login = Login(user, password)
-        self._lock = Lock()
+        self._turns = Condition()
+        self._running: list[object] = []  # exchanges under way, the oldest first
+        self._slow: object = None  # the one that has kept another one waiting for too long
+        self._is_abandoned = False
         self._pace = RequestPace(clock)
 
     @property
@@ -68,19 +78,17 @@ class RwsSession:
     def exchange(self, request: Request) -> HttpReply:
         """The controller's answer to ``request``, whatever its status, within the timeout once it has its turn.
 
+        Its turn comes within the timeout, too, unless several requests wait for a controller that does not answer.
+
         Raises:
             NoConnection: nothing answered in time.
             LoginRefused: the user or the password is wrong.
             ProtocolError: what answers is not a controller.
         """
+        self._check_not_abandoned()
         self._pace.wait()
-        deadline = self._clock.now() + self._timeout
-        if not self._lock.acquire(timeout=self._timeout):
-            raise NoConnection(f"{self.address} is busy with another request for {self._timeout:.1f} s; ask again.")
-        try:
-            return self._repeated(request, deadline)
-        finally:
-            self._lock.release()
+        with self._turn():
+            return self._repeated(request, self._clock.now() + self._timeout)
 
     def open_socket(self, target: str, listener: Listener) -> Socket:
         """A WebSocket that belongs to this session, on a connection of its own.
@@ -89,6 +97,7 @@ class RwsSession:
             NoConnection: nothing answered in time.
             ControllerRefused: what answers does not open a WebSocket.
         """
+        self._check_not_abandoned()
         self._pace.wait()
         return self._link.open_socket(HttpRequest("GET", target, self._login.headers()), listener, self._timeout)
 
@@ -96,6 +105,46 @@ class RwsSession:
         """Close the connection and forget the session; the controller keeps it until its time is up."""
         self._login.forget()
         self._link.close()
+
+    def abandon(self) -> None:
+        """End what is under way, and refuse every later request at once: for a program that has to end now.
+
+        Later requests raise NoConnection.
+        """
+        with self._turns:
+            self._is_abandoned = True
+            self._turns.notify_all()
+        self._link.close()
+
+    def _check_not_abandoned(self) -> None:
+        if self._is_abandoned:
+            raise NoConnection(f"{self.address} is not asked any more: this program is ending.")
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """One exchange's turn: alone, or beside one that is slow."""
+        turn = object()
+        with self._turns:
+            if not self._turns.wait_for(self._may_begin, _PATIENCE):
+                self._slow = self._running[0]
+                self._turns.notify_all()
+                if not self._turns.wait_for(self._may_begin, self._timeout):
+                    raise NoConnection(
+                        f"{self.address} is busy with other requests for {self._timeout:.1f} s; ask again."
+                    )
+            self._running.append(turn)
+        try:
+            yield
+        finally:
+            with self._turns:
+                self._running.remove(turn)
+                self._turns.notify_all()
+
+    def _may_begin(self) -> bool:
+        """Whoever is not logged in waits for the one that logs in: two at once would open two sessions."""
+        if not self._running or self._is_abandoned:
+            return True
+        return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self._login.has_session
 
     def _repeated(self, request: Request, deadline: float) -> HttpReply:
         for _ in range(_REPEATS if request.is_repeatable else 0):
@@ -110,7 +159,11 @@ class RwsSession:
         return self._authorized(request, deadline)
 
     def _authorized(self, request: Request, deadline: float) -> HttpReply:
-        reply = self._once(request, self._login.headers(), deadline)
+        cookies = self._login.headers()
+        reply = self._once(request, cookies, deadline)
+        if reply.status == _UNAUTHORIZED and self._login.has_session and self._login.headers() != cookies:
+            # Another request has logged in meanwhile: one session is enough.
+            reply = self._once(request, self._login.headers(), deadline)
         if reply.status != _UNAUTHORIZED:
             return reply
         proof = self._login.answer(self._challenge(reply), request.method, request.target)
@@ -124,6 +177,7 @@ class RwsSession:
         return reply
 
     def _once(self, request: Request, headers: Headers, deadline: float) -> HttpReply:
+        self._check_not_abandoned()
         left = deadline - self._clock.now()
         if left <= 0.0:
             raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")

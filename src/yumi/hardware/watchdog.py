@@ -10,12 +10,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from threading import Event as Flag
-from threading import Thread
 
 from yumi.bounds import bounded
 from yumi.errors import ControllerRefused, YumiError
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.state_machine import EXTERNAL_STATUS, WATCHDOG
+from yumi.links.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws import rapid_values
 
@@ -54,14 +54,15 @@ class Watchdog:
         self._check = check
         self._settings = settings
         self._is_over = Flag()
-        self._thread: Thread | None = None
+        self._thread: SupervisedThread | None = None
 
     def start(self) -> None:
         """Give signs of life whenever it is armed; nothing to do when it is switched off."""
         if self._settings.enabled:
             self._is_over.clear()
-            self._thread = Thread(target=self._run, name="watchdog", daemon=True)
-            self._thread.start()
+            thread = SupervisedThread("watchdog", self._run, self._is_over)
+            thread.start()
+            self._thread = thread
 
     def stop(self) -> None:
         """Give none any more."""

@@ -6,12 +6,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
 from types import TracebackType
 
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, SettingsError
 
 CONTROLLER_READY = "Virtual controller ready: "
 DRIVER_READY = "Driver ready: "
@@ -43,6 +44,10 @@ class Command:
         self._lines: Queue[str | None] = Queue()
 
     def __enter__(self) -> Command:
+        try:
+            self._log_file = self.log.open("wb", buffering=0)
+        except OSError as error:
+            raise SettingsError(f"The output of the {self.name} cannot go to {self.log}: {error.strerror}.") from error
         self._process = subprocess.Popen(
             self._arguments,
             stdin=subprocess.PIPE,
@@ -122,9 +127,10 @@ class Command:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with self.log.open("w", encoding="utf-8") as log, self._process.stdout as output:
+        with self._process.stdout as output:
             for line in output:
-                log.write(line)
-                log.flush()
                 self._lines.put(line.rstrip())
+                with suppress(OSError):  # a full disk; a child whose output is not read would stand still
+                    self._log_file.write(line.encode("utf-8"))
         self._lines.put(None)
+        self._log_file.close()

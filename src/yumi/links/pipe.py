@@ -12,6 +12,7 @@ from multiprocessing.reduction import ForkingPickler
 from types import ModuleType
 from typing import Any
 
+from yumi.errors import MissingPrerequisite
 from yumi.links.realtime import release_process
 from yumi.links.shared_memory import PROCESSES
 
@@ -77,7 +78,8 @@ class ChildProcess:
     """
 
     def __init__(self, name: str, main: Callable[..., None], *arguments: object) -> None:
-        ours, theirs = PROCESSES.Pipe()
+        with _from_the_system(name):
+            ours, theirs = PROCESSES.Pipe()
         self.pipe = PipeEnd(ours)
         self._theirs = theirs
         self._process = PROCESSES.Process(name=name, target=_run, args=(main, theirs, *arguments))
@@ -91,7 +93,8 @@ class ChildProcess:
         return self._process.pid is not None
 
     def start(self) -> None:
-        with _without_main_module():
+        """Start it; raises MissingPrerequisite when the operating system does not let it."""
+        with _without_main_module(), _from_the_system(self._process.name):
             self._process.start()
         self._theirs.close()  # so that the pipe ends when the child does
 
@@ -103,6 +106,17 @@ class ChildProcess:
     def kill(self) -> None:
         self._process.kill()
         self._process.join()
+
+
+@contextmanager
+def _from_the_system(name: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, MemoryError) as error:
+        raise MissingPrerequisite(
+            f"The operating system does not let the process {name} start ({error}); see that the limits of this "
+            "program are not too low (ulimit -n, ulimit -u, ulimit -v)."
+        ) from error
 
 
 @contextmanager

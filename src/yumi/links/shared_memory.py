@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import multiprocessing
+from collections.abc import Iterator
+from contextlib import contextmanager
 from multiprocessing.context import SpawnContext
 from multiprocessing.sharedctypes import RawArray
 from typing import Protocol
+
+from yumi.errors import MissingPrerequisite
 
 PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 """How processes are made: spawned, since a fork would copy threads and locks of ROS."""
@@ -24,8 +28,13 @@ SharedNumbers = ctypes.Array[ctypes.c_double]
 
 
 def shared_numbers(count: int) -> SharedNumbers:
-    """``count`` zeros of 8 bytes; hand them to the child when it is spawned. Who writes and reads how is theirs."""
-    return RawArray(ctypes.c_double, count)
+    """``count`` zeros of 8 bytes; hand them to the child when it is spawned. Who writes and reads how is theirs.
+
+    Raises:
+        MissingPrerequisite: the machine has no shared memory left.
+    """
+    with _from_the_system():
+        return RawArray(ctypes.c_double, count)
 
 
 class SharedMailbox:
@@ -33,7 +42,8 @@ class SharedMailbox:
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._memory = RawArray("d", _HEAD + size)
+        with _from_the_system():
+            self._memory = RawArray("d", _HEAD + size)
         self._read_last: tuple[int, tuple[float, ...]] | None = None
 
     def put(self, values: tuple[float, ...]) -> None:
@@ -65,7 +75,7 @@ class SharedHistory:
 
     def __init__(self, size: int, depth: int) -> None:
         self._slots = tuple(SharedMailbox(1 + size) for _ in range(depth))
-        self._newest = RawArray("d", 1)
+        self._newest = shared_numbers(1)
 
     def put(self, values: tuple[float, ...]) -> None:
         """Add a letter; the oldest one makes room. One process only may put."""
@@ -98,5 +108,18 @@ class Bell(Protocol):
 
 
 def new_bell() -> Bell:
-    """A bell for a process that will be spawned."""
-    return PROCESSES.Semaphore(0)
+    """A bell for a process that will be spawned; raises MissingPrerequisite as :func:`shared_numbers`."""
+    with _from_the_system():
+        return PROCESSES.Semaphore(0)
+
+
+@contextmanager
+def _from_the_system() -> Iterator[None]:
+    try:
+        yield
+    except (OSError, MemoryError) as error:
+        why = error.strerror if isinstance(error, OSError) else "out of memory"
+        raise MissingPrerequisite(
+            f"The operating system gives no shared memory ({why}); see that /dev/shm exists and has some MB left "
+            "(df /dev/shm), and that the limits of this program are not too low (ulimit -n, ulimit -v)."
+        ) from error

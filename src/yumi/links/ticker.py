@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from threading import Event as Flag
-from threading import RLock, Thread
+from threading import RLock
 
 from yumi.clock import Clock
+from yumi.links.supervision import Failures, SupervisedThread
 
 Action = Callable[[], None]
 
@@ -45,7 +46,8 @@ class Ticker:
         self._repeated: list[_Repeated] = []
         self._lock = RLock()
         self._bell, self._is_over = Flag(), Flag()
-        self._thread = Thread(target=self._run, name=name, daemon=True)
+        self._failures = Failures()
+        self._thread = SupervisedThread(name, self._run, self._is_over)
 
     def every(self, period: float, what: str, action: Action) -> Callable[[], None]:
         """Call ``action``, which publishes ``what``, once each ``period`` [s].
@@ -72,8 +74,7 @@ class Ticker:
         """Call nothing any more; before what is called loses what it needs."""
         self._is_over.set()
         self._bell.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        self._thread.join()
 
     def tick(self) -> float:
         """Call what is due; returns how long nothing will be [s]. The thread does that once it has started."""
@@ -96,6 +97,7 @@ class Ticker:
             each.action()
             each.is_failing = False
         except Exception as error:  # the others still have to be published
+            self._failures.note(f"Publishing {each.what}", error)
             if not each.is_failing:
+                each.is_failing = True
                 self._complain(f"{each.what} could not be published, {type(error).__name__}: {error}.")
-            each.is_failing = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from concurrent.futures import Future
 from typing import TypeAlias
@@ -11,13 +12,17 @@ import aiohttp
 
 from yumi.errors import ControllerRefused, NoConnection
 from yumi.links.http import Headers, Listener
+from yumi.links.supervision import start_thread
 
 HEARTBEAT = 10.0
 """The peer is asked so often whether it lives; without an answer within half of it, it is lost [s]."""
 
 _CLOSE_TIMEOUT = 1.0
+_END_TIMEOUT = 3.0  # [s] a thread that has not ended by then is left to itself
 _MAX_TEXT = 1024 * 1024
 
+
+log = logging.getLogger(__name__)
 
 _Socket: TypeAlias = "aiohttp.ClientWebSocketResponse[bool]"
 
@@ -52,7 +57,7 @@ class WebSocket:
             ControllerRefused: what answers does not open a WebSocket.
         """
         self._timeout = timeout
-        self._thread.start()
+        start_thread(self._thread)
         self._loop.result()
 
     def close(self) -> None:
@@ -63,10 +68,19 @@ class WebSocket:
         except RuntimeError:
             return  # its thread has ended already
         if threading.current_thread() is not self._thread:
-            self._thread.join()
+            self._thread.join(_END_TIMEOUT)
 
     def _run(self) -> None:
-        asyncio.run(self._serve())
+        """Not begun again when it fails: who listens is told of the loss, and opens another one."""
+        serving = self._serve()
+        try:
+            asyncio.run(serving)
+        except Exception as error:
+            serving.close()
+            if not self._loop.done():  # there is no file descriptor left, for example
+                self._loop.set_exception(self._why_not(error))
+            else:
+                log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
 
     async def _serve(self) -> None:
         trace = aiohttp.TraceConfig()

@@ -28,11 +28,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
-from yumi.errors import RobotNotReady, YumiError
+from yumi.errors import MissingPrerequisite, RobotNotReady, SettingsError, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.fast_lines import FastLines
 from yumi.hardware.hand_setup import GripperSetup, close_as_test
@@ -80,8 +81,19 @@ class DriverNodes(NamedTuple):
 
     @classmethod
     def make(cls) -> DriverNodes:
-        streams = {side: stream_node(side.value) for side in Side}
-        return cls(rclpy.create_node("yumi_robot_manager"), rclpy.create_node(DUAL_ARM), stream_node(), streams)
+        """Make them, the first nodes of the process.
+
+        Raises:
+            MissingPrerequisite: the middleware cannot be started.
+        """
+        try:
+            streams = {side: stream_node(side.value) for side in Side}
+            return cls(rclpy.create_node("yumi_robot_manager"), rclpy.create_node(DUAL_ARM), stream_node(), streams)
+        except RCLError as error:
+            raise MissingPrerequisite(
+                f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "
+                "limits of this program are not too low (ulimit -n, ulimit -v)."
+            ) from error
 
     @property
     def streaming(self) -> tuple[Any, ...]:
@@ -315,8 +327,20 @@ def command_topics(nodes: Mapping[Side, Any], fast_lines: FastLines, clock: Cloc
 
 
 def open_ros() -> None:
-    """Start ROS in this process; signals stay with the application."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    """Start ROS in this process; signals stay with the application.
+
+    Raises:
+        SettingsError: its folder for logs cannot be written, or its environment is not as it should be.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RCLError as error:
+        reason = str(error).partition(", at ")[0]
+        raise SettingsError(
+            f"ROS 2 does not start: {reason}; set ROS_LOG_DIR to a folder that can be written, or unset it."
+            if "log" in reason
+            else f"ROS 2 does not start: {reason}; check ROS_DOMAIN_ID, RMW_IMPLEMENTATION and the --ros-args."
+        ) from error
 
 
 def close_ros() -> None:

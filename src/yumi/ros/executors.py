@@ -7,14 +7,18 @@ one that takes ten milliseconds, during which no other thread gets on.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from threading import Event as Flag
-from threading import Thread
 from typing import Any
 
 from rclpy._rclpy_pybind11 import InvalidHandle
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
+from yumi.errors import MissingPrerequisite
+from yumi.links.supervision import Failures, SupervisedThread, no_thread
+
 _THREADS = 8  # so many slow callbacks of a family run side by side
+_BREATH = 0.01  # [s]
 _GLANCE = 0.5  # [s] how soon a failed callback is told
 
 
@@ -26,6 +30,17 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
         for future in [each for each in self._futures if each.done()]:
             self._futures.remove(future)
             future.result()  # raises what the callback raised
+
+    def start_thread(self) -> None:
+        """Start the first of the pool's threads: one is enough for all that waits, should there be no other.
+
+        Raises:
+            MissingPrerequisite: the operating system permits none.
+        """
+        try:
+            self._executor.submit(lambda: None).result()
+        except RuntimeError as error:
+            raise MissingPrerequisite(no_thread("ROS 2's services", error)) from error
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         is_done = bool(super().shutdown(timeout_sec))
@@ -44,7 +59,8 @@ class Executors:
         self._complain = complain
         self._is_over = Flag()
         self._executors: list[Executor] = []
-        self._threads: list[Thread] = []
+        self._threads: list[SupervisedThread] = []
+        self._failures = Failures()
 
     def add_answering(self, name: str, *nodes: Any) -> Executor:
         """Add one for services and actions, which may take their time."""
@@ -55,7 +71,14 @@ class Executors:
         return self._add(SingleThreadedExecutor(), name, nodes)
 
     def start(self) -> None:
-        """Spin all from now on."""
+        """Spin all from now on.
+
+        Raises:
+            MissingPrerequisite: the operating system permits too few threads.
+        """
+        for executor in self._executors:
+            if isinstance(executor, _AnsweringExecutor):
+                executor.start_thread()
         for thread in self._threads:
             thread.start()
 
@@ -65,14 +88,13 @@ class Executors:
         for executor in self._executors:
             executor.shutdown()
         for thread in self._threads:
-            if thread.ident is not None:
-                thread.join()
+            thread.join()
 
     def _add(self, executor: Executor, name: str, nodes: tuple[Any, ...]) -> Executor:
         for node in nodes:
             executor.add_node(node)
         self._executors.append(executor)
-        self._threads.append(Thread(target=self._spin, args=(executor,), name=name))
+        self._threads.append(SupervisedThread(name, partial(self._spin, executor), self._is_over))
         return executor
 
     def _spin(self, executor: Executor) -> None:
@@ -84,4 +106,6 @@ class Executors:
             except Exception as error:  # of a callback; everybody else still wants to be answered
                 if self._is_over.is_set():
                     return  # the executor was taken away while it looked for work
-                self._complain(f"A callback failed with {type(error).__name__}: {error}.")
+                if self._failures.note("A callback", error):
+                    self._complain(f"A callback failed with {type(error).__name__}: {error}.")
+                self._is_over.wait(_BREATH)  # should nothing but failures come

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from threading import Event as Flag
-from threading import Thread
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,6 +13,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from yumi.errors import NoConnection, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_signals import HandSignals
+from yumi.links.supervision import SupervisedThread
 from yumi.links.ticker import Ticker
 from yumi.robot.hand import HandReading
 from yumi.robot.joints import Side
@@ -80,7 +80,7 @@ class Hands:
         self._reason = ""
         self._asked: dict[Side, FingerState] = {}
         self._is_over = Flag()
-        self._thread = Thread(target=self._watch, name="hands")
+        self._thread = SupervisedThread("hands", self._watch, self._is_over, self._forget)
         self._turns = {side: HandTurn() for side in Side}
         self._actions = [
             action for side, node in nodes.items() for action in self._serve(side, node, partial(why_not, side))
@@ -105,8 +105,7 @@ class Hands:
     def stop(self) -> None:
         """End the thread and the subscription; before the client is closed."""
         self._is_over.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        self._thread.join()
         self._parts.signals.close()
 
     def destroy(self) -> None:
@@ -151,6 +150,12 @@ class Hands:
             except YumiError as error:
                 self._tell(f"The controller does not tell of the grippers by itself, they are asked: {error}")
                 self._ask(sides)
+
+    def _forget(self) -> None:
+        """The watch has failed and begins anew: until then nothing is known that it feeds."""
+        self._asked.clear()
+        self._tell("Nothing is known of the grippers: their watch has failed, see the log.")
+        self._parts.signals.close()
 
     def _ask(self, sides: list[Side]) -> None:
         """Where the fingers are, twice a second; what cannot be asked is not known."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from threading import Event, Thread
+from threading import Event
 from typing import Any
 
 from sensor_msgs.msg import JointState
 
 from yumi.clock import Clock
 from yumi.hardware.fast_line import ArmBoxes
+from yumi.links.supervision import Failures, SupervisedThread
 from yumi.links.ticker import Ticker
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.conversions import joint_state
@@ -70,7 +71,9 @@ class JointStatePublisher:
         self._names = joint_names(side)
         self._boxes = boxes
         self._is_over = Event()
-        self._thread = Thread(target=self._run, name=f"joint-states-{side.value}", daemon=True)
+        self._failures = Failures()
+        self._topic = f"{side.value}/joint_states"
+        self._thread = SupervisedThread(f"joint-states-{side.value}", self._run, self._is_over)
 
     def start(self) -> None:
         self._thread.start()
@@ -78,8 +81,7 @@ class JointStatePublisher:
     def stop(self) -> None:
         """End the thread; before the node is destroyed."""
         self._is_over.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        self._thread.join()
 
     def _run(self) -> None:
         last = 0
@@ -87,8 +89,11 @@ class JointStatePublisher:
             if not self._boxes.bell.acquire(timeout=_GLANCE):
                 continue
             for number, values in self._boxes.states.since(last):
-                self._publish(values)
                 last = number
+                try:
+                    self._publish(values)
+                except Exception as error:  # of the middleware, such as after the clock was set: the next one may go
+                    self._failures.note(f"Publishing {self._topic}", error)
 
     def _publish(self, values: tuple[float, ...]) -> None:
         time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]

@@ -25,6 +25,8 @@ _TIME = "%Y-%m-%d T %H:%M:%S"  # as the controller prints it
 _TYPES = {EventType.INFORMATION: "information", EventType.WARNING: "warning", EventType.ERROR: "error"}
 _SIDES = {side.word: side for side in Side}
 _PERCENT = 100
+_LAST_SECOND = 2**31 - 1
+_LARGEST_CODE = 2**32 - 1
 
 
 def robot_state(state: RobotState, time_ns: int) -> RobotStateMessage:
@@ -54,7 +56,7 @@ def controller_event(event: Event | None) -> ControllerEvent:
         return ControllerEvent()
     text = EVENT_TEXTS.get(event.code)
     return ControllerEvent(
-        number=event.code,
+        number=min(max(event.code, 0), _LARGEST_CODE),
         type=_TYPES[event.type],
         title=event.title,
         stamp=_stamp(event.time),
@@ -134,4 +136,4 @@ def _stamp(text: str) -> Time:
         seconds = int(datetime.strptime(text, _TIME).replace(tzinfo=timezone.utc).timestamp())
     except ValueError:
         return Time()
-    return Time(sec=max(seconds, 0))
+    return Time(sec=min(max(seconds, 0), _LAST_SECOND))

@@ -10,6 +10,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from yumi.clock import SystemClock
 from yumi.errors import RobotNotReady
 
 _SPIN = 0.05  # [s]
@@ -41,11 +42,11 @@ class Spinner:
             RobotNotReady: it did not become so within ``timeout`` [s].
             Exception: whatever the check raises.
         """
-        clock = self.node.get_clock()
-        end = clock.now().nanoseconds + int(timeout * 1e9)
+        clock = SystemClock()  # not the node's, which somebody may set meanwhile
+        end = clock.now() + timeout
         while not is_so():
             self._check()
-            if clock.now().nanoseconds > end:
+            if clock.now() > end:
                 raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
             self._executor.spin_once(timeout_sec=_SPIN)
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 SESSION = "-http-session-"
 CONNECTION = "ABBCX"
+
+_VALUE = re.compile("[!-:<-~]{1,256}")  # visible ASCII without a semicolon, which would end it
 
 
 def set_cookie(name: str, value: str) -> str:
@@ -17,6 +20,11 @@ def read_set_cookie(line: str) -> tuple[str, str]:
     """Name and value of a ``Set-Cookie`` value."""
     name, _, value = line.partition(";")[0].partition("=")
     return name.strip(), value.strip()
+
+
+def is_own(name: str, value: str) -> bool:
+    """Whether a controller sets such a cookie; the longest that was seen has 55 characters."""
+    return name in (SESSION, CONNECTION) and _VALUE.fullmatch(value) is not None
 
 
 def cookie_header(cookies: Mapping[str, str]) -> str:

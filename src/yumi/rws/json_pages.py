@@ -25,6 +25,8 @@ _TYPES = {"elog-message-li": "elog-message"}
 _LISTS = {"sys-option-li": "options", "cfg-ia-t-li": "attrib"}
 _NUMBERS = ("lvalue", "pvalue")
 _OWN_KEYS = ("_type", "_title", "_links")
+_DEEPEST = 32  # states within states; a controller's pages have two
+_LARGEST = 16 * 1024 * 1024  # [byte]; a page holds 100 items at most (reference/rws.md §1.1)
 
 
 def write_page(page: Page) -> str:
@@ -72,6 +74,8 @@ def _dump(value: object) -> str:
 
 
 def _load(body: bytes) -> dict[str, Any]:
+    if len(body) > _LARGEST:
+        raise ProtocolError(f"The answer is a document of {len(body)} bytes; a controller's has {_LARGEST} at most.")
     try:
         document = json.loads(body)
     except (ValueError, RecursionError) as error:
@@ -114,12 +118,14 @@ def _without_json(href: str) -> str:
     return href.removesuffix("?json=1").removesuffix("&json=1")
 
 
-def _state(value: object) -> State:
+def _state(value: object, depth: int = 1) -> State:
+    if depth > _DEEPEST:
+        raise ProtocolError(f"The answer has more than {_DEEPEST} states within each other, which no controller sends.")
     if not isinstance(value, dict):
         raise ProtocolError("A state in the controller's JSON is not an object.")
     type_ = str(value.get("_type", ""))
     lists = [item for item in value.values() if isinstance(item, list)]
-    children = tuple(_state(child) for items in lists for child in items if _is_state(child))
+    children = tuple(_state(child, depth + 1) for items in lists for child in items if _is_state(child))
     return State(
         type_,
         str(value.get("_title", "")),

@@ -32,9 +32,13 @@ class Login:
         return (("Cookie", cookies.cookie_header(self._cookies)),) if self._cookies else ()
 
     def accept(self, headers: Iterable[tuple[str, str]]) -> None:
-        """Keep the cookies of an answer; the connection cookie changes with each TCP connection."""
+        """Keep a controller's own cookies of an answer; the connection cookie changes with each TCP connection.
+
+        All others are dropped: they would make the next requests longer than the controller reads.
+        """
         lines = (value for name, value in headers if name.lower() == "set-cookie")
-        self._cookies.update(map(cookies.read_set_cookie, lines))
+        own = {name: value for name, value in map(cookies.read_set_cookie, lines) if cookies.is_own(name, value)}
+        self._cookies = {**self._cookies, **own}  # replaced as a whole: another thread may be reading it
 
     def answer(self, challenge: digest.Challenge, method: str, target: str) -> Headers:
         """The headers that prove who we are for one request; the old session is gone and forgotten."""
@@ -51,4 +55,4 @@ class Login:
 
     def forget(self) -> None:
         """Drop the session's cookies."""
-        self._cookies.clear()
+        self._cookies = {}

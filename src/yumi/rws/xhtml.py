@@ -24,6 +24,8 @@ _ENTITIES = {
     "\r": "&#13;",
 }
 _ARGUMENT = re.compile(r"arg\d+")
+_DEEPEST = 32  # lists within lists; a controller's pages have two
+_LARGEST = 16 * 1024 * 1024  # [byte]; a page holds 100 items at most (reference/rws.md §1.1)
 
 
 def write_page(page: Page) -> str:
@@ -99,12 +101,14 @@ def escaped(text: str) -> str:
 
 def _parse(body: bytes) -> Element:
     """The document without its namespace; a DOCTYPE is refused, since entities can be made to explode."""
+    if len(body) > _LARGEST:
+        raise ProtocolError(f"The answer is a document of {len(body)} bytes; a controller's has {_LARGEST} at most.")
     try:
         text = body.decode("utf-8")
         if "<!DOCTYPE" in text:
             raise ProtocolError("The answer is a document with a DOCTYPE, which no controller sends.")
         root = ElementTree.fromstring(text)
-    except (UnicodeDecodeError, ValueError, ElementTree.ParseError) as error:
+    except (UnicodeDecodeError, ValueError, RecursionError, ElementTree.ParseError) as error:
         raise ProtocolError("The answer is not well-formed XHTML.") from error
     for element in root.iter():
         element.tag = element.tag.removeprefix(f"{{{_XMLNS}}}")
@@ -118,11 +122,13 @@ def _division(root: Element, kind: str) -> Element:
     raise ProtocolError(f"The answer is not a document of Robot Web Services: it has no {kind!r} division.")
 
 
-def _state(item: Element) -> State:
+def _state(item: Element, depth: int = 1) -> State:
+    if depth > _DEEPEST:
+        raise ProtocolError(f"The answer has more than {_DEEPEST} lists within each other, which no controller sends.")
     spans = item.findall("span")
     arguments = tuple(Argument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
     fields = {span.get("class", ""): span.text or "" for span in spans if not _is_argument(span)}
-    children = tuple(_state(child) for child in item.findall("ul/li"))
+    children = tuple(_state(child, depth + 1) for child in item.findall("ul/li"))
     return State(item.get("class", ""), item.get("title", ""), fields, _links(item), children, arguments)
 
 

@@ -1,5 +1,10 @@
 from __future__ import annotations
 
+import errno
+import subprocess
+import sys
+from typing import NoReturn
+
 import pytest
 from click.testing import CliRunner, Result
 
@@ -37,3 +42,47 @@ def test_virtual_controller_says_that_a_name_is_unknown(name: str) -> None:
     result = run("controller", "--rws-port", "0", "--egm-host", name)
     assert result.exit_code == 1
     assert f"Error: The name '{name}' is not known" in result.output
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(errno.EMFILE, "Too many open files"), "[Errno 24] Too many open files"),
+        (OSError(errno.ENOSPC, "No space left on device"), "[Errno 28] No space left on device"),
+        (MemoryError(), "no memory"),
+    ],
+)
+def test_what_the_machine_does_not_give_is_said_in_one_sentence(
+    error: Exception, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> NoReturn:
+        raise error
+
+    monkeypatch.setattr("yumi.virtual_controller.VirtualController.run", refuse)
+    result = run("controller", "--rws-port", "0")
+    assert result.exit_code == 1
+    assert result.output == (
+        f"Error: this machine gives the program too little: {reason}; see its limits (ulimit -a) and that no disk is "
+        "full (df).\n"
+    )
+
+
+HANGS = """
+from threading import Event, Thread
+from yumi import app
+
+app.END = 0.1
+is_over, never = Event(), Event()
+app.end_by_force(is_over)
+Thread(target=never.wait, name="answers-pool").start()
+is_over.set()
+never.wait()
+"""
+
+
+def test_driver_that_does_not_end_is_ended_by_force_and_says_what_hung() -> None:
+    done = subprocess.run([sys.executable, "-c", HANGS], capture_output=True, text=True, timeout=30.0, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "Error: the driver did not end within 0.1 s and is ended by force; these threads had not ended: answers-pool.\n"
+    )

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pytest
+
 from yumi.rws import digest
 from yumi.rws.login import Login
 
@@ -44,3 +46,18 @@ def test_login_forgets_the_old_session_when_it_is_challenged() -> None:
     session.accept(SET_COOKIES)
     session.answer(digest.Challenge("abc"), "GET", "/rw")
     assert not session.has_session
+
+
+def test_login_keeps_no_cookie_of_others() -> None:
+    session = login()
+    session.accept(SET_COOKIES)
+    known = session.headers()
+    session.accept(tuple(("Set-Cookie", f"tracker{number}={'x' * 100}; path=/") for number in range(50)))
+    assert session.headers() == known
+
+
+@pytest.mark.parametrize("value", ["", "x" * 257, "two words", "a\x01b", "ü"])
+def test_login_keeps_no_cookie_that_no_controller_sets(value: str) -> None:
+    session = login()
+    session.accept((("Set-Cookie", f"-http-session-={value}; path=/"),))
+    assert session.headers() == ()

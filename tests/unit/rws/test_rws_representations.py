@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -140,3 +142,39 @@ def test_page_says_which_state_is_missing() -> None:
 def test_state_says_which_field_is_missing() -> None:
     with pytest.raises(ProtocolError, match="'pnl-ctrlstate' of 'ctrlstate' lacks the field 'opmode'"):
         CTRLSTATE.states[0].text("opmode")
+
+
+def nested_xhtml(depth: int) -> bytes:
+    lists = "<ul><li>" * depth + "</li></ul>" * depth
+    return f'<html xmlns="http://www.w3.org/1999/xhtml"><body><div class="state">{lists}</div></body></html>'.encode()
+
+
+def nested_json(depth: int) -> bytes:
+    states = '{"_type":"a","state":[' * depth + "]}" * depth
+    return f'{{"_embedded":{{"_state":[{states}]}}}}'.encode()
+
+
+@pytest.mark.parametrize(
+    ("kind", "nested"), [("application/xhtml+xml", nested_xhtml), ("application/json", nested_json)]
+)
+def test_page_is_read_to_a_depth_that_no_controller_needs_and_no_further(
+    kind: str, nested: Callable[[int], bytes]
+) -> None:
+    assert len(read_page(kind, nested(32)).states) == 1
+    for depth in (33, 300, 1000, 100_000):
+        with pytest.raises(ProtocolError) as refused:
+            read_page(kind, nested(depth))
+        assert str(refused.value).count(".") == 1
+
+
+@pytest.mark.parametrize("kind", ["application/xhtml+xml", "application/json"])
+def test_page_that_is_larger_than_any_of_a_controller_is_not_read(kind: str) -> None:
+    with pytest.raises(ProtocolError, match="document of 16777217 bytes; a controller's has 16777216 at most"):
+        read_page(kind, b" " * (16 * 1024 * 1024 + 1))
+
+
+@pytest.mark.parametrize("kind", ["application/xhtml+xml", "application/json"])
+@given(body=st.binary(max_size=300))
+def test_page_of_any_bytes_is_read_or_refused(kind: str, body: bytes) -> None:
+    with suppress(ProtocolError):
+        read_page(kind, body)

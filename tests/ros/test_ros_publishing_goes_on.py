@@ -1,0 +1,92 @@
+"""A publish that fails is logged, and the next one is tried: one error of the middleware ends no joint states."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from queue import SimpleQueue
+from threading import Event
+from typing import Any
+
+import pytest
+
+from yumi.clock import SystemClock
+from yumi.hardware.fast_line import ArmBoxes
+from yumi.robot.joints import Side
+
+pytestmark = pytest.mark.ros
+topics = pytest.importorskip("yumi.ros.joint_state_topics")
+
+LONG = 10.0
+HOUR = 3_600_000_000_000  # [ns]
+
+
+class Node:
+    """A node whose clock can be set and whose publisher can refuse."""
+
+    def __init__(self) -> None:
+        self.published: SimpleQueue[Any] = SimpleQueue()
+        self.attempts: SimpleQueue[None] = SimpleQueue()
+        self.refuses = Event()
+        self.nanoseconds = 1_700_000_000_000_000_000
+
+    def create_publisher(self, *_: object) -> Node:
+        return self
+
+    def get_clock(self) -> Node:
+        return self
+
+    def now(self) -> Node:
+        return self
+
+    def publish(self, message: Any) -> None:
+        self.attempts.put(None)
+        if self.refuses.is_set():
+            raise RuntimeError("cannot publish data, at ./src/rmw_publish.cpp:64")
+        self.published.put(message)
+
+
+@pytest.fixture
+def node() -> Node:
+    return Node()
+
+
+@pytest.fixture
+def boxes(node: Node) -> Iterator[ArmBoxes]:
+    boxes = ArmBoxes()
+    publisher = topics.JointStatePublisher(node, Side.LEFT, boxes, SystemClock())
+    publisher.start()
+    yield boxes
+    publisher.stop()
+
+
+def tell(boxes: ArmBoxes, number: float) -> None:
+    boxes.states.put((number, *[0.0] * 14))
+    boxes.bell.release()
+
+
+def test_joint_states_go_on_after_publishes_that_failed(
+    node: Node, boxes: ArmBoxes, caplog: pytest.LogCaptureFixture
+) -> None:
+    node.refuses.set()
+    with caplog.at_level(logging.ERROR):
+        for number in range(1, 4):
+            tell(boxes, float(number))
+            node.attempts.get(timeout=LONG)
+        node.refuses.clear()
+        tell(boxes, 4.0)
+        node.published.get(timeout=LONG)
+    assert [record.getMessage() for record in caplog.records] == [
+        "Publishing l/joint_states failed with RuntimeError: cannot publish data, at ./src/rmw_publish.cpp:64"
+    ]
+
+
+@pytest.mark.parametrize("step", [HOUR, -2 * HOUR, -500_000 * HOUR])
+def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, boxes: ArmBoxes) -> None:
+    tell(boxes, 1.0)
+    before = node.published.get(timeout=LONG).header.stamp
+    node.nanoseconds += step
+    tell(boxes, 1.0)
+    after = node.published.get(timeout=LONG).header.stamp
+    elapsed = (after.sec - before.sec) * 1_000_000_000 + after.nanosec - before.nanosec
+    assert elapsed == pytest.approx(step, abs=LONG * 1e9)
