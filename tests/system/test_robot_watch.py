@@ -12,10 +12,11 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.errors import ControllerRefused
-from yumi.hardware.manager_state import RobotState
+from yumi.hardware.manager_state import Mode, RobotState
 from yumi.hardware.robot_watch import STALE, WHOLE_LOOK
 from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
+from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
 from yumi.hardware.stops import Cause
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
@@ -259,10 +260,18 @@ def test_what_was_requested_is_logged_without_alarm(watched: Watched) -> None:
 
 def test_emergency_stop_during_a_request_is_an_alarm(watched: Watched) -> None:
     watched.lines.clear()
-    with watched.watch.reports.requested():
+    with watched.watch.reports.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
         watched.system.faults.happen(Fault.EMERGENCY_STOP)
         watched.wait(1.0)
     assert [level for level, _ in watched.lines] == [logging.ERROR]
+
+
+def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(watched: Watched) -> None:
+    watched.system.manager.go_to(Mode.READY, print)
+    watched.lines.clear()
+    watched.system.faults.happen(Fault.MOTORS_OFF)
+    watched.wait(1.0)
+    assert [level for level, _ in watched.lines if level > logging.INFO] == [logging.WARNING]
 
 
 def test_error_event_that_stops_nothing_is_logged_once(watched: Watched) -> None:

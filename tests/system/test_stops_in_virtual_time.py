@@ -145,6 +145,41 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
     assert system.stop_id() != identity
 
 
+def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: MovingSystem) -> None:
+    stop(system, Fault.COLLISION)
+    identity = system.stop_id()
+
+    def report(step: str) -> None:
+        if step == "program pointer to main":
+            system.faults.happen(Fault.COLLISION, Side.RIGHT)
+            system.manager.watch.look()
+
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.manager.recover(report, confirmed=identity)
+    assert system.client.execution() is ExecutionState.STOPPED
+
+
+def test_guard_stop_of_the_mode_switch_is_confirmed_at_the_pendant(system: MovingSystem) -> None:
+    system.faults.happen(Fault.MANUAL_MODE)
+    system.world.controller.events.append(10012, "Guard stop state", "The enabling device was released.")
+    system.wait(0.2)
+    assert system.manager.state().stop.startswith("10012-")
+    system.faults.happen(Fault.AUTO_MODE)
+    system.wait(0.2)
+    assert system.manager.state().stop == ""
+    system.recover()
+    assert system.is_moving_again()
+
+
+def test_emergency_stop_before_the_mode_switch_still_waits_for_confirmation(system: MovingSystem) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    system.faults.happen(Fault.MANUAL_MODE)
+    system.faults.happen(Fault.AUTO_MODE)
+    system.wait(0.2)
+    with pytest.raises(StopNotConfirmed, match="10013"):
+        system.recover()
+
+
 def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) -> None:
     system.manager.stop_egm()
     system.client.stop_rapid()

@@ -90,6 +90,9 @@ _LESS_AND_LESS_TELLING = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
 NOT_TELLING = (10010, 10125)
 """Motors off, program stopped: they come with every other stop, and may come before what says more."""
 
+AUTO_CONFIRMED = 10017
+"""Somebody has confirmed AUTO at the FlexPendant."""
+
 _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
 _PERSONS_STOPS = (10012, 10013, *_COLLISIONS)
@@ -101,6 +104,11 @@ def needs_person(code: int) -> bool:
     Emergency stop, guard stop (a guard that closes must not start motion) and collision, however they are reported.
     """
     return code in _PERSONS_STOPS or code in _SAFETY_CHAIN
+
+
+def is_guard_stop(code: int) -> bool:
+    """Whether an event of this number is a guard stop, which also comes when the mode switch leaves AUTO."""
+    return code in {10012, *_SAFETY_CHAIN}
 
 
 def is_without_person(event: Event) -> bool:

@@ -17,6 +17,7 @@ from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.rapid_routines import RapidRoutines
 from yumi.hardware.recovery import Recovery
 from yumi.hardware.robot_watch import RobotWatch
+from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
 from yumi.hardware.stops import StopLog, check_not_stopped
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
@@ -25,6 +26,7 @@ from yumi.rws.states import ControllerState
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless told otherwise."""
 
+_MOTORS_OFF = frozenset({MOTORS_OFF, PROGRAM_STOPPED})
 _GLANCE = 0.1  # [s] a stop that waits for its turn looks so often whether a routine runs meanwhile
 
 
@@ -206,7 +208,7 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        changing = self._changing() if mode is Mode.MOTORS_OFF else self._moving()
+        changing = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
         with changing, self._bringup.telling(self._until_stopped(report)):
             if mode.arms:
                 return self._guidance.begin(mode.arms)
@@ -299,7 +301,7 @@ class RobotManager:
 
     def motors_off(self) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently where they can. Raises YumiError."""
-        with self._stopping():
+        with self._stopping(_MOTORS_OFF):
             self._come_to_rest()
             self._switch_motors_off()
         return "The motors are off"
@@ -312,7 +314,7 @@ class RobotManager:
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
-        with self._stopping():
+        with self._stopping(frozenset({PROGRAM_STOPPED})):
             self._come_to_rest()
             self._cabinet.stop_rapid()
         return "The RAPID program is stopped"
@@ -367,10 +369,10 @@ class RobotManager:
     # How
 
     @contextmanager
-    def _changing(self) -> Iterator[None]:
+    def _changing(self, changes: frozenset[str] = frozenset({PROGRAM_STOPPED})) -> Iterator[None]:
         """One at a time; who looks afterwards sees what has changed. Who waited while a stop came loses his turn."""
         stops = self._stops
-        with self._lock, self.watch.reports.requested():
+        with self._lock, self.watch.reports.requested(changes):
             self._check_not_stopped(stops)
             self.has_acted = True
             try:
@@ -399,13 +401,13 @@ class RobotManager:
                 yield
 
     @contextmanager
-    def _stopping(self) -> Iterator[None]:
+    def _stopping(self, changes: frozenset[str] = frozenset()) -> Iterator[None]:
         """What stops the robot waits for no routine, and for no more than one step of anything else."""
         self._stops += 1
         while not self._lock.acquire(timeout=_GLANCE):
             self._stop_routine()
         try:
-            with self.watch.reports.requested():
+            with self.watch.reports.requested(changes):
                 yield
         finally:
             self._lock.release()

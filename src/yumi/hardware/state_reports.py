@@ -26,6 +26,9 @@ UNEXPLAINED = 0.75
 NOTICED = 0.5
 """A change that a request has made is noticed so long after it at the latest [s]."""
 
+MOTORS_OFF, PROGRAM_STOPPED = "motors off", "RAPID program stopped"
+"""Changes that a request may make."""
+
 Report = Callable[[int, str], None]
 """Takes a level of :mod:`logging` and a sentence."""
 
@@ -45,9 +48,9 @@ class StateReports:
         self.report: Report = lambda level, sentence: None
         self._stops = stops
         self._clock = clock
-        self._requests = 0
+        self._requested: frozenset[str] = frozenset()
         self._requested_until = -inf
-        self._is_requested = False
+        self._is_requested = True
         self._is_first = True
         self._stopped: list[str] = []  # changes that are not logged yet
         self._since = inf
@@ -55,13 +58,12 @@ class StateReports:
         self._logged_stop = ""
 
     @contextmanager
-    def requested(self) -> Iterator[None]:
-        """Changes within the block are what a client of ours has asked for."""
-        self._requests += 1
+    def requested(self, changes: frozenset[str]) -> Iterator[None]:
+        """These changes within the block are what a client of ours has asked for; one block at a time."""
+        self._requested, self._requested_until = changes, inf
         try:
             yield
         finally:
-            self._requests -= 1
             self._requested_until = self._clock.now() + NOTICED
 
     def note(self, before: RobotState, after: RobotState) -> None:
@@ -75,7 +77,7 @@ class StateReports:
         better, worse = ([], []) if self._is_first else _changes(before, after)  # what is found at first is no change
         self._is_first = self._is_first and not after.is_connected
         if worse:
-            self._is_requested = self._requests > 0 or now < self._requested_until
+            self._is_requested &= now < self._requested_until and self._requested.issuperset(worse)
             self._stopped += worse
             self._since = min(self._since, now)
         if better:
@@ -110,6 +112,7 @@ class StateReports:
                 self.report(logging.INFO, f"{what}, as requested.")
             else:
                 self.report(logging.WARNING, f"{what}{why}.")
+            self._is_requested = True
             stop = self._stops.stop
             told = {*(stop.codes if stop else ()), cause.code if cause else 0}
             events = [event for event in events if event.code not in told]
@@ -145,7 +148,7 @@ _WORKING = RobotState(
     execution=ExecutionState.RUNNING,
 )
 _MOTORS = {
-    ControllerState.MOTORS_OFF: "motors off",
+    ControllerState.MOTORS_OFF: MOTORS_OFF,
     ControllerState.GUARD_STOP: "motors off by a guard stop",
     ControllerState.EMERGENCY_STOP: "motors off by an emergency stop",
     ControllerState.EMERGENCY_STOP_RESET: "emergency stop released, motors off",

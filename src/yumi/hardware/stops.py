@@ -22,7 +22,16 @@ from yumi.control.requests import Event as ArmEvent
 from yumi.control.requests import RobotStoppedFollowing
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.hardware.cabinet import STOPPED_FOR_GOOD
-from yumi.hardware.event_texts import NOT_TELLING, STARTED, cause_among, explain, is_without_person, needs_person
+from yumi.hardware.event_texts import (
+    AUTO_CONFIRMED,
+    NOT_TELLING,
+    STARTED,
+    cause_among,
+    explain,
+    is_guard_stop,
+    is_without_person,
+    needs_person,
+)
 from yumi.rws.replies import Event
 from yumi.rws.states import ControllerState, EventType
 
@@ -194,8 +203,9 @@ class StopLog:
     def check_unchanged(self, client: EventSource, confirmed: str) -> None:
         """The same between two steps: only the newest event is read while there is nothing new."""
         with self._lock:
-            newest = client.events(count=1)
-            if (newest[0].number if newest else 0) != max(self._newest, 0):
+            newest, stop = client.events(count=1), self.stop
+            is_new = (newest[0].number if newest else 0) != max(self._newest, 0)
+            if is_new or (stop.id if stop else "") != confirmed:  # another thread may have looked at the new event
                 self.check_confirmed(client, confirmed)
 
     def close(self, confirmed: str) -> None:
@@ -250,8 +260,16 @@ class StopLog:
             return
         now = self._clock.now()
         self._recent.extendleft((event, now) for event in reversed(fresh))
-        stops = tuple(event for event in reversed(fresh) if needs_person(event.code))
         stop = self._known.stop
+        confirmed = next((index for index, event in enumerate(fresh) if event.code == AUTO_CONFIRMED), len(fresh))
+        if confirmed < len(fresh) and stop is not None and all(map(is_guard_stop, stop.codes)):
+            # Leaving AUTO is a guard stop, too; who has confirmed AUTO at the FlexPendant has looked at the robot.
+            self._stop_events, stop = (), None
+        stops = tuple(
+            event
+            for index, event in reversed(list(enumerate(fresh)))
+            if needs_person(event.code) and (index < confirmed or not is_guard_stop(event.code))
+        )
         if stops and stop is not None and not self._stop_events and stop.codes == (stops[-1].code,):
             # The event of a stop that was known by the state alone; a person may know its id already.
             self._stop_events = stops
