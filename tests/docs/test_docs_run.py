@@ -103,7 +103,7 @@ def test_examples_of_help_work(documentation: Pages, terminals: Terminals) -> No
     ports = documentation.clone.ports
     for command in sorted(examples, key=lambda each: not each.startswith("yumi controller --rws-port 8080 --left")):
         own = re.sub(rf"\b({'|'.join(ports)})\b", lambda port: ports[port[1]], command)
-        if re.search(r"(fault|warm-restart)", own) and "--rws-port" not in own:
+        if own.startswith("yumi fault") and "--rws-port" not in own:
             own += f" --rws-port {ports['8080']}"
         reason = next((reason for pattern, reason in LEFT_OUT.items() if re.match(pattern, command)), "")
         if SERVER.match(own) and terminals.ran:
