@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -102,7 +103,7 @@ def test_examples_of_help_work(documentation: Pages, terminals: Terminals) -> No
     ports = documentation.clone.ports
     for command in sorted(examples, key=lambda each: not each.startswith("yumi controller --rws-port 8080 --left")):
         own = re.sub(rf"\b({'|'.join(ports)})\b", lambda port: ports[port[1]], command)
-        if re.search(r"(fault|warm-restart)", own) and "--rws-port" not in own:
+        if own.startswith("yumi fault") and "--rws-port" not in own:
             own += f" --rws-port {ports['8080']}"
         reason = next((reason for pattern, reason in LEFT_OUT.items() if re.match(pattern, command)), "")
         if SERVER.match(own) and terminals.ran:
@@ -143,6 +144,80 @@ ros2 topic \\
     first, last = fences_of("p", text)
     assert (first.reason, first.commands) == ("needs ros2", ["ros2 topic list  # all", "ros2 topic    echo"])
     assert (last.language, last.text) == ("Ctrl-C", "yumi up")
+
+
+class Folder:
+    """In place of a clone, where there is nothing of ours to run."""
+
+    def __init__(self, root: Path) -> None:
+        (root / "examples").mkdir()
+        self.root = root
+        self.environment = dict(os.environ)
+
+
+def typed(folder: Path, text: str) -> Terminals:
+    terminals = Terminals(Folder(folder), folder)
+    try:
+        for fence in fences_of("p", text):
+            terminals.run(fence)
+    finally:
+        terminals.close()
+    return terminals
+
+
+ENDLESS = "python3 -c 'import time; print(\"waits\", flush=True); time.sleep(60)'"
+ORDERLY = ENDLESS.replace("; time", "; import signal; signal.signal(2, lambda *_: exit()); time")
+
+
+def test_commands_of_a_page_are_typed_in_order_and_their_output_is_compared(tmp_path: Path) -> None:
+    page = (
+        """
+```bash
+export WORD=hello
+echo "$WORD 1.25 s" > file.txt
+cat file.txt  # shows it
+```
+
+<!-- output -->
+```text
+hello 3 …
+```
+
+<!-- test: background, shows waits -->
+```bash
+"""
+        + ORDERLY
+        + """
+```
+
+<!-- test: Ctrl-C python3 -->
+
+<!-- not run: needs ros2 -->
+```bash
+ros2 topic list
+```
+"""
+    )
+    terminals = typed(tmp_path, page)
+    assert len(terminals.ran) == 4
+    assert terminals.left_out == [("ros2 topic list", "needs ros2")]
+
+
+@pytest.mark.parametrize(
+    ("page", "sentence"),
+    [
+        ("```bash\nfalse\n```", "false ended with status 1"),
+        ("```bash\necho 'Traceback (most recent call last):'\n```", "Traceback"),
+        ("```bash\necho one\n```\n<!-- output -->\n```text\ntwo\n```", "p:5: not in the output:\none"),
+        (f"<!-- test: background, shows waits -->\n```bash\n{ENDLESS}\n```", "KeyboardInterrupt"),
+        (f"<!-- test: background, fails, shows waits -->\n```bash\n{ORDERLY}\n```", "ended with status 0"),
+        ("<!-- test: background, shows never -->\n```bash\necho 1\n```", "ended without 'never'"),
+    ],
+)
+def test_page_that_does_not_work_is_found(tmp_path: Path, page: str, sentence: str) -> None:
+    with pytest.raises(AssertionError) as failure:
+        typed(tmp_path, page)
+    assert sentence in str(failure.value)
 
 
 def _bare(command: str) -> str:

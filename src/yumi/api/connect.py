@@ -54,6 +54,7 @@ def connect(
 
         with yumi.connect("192.168.125.1") as robot:
             robot.right.move_to(yumi.degrees(0, -130, -135, 30, 0, 40, 0))
+            robot.left.gripper.open()
             robot.left.gripper.grasp(force=10.0)
 
     On the way in the robot is brought to ready: motors on, RAPID program running, EGM on the arms, hands calibrated. On

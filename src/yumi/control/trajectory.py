@@ -12,6 +12,7 @@ from enum import IntEnum
 from itertools import pairwise
 from math import degrees, isfinite
 
+from yumi.control.goals import looks_like_degrees
 from yumi.control.polynomial import derivative, excess
 from yumi.control.spline import Piece, Spline, TrajectoryPoint, spline_through
 from yumi.errors import TrajectoryRefused
@@ -189,9 +190,10 @@ def _check_range(points: Sequence[TrajectoryPoint], names: Sequence[str], limits
     for number, point in enumerate(points, 1):
         for index, value in enumerate(point.position):
             if not limits.lower[index] <= value <= limits.upper[index]:
+                hint = f"; {value:g} looks like degrees" if looks_like_degrees(index, value) else ""
                 raise refused(
                     f"point {number} wants {names[index]} at {degrees(value):.1f}°; "
-                    f"its range is {limits.range_deg(index)}."
+                    f"its range is {limits.range_deg(index)}{hint}."
                 )
 
 

@@ -81,6 +81,10 @@ def test_trajectory_with_wrong_joints_is_refused(names: tuple[str, ...], sentenc
         (TrajectoryPoint(0.0, HOME), "point 2 is due at 0 s, not after point 1 at 0 s; the times of the points incr"),
         (TrajectoryPoint(1.0, HOME, (0.1, *REST[1:])), "its last point has a velocity; a trajectory ends at rest."),
         (TrajectoryPoint(9.0, moved(4.0)), "point 2 wants yumi_joint_6_r at 229.2°; its range is -229.0° to 229.0°."),
+        (
+            TrajectoryPoint(9.0, moved(90.0)),
+            "point 2 wants yumi_joint_6_r at 5156.6°; its range is -229.0° to 229.0°; 90 looks like degrees.",
+        ),
     ],
 )
 def test_bad_point_is_refused(point: TrajectoryPoint, sentence: str) -> None:
