@@ -19,7 +19,7 @@ from yumi.control.joining import join
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values
 from yumi.control.point_motion import PointMotion, Setpoint, stop
-from yumi.control.spline import Spline, TrajectoryPoint, Walk
+from yumi.control.spline import Pieces, Spline, TrajectoryPoint, Walk
 from yumi.control.trajectory import ResultCode, refused
 from yumi.control.trajectory_feedback import Skew, TrajectoryFeedback, put_feedback
 from yumi.control.trajectory_partner import Nobody, Partner, PartnerReport, Phase
@@ -312,7 +312,7 @@ class JointTrajectoryController(Controller):
 
 
 def _resting(position: Joints) -> Walk:
-    return Walk(Spline((), TrajectoryPoint(0.0, position)))
+    return Walk(Spline(Pieces(), TrajectoryPoint(0.0, position)))
 
 
 def _scaled(values: Joints, factor: float) -> Joints:
