@@ -14,7 +14,7 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import TOGETHER, ArmPlan, JointTrajectory, plan_trajectory
+from yumi.control.trajectory import TOGETHER, ArmPlan, JointTrajectory, check_count, plan_trajectory
 from yumi.controllers.joint_goal import JointGoal, StopMotion
 from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
@@ -218,6 +218,7 @@ class Guidance:
 
 
 def _timed_points(points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
+    check_count(len(points))
     try:
         return tuple(
             TrajectoryPoint(float(time), *(tuple(float(value) for value in each) for each in values))

@@ -120,7 +120,7 @@ class Pieces(Sequence[Piece]):
         return (self[index] for index in range(len(self)))
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple[Any, ...]:
-        blocks = [PickleBuffer(block) if int(protocol) >= 5 else block.tobytes() for block in self._blocks]  # noqa: PLR2004
+        blocks = [PickleBuffer(block) if int(protocol) >= 5 else block.tobytes() for block in self._blocks]
         return _unpickled, (blocks, self._count, self._width, self._first, self._lead)
 
     def _end(self, number: int) -> float:

@@ -186,14 +186,15 @@ class FastLine:
         return self._clock.now() > self._stop_at or self._line.is_still
 
     def _note_mail(self) -> None:
-        """To read a long trajectory takes longer than a reply: no datagram should have to wait for it."""
+        """To serve a request may take longer than a reply: no datagram should have to wait for it."""
         self._has_mail = True
         self._poller.forget(self._pipe)
 
     def _read_mail(self) -> None:
         self._has_mail = False
         try:
-            self._serve(self._pipe.receive())
+            if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
+                self._serve(self._pipe.receive())
         except PipeClosed:
             self._begin_to_end()
             return

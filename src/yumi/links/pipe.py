@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import pickle
 import struct
 import sys
 from collections.abc import Callable, Iterator
@@ -15,7 +17,9 @@ from typing import Any
 from yumi.links.realtime import release_process
 from yumi.links.shared_memory import PROCESSES
 
-_LENGTH = struct.Struct("!i")  # what a Connection expects before each value
+_NUMBER = struct.Struct("!I")
+_PROTOCOL = 5  # whose large blocks of memory travel beside the pickle, and are not copied by it
+_READ_AT_ONCE = 1 << 16  # bytes; takes 20 µs
 
 
 class PipeClosed(Exception):
@@ -23,10 +27,16 @@ class PipeClosed(Exception):
 
 
 class PipeEnd:
-    """One end of a pipe between two processes; values must be picklable."""
+    """One end of a pipe between two processes; values must be picklable.
+
+    A value is sent as the number of its parts, their lengths, and the parts: its pickle, then the blocks of memory that
+    it offers as :class:`pickle.PickleBuffer`.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._parts: list[bytearray] = []
+        self._lengths: list[int] = []
 
     def fileno(self) -> int:
         return self._connection.fileno()
@@ -40,11 +50,16 @@ class PipeEnd:
         Raises:
             PipeClosed: nobody is left to read it.
         """
-        payload = ForkingPickler.dumps(value)
-        data = memoryview(_LENGTH.pack(len(payload)) + bytes(payload))
+        blocks: list[pickle.PickleBuffer] = []
+        payload = io.BytesIO()
+        ForkingPickler(payload, _PROTOCOL, True, blocks.append).dump(value)
+        lengths = [len(payload.getbuffer()), *(block.raw().nbytes for block in blocks)]
+        head = b"".join(_NUMBER.pack(number) for number in (len(lengths), *lengths))
         try:
-            while data:
-                data = data[os.write(self.fileno(), data) :]
+            for part in (memoryview(head + payload.getvalue()), *(block.raw() for block in blocks)):
+                left = part
+                while left:
+                    left = left[os.write(self.fileno(), left) :]
         except OSError as error:
             raise PipeClosed(str(error)) from error
 
@@ -54,10 +69,51 @@ class PipeEnd:
         Raises:
             PipeClosed: nothing will come any more.
         """
+        while not self.read():
+            continue
+        (payload, *blocks), self._parts, self._lengths = self._parts, [], []
+        return pickle.loads(payload, buffers=blocks)
+
+    def read(self) -> bool:
+        """Read the begin of the next value, or at most 64 kB more of one that was begun.
+
+        It does not wait for the rest of a long value, which may come later; to be called when something can be read.
+
+        Returns:
+            Whether the value is whole: :meth:`receive` has it at once then.
+
+        Raises:
+            PipeClosed: nothing will come any more.
+        """
+        if not self._lengths:
+            (count,) = _NUMBER.unpack(self._exactly(_NUMBER.size))
+            self._lengths = [length for (length,) in _NUMBER.iter_unpack(self._exactly(count * _NUMBER.size))]
+            self._parts.append(self._exactly(self._lengths[0]))
+        elif not self._is_whole:
+            if len(self._parts[-1]) == self._lengths[len(self._parts) - 1]:
+                self._parts.append(bytearray())
+            part, length = self._parts[-1], self._lengths[len(self._parts) - 1]
+            part += self._some(min(length - len(part), _READ_AT_ONCE))
+        return self._is_whole
+
+    @property
+    def _is_whole(self) -> bool:
+        return len(self._parts) == len(self._lengths) and len(self._parts[-1]) == self._lengths[-1]
+
+    def _exactly(self, count: int) -> bytearray:
+        data = bytearray()
+        while len(data) < count:
+            data += self._some(count - len(data))
+        return data
+
+    def _some(self, most: int) -> bytes:
         try:
-            return self._connection.recv()
-        except (EOFError, OSError) as error:
+            data = os.read(self.fileno(), most)
+        except OSError as error:
             raise PipeClosed(str(error)) from error
+        if not data:
+            raise PipeClosed("the other side is gone")
+        return data
 
     def has_value(self, timeout: float = 0.0) -> bool:
         """Whether a value, or the end, waits; looks for at most ``timeout`` [s]."""

@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import Done, FastLineEnded, Order, Request, SendOrders
+from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
 from yumi.control.trajectory import TOGETHER, ResultCode, plan_trajectory
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.trajectory_orders import (
@@ -165,10 +165,10 @@ class TrajectoryAction:
                 goal.is_over.set()
 
     def _consider(self, request: Any) -> Any:
-        tolerances, reason = tolerances_of(request, self._sides)
-        if reason:
-            self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
         try:
+            tolerances, reason = tolerances_of(request, self._sides)
+            if reason:
+                self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
             self._log.warning(str(error))
@@ -181,6 +181,7 @@ class TrajectoryAction:
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
         """
+        self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
         number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
         orders = {
@@ -205,7 +206,10 @@ class TrajectoryAction:
         return None if len(self._sides) == 1 else now + TOGETHER
 
     def _order(self, orders: Mapping[Side, object]) -> None:
-        self._ask(SendOrders(tuple(Order(side, self._name, order) for side, order in orders.items())))
+        self._ask(SendOrders(self._orders(orders)))
+
+    def _orders(self, orders: Mapping[Side, object]) -> tuple[Order, ...]:
+        return tuple(Order(side, self._name, order) for side, order in orders.items())
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)
