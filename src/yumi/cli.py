@@ -49,6 +49,7 @@ class _Measure(click.FloatRange):
 _PORT = click.IntRange(1, MAX_PORT)
 _WIDTH = _Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = _Measure("leak", 0.0, 1.0, is_open=False)
+_SCALE = _Measure("factor", 0.01, 1.0, is_open=False)
 _MODULES = click.Choice([modules.value for modules in GripperModules])
 
 
@@ -156,6 +157,7 @@ def controller(
 @click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
 @click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams arrive.")
 @click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams arrive.")
+@click.option("--speed-scale", type=_SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
 @click.option("--user", help="User name on the controller.")
 @click.option("--password", help="Its password.")
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
@@ -190,6 +192,7 @@ def up(
 
 @main.command()
 @click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
+@click.option("--speed-scale", type=_SCALE, help="Factor on all speeds; else 1 for a virtual robot, 0.1 for another.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @click.option(
     "--picture",
@@ -206,7 +209,9 @@ def up(
     show_default=True,
     help="Folder for the output of driver and controller.",
 )
-def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs: Path) -> None:
+def demo(
+    robot: str | None, speed_scale: float | None, yes: bool, picture: Path, report: Path | None, logs: Path
+) -> None:
     """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
 
     \b
@@ -227,7 +232,8 @@ def demo(robot: str | None, yes: bool, picture: Path, report: Path | None, logs:
     is_over = _end_flag(False)
     with DemoScreen() as screen:
         try:
-            reports = run_demo(DemoPlan(robot, (), logs), screen, is_over.is_set)
+            options = () if speed_scale is None else ("--speed-scale", str(speed_scale))
+            reports = run_demo(DemoPlan(robot, options, logs), screen, is_over.is_set)
         except Cancelled:
             screen.note("cancelled: motion stopped, EGM ended")
             sys.exit(_INTERRUPTED)
@@ -259,7 +265,13 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     """Settings with what the command line says on top."""
     given = {key: value for key, value in options.items() if value is not None}
     names = {
-        "robot": {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"},
+        "robot": {
+            "robot": "address",
+            "rws_port": "rws_port",
+            "user": "user",
+            "password": "password",
+            "speed_scale": "speed_scale",
+        },
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
         "ros": {"autostart": "autostart"},
     }

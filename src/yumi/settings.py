@@ -9,13 +9,16 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import yaml
 
 from yumi.bounds import bounded
 from yumi.control.parameter import Values
+from yumi.control.speed_scale import FULL
 from yumi.errors import SettingsError
+from yumi.hardware.speed_setting import LOWEST as SLOWEST
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
 from yumi.hardware.watchdog import WatchdogSettings
@@ -26,6 +29,7 @@ from yumi.robot.joints import Side
 T = TypeVar("T")
 
 MAX_PORT = 65535
+_AUTO = "auto"
 _UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
 
 MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
@@ -42,6 +46,8 @@ class RobotSettings:
         user: user name; ABB's default is public knowledge.
         password: its password.
         timeout: longest wait for one answer [s].
+        speed_scale: the factor on the speed of every controller; None (``auto``) is 1 for a robot on this machine and
+            0.1 for any other.
     """
 
     address: str = "192.168.125.1"
@@ -49,6 +55,7 @@ class RobotSettings:
     user: str = "Default User"
     password: str = "robotics"
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
+    speed_scale: float | None = bounded(None, SLOWEST, FULL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +298,10 @@ def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any
 
 
 def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
+    if NoneType in get_args(kind):
+        if value is None or value == _AUTO:
+            return None
+        (kind,) = (each for each in get_args(kind) if each is not NoneType)
     if is_dataclass(kind):
         if not isinstance(value, dict):
             raise SettingsError(f"{place} needs a mapping, it has {value!r}.")

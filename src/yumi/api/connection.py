@@ -14,6 +14,7 @@ from yumi.api.motions import LAST_STOP, MotionBook
 from yumi.app import Controllers, make_parts, only_at_robot
 from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
+from yumi.control.speed_scale import FULL
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_setup import set_up_hands
@@ -100,6 +101,7 @@ class Connection:
         settings, report = self._settings, partial(log.info, "%s")
         parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms)
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
+        log.log(logging.INFO if self.manager.speed.value == FULL else logging.WARNING, "%s", self.manager.speed)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

@@ -53,7 +53,7 @@ class Piece(NamedTuple):
 
 
 _TERMS = 6  # coefficients of a joint
-_PIECES_PER_BLOCK = 180  # 63 kB for seven joints: the pipe between two processes takes it at one go
+_PIECES_PER_BLOCK = 1500  # half a megabyte for seven joints: mapped and unmapped in less than 0.1 ms
 
 
 class Pieces(Sequence[Piece]):

@@ -15,6 +15,7 @@ from yumi.hardware.cabinet import Cabinet
 from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
 from yumi.hardware.manager_state import Report
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import EgmMotionSettings, MachineState
 from yumi.hardware.state_machines import StateMachines
 from yumi.robot.joints import Side
@@ -31,9 +32,11 @@ class Bringup:
         clock: where waiting time comes from.
         report: told each step.
         arms: those that EGM shall guide unless told otherwise; the others stand still meanwhile.
+        speed: the factor on all speeds, which the robot's own limit follows.
 
     Attributes:
         client: the same client.
+        speed: as above.
         cabinet: the controller's switches.
         machines: the state machines on it.
     """
@@ -45,10 +48,12 @@ class Bringup:
         clock: Clock,
         report: Report,
         arms: tuple[Side, ...] = tuple(Side),
+        speed: SpeedSetting | None = None,
     ) -> None:
         self.client = client
+        self.speed = speed or SpeedSetting()
         self.cabinet = Cabinet(client, clock)
-        self.machines = StateMachines(client, motion, clock)
+        self.machines = StateMachines(client, motion, clock, self.speed)
         self._reports = [report]
         self._arms = arms
         self._is_checked = False

@@ -50,6 +50,7 @@ class ArmBoxes:
         trajectory: how it follows a trajectory of its own.
         dual_trajectory: how it follows its part of one for both arms.
         dual_status: what it tells the other arm meanwhile.
+        speed_scale: the factor on its speeds.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -65,6 +66,7 @@ class ArmBoxes:
         self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.dual_status = SharedMailbox(PARTNER_SIZE)
         self.point_goals = SharedMailbox(GOAL_SIZE)
+        self.speed_scale = SharedMailbox(1)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 

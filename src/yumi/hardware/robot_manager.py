@@ -42,6 +42,7 @@ class RobotManager:
     Attributes:
         watch: what is known of the robot.
         watchdog: on the robot, and our signs of life to it.
+        speed: the factor on the speed of every controller, see :mod:`yumi.hardware.speed_setting`.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class RobotManager:
     ) -> None:
         self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
         self.watch = RobotWatch(bringup.client, fast_lines, clock)
+        self.speed = self.watch.speed = bringup.speed
         self._bringup = bringup
         self._cabinet = bringup.cabinet
         self._data = ControllerData(bringup.client, bringup.cabinet)

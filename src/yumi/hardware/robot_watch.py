@@ -21,6 +21,7 @@ from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.hardware.manager_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.rws_subscription import Subscription
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState
 from yumi.hardware.state_machines import read_machine_state
 from yumi.robot.joints import Side
@@ -78,10 +79,12 @@ class RobotWatch:
 
     Attributes:
         on_change: told each change.
+        speed: the factor on all speeds, told with the rest.
     """
 
     def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock) -> None:
         self.on_change: Listener = lambda _: None
+        self.speed = SpeedSetting()
         self._client = client
         self._fast_lines = fast_lines
         self._clock = clock
@@ -310,7 +313,7 @@ class RobotWatch:
             self._state = replace(self._state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
-        live = replace(state, egm=egm_states(self._fast_lines))
+        live = replace(state, egm=egm_states(self._fast_lines), speed_scale=self.speed.in_force)
         return replace(live, reason=why_not_ready(live))
 
     def _tell(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import mmap
 import os
 import pickle
 import struct
@@ -35,8 +36,9 @@ class PipeEnd:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        self._parts: list[bytearray] = []
+        self._parts: list[bytes | mmap.mmap] = []
         self._lengths: list[int] = []
+        self._filled = 0  # bytes of the last part
 
     def fileno(self) -> int:
         return self._connection.fileno()
@@ -89,31 +91,33 @@ class PipeEnd:
             (count,) = _NUMBER.unpack(self._exactly(_NUMBER.size))
             self._lengths = [length for (length,) in _NUMBER.iter_unpack(self._exactly(count * _NUMBER.size))]
             self._parts.append(self._exactly(self._lengths[0]))
+            self._filled = self._lengths[0]
         elif not self._is_whole:
-            if len(self._parts[-1]) == self._lengths[len(self._parts) - 1]:
-                self._parts.append(bytearray())
-            part, length = self._parts[-1], self._lengths[len(self._parts) - 1]
-            part += self._some(min(length - len(part), _READ_AT_ONCE))
+            if self._filled == self._lengths[len(self._parts) - 1]:
+                self._parts.append(mmap.mmap(-1, self._lengths[len(self._parts)]))  # given back as soon as it is freed
+                self._filled = 0
+            with memoryview(self._parts[-1]) as part:
+                self._filled += self._some(part[self._filled : self._filled + _READ_AT_ONCE])
         return self._is_whole
 
     @property
     def _is_whole(self) -> bool:
-        return len(self._parts) == len(self._lengths) and len(self._parts[-1]) == self._lengths[-1]
+        return len(self._parts) == len(self._lengths) and self._filled == self._lengths[-1]
 
-    def _exactly(self, count: int) -> bytearray:
-        data = bytearray()
-        while len(data) < count:
-            data += self._some(count - len(data))
-        return data
+    def _exactly(self, count: int) -> bytes:
+        data, filled = memoryview(bytearray(count)), 0
+        while filled < count:
+            filled += self._some(data[filled:])
+        return bytes(data)
 
-    def _some(self, most: int) -> bytes:
+    def _some(self, room: memoryview) -> int:
         try:
-            data = os.read(self.fileno(), most)
+            count = os.readv(self.fileno(), [room])
         except OSError as error:
             raise PipeClosed(str(error)) from error
-        if not data:
+        if not count:
             raise PipeClosed("the other side is gone")
-        return data
+        return count
 
     def has_value(self, timeout: float = 0.0) -> bool:
         """Whether a value, or the end, waits; looks for at most ``timeout`` [s]."""
