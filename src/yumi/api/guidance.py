@@ -218,8 +218,8 @@ class Guidance:
 
 
 def _timed_points(points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
-    check_count(len(points))
     try:
+        check_count(len(points))
         return tuple(
             TrajectoryPoint(float(time), *(tuple(float(value) for value in each) for each in values))
             for time, *values in points

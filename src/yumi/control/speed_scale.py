@@ -7,8 +7,8 @@ from yumi.control.mailbox import Mailbox
 
 FULL = 1.0
 
-_FASTEST = 2.0  # [1/s] at full speed a change takes a third of a joint's acceleration
-_HARSHEST = 20.0  # [1/s²] and a quarter of its jerk
+_FASTEST = 4.0  # [1/s] at full speed a change takes two thirds of a joint's acceleration
+_HARSHEST = 40.0  # [1/s²] and not half of its jerk
 
 
 class SpeedScale:

@@ -42,6 +42,9 @@ _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: 
 _BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
 
 
+_SETTLING = 0.1  # [s] after a change of pace the measured speeds are those of the pace before
+
+
 class _Source(Protocol):
     """Where the commanded motion comes from."""
 
@@ -101,6 +104,7 @@ class JointTrajectoryController(Controller):
         self._feedback_due = -inf
         self._calming: Calming | None = None
         self._is_judged = True
+        self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
         self._position = ZERO
@@ -123,6 +127,7 @@ class JointTrajectoryController(Controller):
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
+        self._rest_at(self._position)
 
     def check(self, message: object, state: ArmState | None) -> None:
         if isinstance(message, FollowTrajectory):
@@ -254,7 +259,10 @@ class JointTrajectoryController(Controller):
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
         time = self._time - self._settings.lookahead * self._pace
-        violation = goal.judge(time, state, self._pace)
+        if self._pace != self._judged_pace:
+            self._judged_pace, self._paced_at = self._pace, state.time
+        is_steady = state.time - self._paced_at > _SETTLING
+        violation = goal.judge(time, state, self._pace if is_steady else None)
         if violation is not None:
             self._abort(*violation)
         elif goal.phase is Phase.REACHED and not self._partner.is_there:

@@ -52,10 +52,10 @@ class TrajectoryGoal:
         """Whether the arm comes to rest because somebody wants it."""
         return self.phase is Phase.CANCELED
 
-    def judge(self, time: float, state: ArmState, pace: float = 1.0) -> Violation | None:
+    def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
         """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival.
 
-        ``pace`` is how fast time goes by on the trajectory.
+        ``pace`` is how fast time goes by on the trajectory; None while that changes, which leaves speeds unjudged.
         """
         if time < self.begin:
             return None
@@ -85,7 +85,7 @@ class TrajectoryGoal:
             )
         return None
 
-    def _judge_way(self, time: float, state: ArmState, pace: float) -> Violation | None:
+    def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
         bounds, desired = self._bounds, self._walk.position(time)
         for index, (wanted, actual, bound) in enumerate(zip(desired, state.position, bounds.path, strict=True)):
             if not -bound <= actual - wanted <= bound:
@@ -93,7 +93,7 @@ class TrajectoryGoal:
                     f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
                     f"its path tolerance is {degrees(bound):.2f}°."
                 )
-        return self._judge_speed(time, state, pace) if self._watches_velocity else None
+        return None if pace is None or not self._watches_velocity else self._judge_speed(time, state, pace)
 
     def _judge_speed(self, time: float, state: ArmState, pace: float) -> Violation | None:
         desired = [pace * speed for speed in self._walk.motion(time)[1]]
