@@ -40,5 +40,8 @@ class SpeedScale:
         letter = self._wanted.peek() if self._wanted else None
         if letter is None or (letter[1][0] == self.value and not self._rate) or dt <= 0.0:
             return False
-        self.value, self._rate = ramped(letter[1][0], self.value, self._rate, FULL, _FASTEST, _HARSHEST, dt)
+        wanted, before = letter[1][0], self.value
+        self.value, self._rate = ramped(wanted, before, self._rate, FULL, _FASTEST, _HARSHEST, dt)
+        if min(before, wanted) > self.value or self.value > max(before, wanted):  # by the last digits of a ramp
+            self.value, self._rate = wanted, 0.0
         return True
