@@ -60,7 +60,7 @@ class ScaledArm:
             guard=Guard(LIMITS),
             speed=speed,
         )
-        self.arm.manager.set_parameters("goal", {"speed_scale": 1.0, "acceleration_scale": 1.0})
+        self.arm.manager.set_parameters("goal", {"speed_scale": 0.8, "acceleration_scale": 0.5})
         self.arm.manager.set_parameters("tracking", {"tracking.feed_forward": True})
         self.arm.start()
 
