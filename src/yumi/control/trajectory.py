@@ -18,12 +18,11 @@ from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import JointLimits
 
-TOGETHER = 0.1
-"""Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
-
 MOST_POINTS = 20_000
 """A trajectory has at most so many points: 80 s at 250 Hz, or hours of waypoints."""
 
+_TOGETHER = 0.1  # [s] each arm has a short trajectory by then
+_HANDING_OVER = 30e-6  # [s] for each point, to both arms, twice
 _ROUNDING = 1.0 + 1e-6  # a spline that uses a limit fully is not refused for its last digit
 _RANGE_ROUNDING = 1e-9  # [rad]
 _AT_REST = 1e-7  # [rad/s] upstream's: the resolution of a float32
@@ -72,6 +71,11 @@ class ArmPlan:
     first: TrajectoryPoint
     spline: Spline
     start: float | None
+
+
+def time_to_start(points: int) -> float:
+    """So long after it was asked for do both arms start a trajectory of so many points [s]: each has it by then."""
+    return max(_TOGETHER, points * _HANDING_OVER)
 
 
 def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, ArmPlan]:
@@ -149,7 +153,7 @@ def _plan_arm(trajectory: JointTrajectory, side: Side, limits: JointLimits) -> A
         TrajectoryPoint(point.time, *(_picked(values, columns) for values in point[1:])) for point in trajectory.points
     ]
     _check_range(points, names, limits)
-    _check_accelerations(points, names, limits)
+    _check_rates(points, names, limits)
     spline = spline_through(points)
     check_motion(spline.pieces, names, limits)
     return ArmPlan(side, points[0], spline, trajectory.start)
@@ -228,15 +232,19 @@ def _check_range(points: Sequence[TrajectoryPoint], names: Sequence[str], limits
                 )
 
 
-def _check_accelerations(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
+def _check_rates(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
     """Those of the points themselves: a first point has no piece before it, on which they would be seen."""
     for number, point in enumerate(points, 1):
-        for name, value, limit in zip(names, point.acceleration, limits.acceleration, strict=False):
-            if not abs(value) <= limit * _ROUNDING:
-                raise refused(
-                    f"point {number} wants {name} to accelerate with {value:.4g} rad/s²; "
-                    f"its limit is {limit:.2f} rad/s²; give it more time."
-                )
+        for values, most, what, unit in (
+            (point.velocity, limits.velocity, "move", "rad/s"),
+            (point.acceleration, limits.acceleration, "accelerate", "rad/s²"),
+        ):
+            for name, value, limit in zip(names, values, most, strict=False):
+                if not abs(value) <= limit * _ROUNDING:
+                    raise refused(
+                        f"point {number} wants {name} to {what} with {value:.4g} {unit}; "
+                        f"its limit is {limit:.2f} {unit}; give it more time."
+                    )
 
 
 def _check_row(piece: Piece, row: Sequence[float], name: str, index: int, limits: JointLimits) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, isnan
 from typing import Protocol, cast
 
 from yumi.control.calming import STANDING, Calming
@@ -217,6 +217,8 @@ class JointTrajectoryController(Controller):
             raise refused(
                 f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
             )
+        if any(isnan(value) for value in order.tolerances.values):
+            raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
         now = 0.0 if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
         if late > 0.0:

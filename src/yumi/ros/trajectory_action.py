@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
 from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
-from yumi.control.trajectory import TOGETHER, ResultCode, plan_trajectory
+from yumi.control.trajectory import ResultCode, plan_trajectory, time_to_start
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.trajectory_orders import (
     CancelTrajectory,
@@ -149,6 +149,7 @@ class TrajectoryAction:
                 self._log.info(notice.sentence)
                 return
             goal.ends[side] = notice
+            self._query.forget(notice.goal)
             if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
                 goal.is_over.set()
 
@@ -203,7 +204,7 @@ class TrajectoryAction:
         now, stamped = self._clock.now(), stamp_of(message)
         if stamped:
             return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
-        return None if len(self._sides) == 1 else now + TOGETHER
+        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
 
     def _order(self, orders: Mapping[Side, object]) -> None:
         self._ask(SendOrders(self._orders(orders)))
