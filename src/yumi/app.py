@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from ipaddress import ip_address
 from math import radians
 from pathlib import Path
 from threading import Event as Flag
@@ -36,6 +37,7 @@ from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.guard import Guard
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event, HoldArm
+from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stations import StationClock
 from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
 from yumi.controllers.forward_command import FORWARDERS, ForwardCommandController
@@ -61,6 +63,7 @@ from yumi.hardware.launch_checks import EgmAddress
 from yumi.hardware.rehearsal import Rehearsal
 from yumi.hardware.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.speed_setting import FIRST_CONTACT, SpeedSetting
 from yumi.hardware.stops import StopLog
 from yumi.initial_controllers import start_controllers
 from yumi.links.only import Only
@@ -94,6 +97,7 @@ class Place:
         partner: what the other arm shares with them.
         limits: what the joints may do in the robot's EGM motion.
         period: time between two datagrams of the arm [s].
+        speed: the factor on its speeds.
     """
 
     name: str
@@ -102,24 +106,32 @@ class Place:
     partner: ArmBoxes
     limits: JointLimits
     period: float
+    speed: SpeedScale
 
 
 def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
-    return kind(place.boxes.forward_positions, place.boxes.forward_speeds, place.limits)
+    return kind(place.boxes.forward_positions, place.boxes.forward_speeds, place.limits, place.speed)
 
 
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits),
-    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits),
+    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits, place.speed),
+    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits, place.speed),
     **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
     JointTrajectoryController.kind: lambda place: JointTrajectoryController(
-        place.side, place.boxes.trajectory, place.limits
+        place.side, place.boxes.trajectory, place.limits, speed=place.speed
     ),
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
-        place.side, place.boxes.dual_trajectory, place.boxes.dual_status, place.partner.dual_status, place.limits
+        place.side,
+        place.boxes.dual_trajectory,
+        place.boxes.dual_status,
+        place.partner.dual_status,
+        place.limits,
+        place.speed,
     ),
-    JointGoalController.kind: lambda place: JointGoalController(place.boxes.point_goals, place.limits, place.period),
+    JointGoalController.kind: lambda place: JointGoalController(
+        place.boxes.point_goals, place.limits, place.period, place.speed
+    ),
 }
 """How a controller of each type is made."""
 
@@ -188,10 +200,16 @@ def check_controllers(controllers: Controllers) -> Controllers:
 
 
 def _manager_of(
-    side: Side, boxes: Mapping[Side, ArmBoxes], limits: JointLimits = YUMI_LIMITS, period: float = CYCLE
+    side: Side,
+    boxes: Mapping[Side, ArmBoxes],
+    limits: JointLimits = YUMI_LIMITS,
+    period: float = CYCLE,
+    speed: SpeedScale | None = None,
 ) -> ControllerManager:
+    speed = speed or SpeedScale()
+
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits, period))
+        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits, period, speed))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -201,9 +219,10 @@ def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> Wire
     """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations = StationClock(time.monotonic)
-    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations)
     own = boxes[side]
-    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period)
+    speed = SpeedScale(own.speed_scale)
+    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations, speed)
+    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period, speed)
     return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
 
 
@@ -220,11 +239,19 @@ def _parts_of_arm(
     boxes: Mapping[Side, ArmBoxes],
     socket: UdpServer,
     stations: StationClock | None = None,
+    speed: SpeedScale | None = None,
 ) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes, plan.limits, plan.period)
+    manager = _manager_of(side, boxes, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
     return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
+
+
+def first_speed_scale(settings: Settings) -> float:
+    """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
+    if settings.robot.speed_scale is not None:
+        return settings.robot.speed_scale
+    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_CONTACT
 
 
 class DriverParts(NamedTuple):
@@ -279,8 +306,10 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
-    bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn)
     fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
+    boxes = {side: each.speed_scale for side, each in fast_lines.boxes.items()}
+    speed = SpeedSetting(first_speed_scale(settings), boxes, lambda side: fast_lines.snapshot(side).is_running)
+    bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops, settings.recovery)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
@@ -353,6 +382,7 @@ def run_driver(
         stack.callback(_end_motion, manager, fast_lines, connection, ros.say)
         ros.start()
         ros.say(fast_lines.started_as)
+        ros.say(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
         reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
         settle_memory()
         on_ready(reason)

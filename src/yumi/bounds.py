@@ -6,6 +6,6 @@ from dataclasses import field
 from typing import Any
 
 
-def bounded(default: float, lowest: float, highest: float, unit: str = "") -> Any:
+def bounded(default: float | None, lowest: float, highest: float, unit: str = "") -> Any:
     """A dataclass field with a range that includes both ends."""
     return field(default=default, metadata={"lowest": lowest, "highest": highest, "unit": unit})

@@ -67,6 +67,7 @@ class _Measure(click.FloatRange):
 _PORT = click.IntRange(1, MAX_PORT)
 _WIDTH = _Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = _Measure("leak", 0.0, 1.0, is_open=False)
+_SCALE = _Measure("factor", 0.01, 1.0, is_open=False)
 _MODULES = click.Choice([modules.value for modules in GripperModules])
 
 
@@ -191,6 +192,7 @@ def controller(
 @click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
 @click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams arrive.")
 @click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams arrive.")
+@click.option("--speed-scale", type=_SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
 @click.option("--user", help="User name on the controller.")
 @password_options
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
@@ -255,6 +257,7 @@ def up(
 @click.option("--right-egm-port", type=_PORT, help="UDP port where its right arm's datagrams arrive.")
 @click.option("--user", help="User name on it.")
 @password_options
+@click.option("--speed-scale", type=_SCALE, help="Factor on all speeds; else 1 for a virtual robot, 0.1 for another.")
 @click.option("--yes", is_flag=True, help="Ask nobody: a robot given by --robot moves, a stop ends the demonstration.")
 @click.option(
     "--picture",
@@ -274,6 +277,7 @@ def up(
 def demo(
     robot: str | None,
     password: str | None,
+    speed_scale: float | None,
     yes: bool,
     picture: Path,
     report: Path | None,
@@ -303,14 +307,18 @@ def demo(
     limit_discovery()
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
+    if speed_scale is not None:
+        options = (*options, "--speed-scale", str(speed_scale))
+    from yumi.app import first_speed_scale  # noqa: PLC0415 - a quick --help
     from yumi.demo import Cancelled, DemoPlan, motions_ahead, read_positions, run_demo  # noqa: PLC0415 - a quick --help
     from yumi.demo_screen import DemoScreen  # noqa: PLC0415
     from yumi.evaluation.joint_paths import draw_joint_paths  # noqa: PLC0415
 
     if robot:
-        settings = _with_options(read_settings(None), {"robot": robot, "password": password, **where})
+        given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}
+        settings = _with_options(read_settings(None), given)
         top_speed = radians(settings.egm_motion.max_speed_deviation)
-        click.echo(motions_ahead(read_positions(settings.robot), top_speed))
+        click.echo(motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)))
         if not yes:
             click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True)
     is_over = _end_flag(False)
@@ -351,7 +359,13 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
     """Settings with what the command line says on top."""
     given = {key: value for key, value in options.items() if value is not None}
     names = {
-        "robot": {"robot": "address", "rws_port": "rws_port", "user": "user", "password": "password"},
+        "robot": {
+            "robot": "address",
+            "rws_port": "rws_port",
+            "user": "user",
+            "password": "password",
+            "speed_scale": "speed_scale",
+        },
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
         "ros": {"autostart": "autostart", "bringup": "bringup"},
     }

@@ -10,14 +10,17 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import yaml
 
 from yumi.bounds import bounded
 from yumi.control.parameter import Values
+from yumi.control.speed_scale import FULL
 from yumi.errors import SettingsError
 from yumi.hardware.automatic_recovery import RecoverySettings
+from yumi.hardware.speed_setting import LOWEST as SLOWEST
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.hardware.wake import WakeMode
 from yumi.hardware.watchdog import WatchdogSettings
@@ -31,6 +34,7 @@ MAX_PORT = 65535
 PASSWORD_VARIABLE = "YUMI_PASSWORD"
 """The environment variable with the robot's password; it wins over the settings file."""
 
+_AUTO = "auto"
 _UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
 
 MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
@@ -47,6 +51,8 @@ class RobotSettings:
         user: user name; ABB's default is public knowledge.
         password: its password; never shown, as no field that has no part in ``repr``.
         timeout: longest wait for one answer [s].
+        speed_scale: the factor on the speed of every controller; None (``auto``) is 1 for a robot on this machine and
+            0.1 for any other.
     """
 
     address: str = "192.168.125.1"
@@ -54,6 +60,7 @@ class RobotSettings:
     user: str = "Default User"
     password: str = field(default="robotics", repr=False)
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
+    speed_scale: float | None = bounded(None, SLOWEST, FULL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +323,10 @@ def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any
 
 
 def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
+    if NoneType in get_args(kind):
+        if value is None or value == _AUTO:
+            return None
+        (kind,) = (each for each in get_args(kind) if each is not NoneType)
     if is_dataclass(kind):
         if not isinstance(value, dict):
             raise SettingsError(f"{place} needs a mapping, it has {value!r}.")

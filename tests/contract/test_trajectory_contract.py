@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import radians
+from math import nan, radians
+from sys import getrefcount
 
 import pytest
 from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
@@ -178,6 +179,35 @@ def test_trajectory_may_replace_one_that_is_being_cancelled(arm: TrajectoryArm) 
     arm.run(1.5)
     assert [(end.goal, end.outcome) for end in arm.ended] == [(1, Outcome.ABORTED), (2, Outcome.SUCCEEDED)]
     assert_within_limits(arm.loop.cycles[first - 2 :])
+
+
+@pytest.mark.parametrize(
+    "tolerances",
+    [
+        Tolerances(path=(nan, *REST[1:])),
+        Tolerances(path_velocity=(nan, *REST[1:])),
+        Tolerances(goal=(*REST[:6], nan)),
+        Tolerances(goal_velocity=(*REST[:6], nan)),
+        Tolerances(goal_time=nan),
+    ],
+)
+def test_tolerance_that_is_no_number_is_refused(tolerances: Tolerances) -> None:
+    arm = perfect_arm()
+    with pytest.raises(TrajectoryRefused, match="a tolerance is nan; give a number, 0 for the controller's own"):
+        arm.follow(swing(HOME, 1.0, 2.0), tolerances=tolerances)
+
+
+def test_controller_gives_a_trajectory_back_when_it_is_deactivated() -> None:
+    arm = perfect_arm()
+    plan = swing(HOME, 1.0, 2.0)
+    pieces = plan.spline.pieces
+    before = getrefcount(pieces)
+    arm.follow(plan)
+    arm.run(0.1)
+    assert getrefcount(pieces) > before
+    arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
+    arm.run(0.1)
+    assert getrefcount(pieces) == before
 
 
 def test_speed_scaling_slows_the_motion_on_its_way(arm: TrajectoryArm) -> None:

@@ -20,6 +20,7 @@ from yumi.control.lifecycle import State
 from yumi.control.requests import Done, HoldArm, ListHardware, Request, SetHardwareState
 from yumi.errors import RobotNotReady
 from yumi.hardware.manager_state import Mode, Report, RobotState
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import MachineState
 from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
@@ -27,6 +28,7 @@ from yumi.ros.managed_nodes import ManagedNodes
 from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.robot_state_topic import RobotStateTopic
+from yumi.ros.speed_scale import SpeedScaleInterface
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 
 THREADS = 6
@@ -138,6 +140,8 @@ class RobotManagerRig:
         self.managed = ManagedNodes(self.connection, self.manager, self.line, self.grippers, lambda: None)
         offered = (self.node, self.manager, self.managed.permission, lambda: None)
         RobotManagerServices(*offered)
+        self.speed = SpeedSetting()
+        SpeedScaleInterface(self.node, self.speed)
         self.actions = RobotManagerActions(*offered)
         self.ticker = Ticker(SystemClock(), print)
         self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.ticker)

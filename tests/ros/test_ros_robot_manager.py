@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_manager_bench import Goal, RobotManagerRig
 from std_srvs.srv import Trigger
@@ -18,6 +21,7 @@ from yumi_interfaces.srv import (
     RunModule,
     RunRoutine,
     SetSpeedRatio,
+    SetSpeedScale,
     WriteSignal,
     WriteVariable,
 )
@@ -76,6 +80,43 @@ def test_order_reaches_its_method_with_its_arguments(
     answer = rig.call(kind, service, **fields)
     assert answer.success, answer.message
     assert rig.manager.calls == [(service, *call)]
+
+
+def parameter_of(rig: RobotManagerRig) -> float:
+    request = GetParameters.Request(names=["speed_scale"])
+    return float(rig.client.call(GetParameters, "yumi_robot_manager/get_parameters", request).values[0].double_value)
+
+
+def test_speed_scale_is_set_by_a_service_and_told_by_the_parameter(rig: RobotManagerRig) -> None:
+    assert parameter_of(rig) == rig.speed.value
+    answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.25)
+    assert answer.success
+    assert answer.message == "speed_scale is 0.25: every controller moves with at most 25% of its speeds."
+    assert (rig.speed.value, parameter_of(rig)) == (0.25, 0.25)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.5, -1.0, nan])
+def test_service_refuses_a_speed_scale_out_of_range(rig: RobotManagerRig, value: float) -> None:
+    before = rig.speed.value
+    answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=value)
+    assert not answer.success
+    assert answer.message == f"speed_scale is {value:g}; allowed is 0.01 to 1."
+    assert rig.speed.value == parameter_of(rig) == before
+
+
+def test_speed_scale_is_a_parameter_with_a_range(rig: RobotManagerRig) -> None:
+    def set_to(value: float) -> bool:
+        parameter = Parameter("speed_scale", value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        answer = rig.client.call(SetParameters, "yumi_robot_manager/set_parameters", request)
+        return bool(answer.results[0].successful)
+
+    assert set_to(0.5)
+    assert rig.speed.value == 0.5
+    assert not set_to(0.0)
+    assert not set_to(nan)
+    assert not set_to(1.01)
+    assert (rig.speed.value, parameter_of(rig)) == (0.5, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -205,6 +205,9 @@ def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals,
     assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
     assert end.result.error_string == "The controller was deactivated; the arm holds."
     assert not right.send(swing(egm, 0.5, 4.0)).accepted
+    faulty = swing(egm, 99.0, 4.0)  # nobody looks at its points
+    assert not right.send(faulty).accepted
+    egm.until(egm.hears("is inactive and takes no orders; activate it first."))
 
 
 def query(client: Client, seconds: float) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from yumi.control.trajectory import MOST_POINTS
 from yumi.controllers.trajectory_orders import Tolerances
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import Side, joint_names
@@ -35,6 +37,20 @@ def test_tolerances_that_cannot_be_leave_the_controllers_own_and_say_why(fields:
     good = JointTolerance(name=FIRST, position=0.1)
     goal = FollowJointTrajectory.Goal(**{"goal_tolerance": [good], **fields})
     assert tolerances_of(goal, [Side.RIGHT]) == ({Side.RIGHT: Tolerances()}, remark)
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize("which", ["path_tolerance", "goal_tolerance"])
+def test_tolerance_that_is_nan_is_refused(which: str, field: str) -> None:
+    goal = FollowJointTrajectory.Goal(**{which: [JointTolerance(name=FIRST, **{field: nan})]})
+    with pytest.raises(TrajectoryRefused, match=f"a tolerance of {FIRST} is nan; give a number"):
+        tolerances_of(goal, [Side.RIGHT])
+
+
+def test_trajectory_of_too_many_points_is_refused_before_they_are_read() -> None:
+    trajectory = JointTrajectory(joint_names=[FIRST], points=[JointTrajectoryPoint(effort=[1.0])] * (MOST_POINTS + 1))
+    with pytest.raises(TrajectoryRefused, match="it has 20001 points; at most 20000 are taken"):
+        trajectory_of(trajectory, None)
 
 
 def test_points_with_efforts_are_refused() -> None:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from math import cos
 from multiprocessing import active_children
 from queue import Queue
 
 import pytest
 
 from yumi.app import EgmPlan, build_arm
+from yumi.clock import SystemClock
 from yumi.control.goals import put_goal
 from yumi.control.lifecycle import State
 from yumi.control.requests import (
@@ -32,14 +34,22 @@ from yumi.control.requests import (
     SwitchControllers,
 )
 from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.spline import TrajectoryPoint
+from yumi.control.trajectory import MOST_POINTS, JointTrajectory, plan_trajectory
+from yumi.controllers.trajectory_orders import FollowTrajectory
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
 from yumi.hardware.fast_lines import FastLines
+from yumi.hardware.waiting import wait_until
+from yumi.links.pipe import ChildProcess, PipeEnd
 from yumi.links.poller import Poller
+from yumi.links.realtime import prefer_process
 from yumi.links.udp import UdpClient, UdpServer, free_port
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.poses import home
 from yumi.settings import read_controllers
 
 pytestmark = pytest.mark.real_time
@@ -214,3 +224,68 @@ def test_fast_line_that_was_killed_is_started_again(fast_lines: FastLines, robot
     answer = robot.exchange(replace(MESSAGE, seqno=900))
     assert answer.position == pytest.approx(HOME)
     assert fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,))).sentence
+
+
+def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
+    """In a child: a robot that is wherever it was told to be; tells the longest answer when asked, ends at None."""
+    prefer_process()
+    clock, codec, poller = SystemClock(), RobotCodec(), Poller()
+    links = {side: UdpClient("127.0.0.1", port) for side, port in ports.items()}
+    positions = {side: home(side) for side in ports}
+    sent, longest = dict.fromkeys(ports, 0.0), 0.0
+
+    def take(side: Side) -> None:
+        nonlocal longest
+        for datagram in links[side].receive():
+            longest = max(longest, clock.now() - sent[side])
+            positions[side] = codec.decode(datagram).position or positions[side]  # type: ignore[assignment]
+
+    for side in ports:
+        poller.watch(links[side], partial(take, side))
+    begin, number = clock.now(), 0
+    while not pipe.has_value() or pipe.receive() is not None:
+        for side, here in positions.items():
+            state = replace(MESSAGE, seqno=number, measured_time=1.0 + number * CYCLE, measured=here, planned=here)
+            sent[side] = clock.now()
+            links[side].send(codec.encode(state))
+        number += 1
+        while (left := begin + number * CYCLE - clock.now()) > 0.0:
+            poller.wait(left)
+    pipe.send(longest)
+
+
+def long_way(side: Side, seconds: float) -> FollowTrajectory:
+    """20 000 points: back and forth by a tenth of a radian."""
+    start, step = home(side), seconds / MOST_POINTS
+    times = [step * (number + 1) for number in range(MOST_POINTS)]
+    points = [TrajectoryPoint(time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]
+    points[-1] = TrajectoryPoint(times[-1], points[-2].position)
+    plan = plan_trajectory(JointTrajectory(joint_names(side), tuple(points)), (side,), YUMI_LIMITS)[side]
+    return FollowTrajectory(plan, 1)
+
+
+def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_over_to_moving_arms(
+    ports: Mapping[Side, int], fast_lines: FastLines, record_property: Callable[[str, object], None]
+) -> None:
+    follow = {side: long_way(side, 80.0) for side in Side}
+    robot = ChildProcess("robot", stream_both_arms, ports)
+    robot.start()
+    try:
+        clock = SystemClock()
+        wait_until(clock, lambda: all(fast_lines.snapshot(side).is_running for side in Side), 10.0, lambda: "no EGM")
+        for side in Side:
+            fast_lines.ask(SwitchControllers(side, activate=("joint_trajectory_controller",)))
+        clock.wait(0.5)
+        before = [fast_lines.snapshot(side).missed for side in Side]
+        for goal in range(1, 4):
+            for side in Side:
+                order = replace(follow[side], goal=goal)
+                fast_lines.ask(SendOrders((Order(side, "joint_trajectory_controller", order),)))
+        clock.wait(0.5)
+        assert [fast_lines.snapshot(side).missed for side in Side] == before
+        assert all(fast_lines.snapshot(side).interruptions == 0 for side in Side)
+        assert max(map(abs, fast_lines.snapshot(RIGHT).velocity)) > 0.0
+    finally:
+        robot.pipe.send(None)
+        record_property("longest answer [ms]", robot.pipe.receive() * 1e3)
+        robot.join(5.0)

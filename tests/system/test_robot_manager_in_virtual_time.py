@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import radians
 from threading import Thread
 
 import pytest
@@ -10,7 +12,9 @@ from system.virtual_time_bench import System
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.state_machine import MachineState
-from yumi.robot.joints import Side
+from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import Side, joints
+from yumi.rws import rapid_values
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.fault_names import Fault
 
@@ -30,6 +34,49 @@ def test_manager_tells_all_that_is_known(system: System) -> None:
     assert state.speed_ratio == 100
     assert state.last_event is not None
     assert state.last_event.code == 10150
+
+
+def max_speed_deviation(system: System, side: Side) -> float:
+    settings = rapid_values.decode(system.client.symbol(side.task, "TRobEGM", "settings"))
+    return settings[3][7]  # type: ignore[index,return-value]
+
+
+def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_next_start_of_egm(
+    system: System,
+) -> None:
+    manager = system.manager
+    manager.speed.set(0.1)
+    manager.start_egm()
+    assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([18.0, 18.0])
+    assert "is started again" in manager.speed.set(1.0)
+    assert manager.state().speed_scale == 0.1
+    manager.stop_egm()
+    manager.start_egm()
+    assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([180.0, 180.0])
+    assert manager.state().speed_scale == 1.0
+
+
+def test_arm_that_guides_on_keeps_its_own_speed_limit_while_the_other_one_begins(system: System) -> None:
+    manager = system.manager
+    manager.speed.set(0.1)
+    manager.start_egm([Side.LEFT])
+    manager.speed.set(1.0)
+    manager.start_egm([Side.LEFT, Side.RIGHT])
+    told = {side: arm.speed_scale.peek() for side, arm in system.arms.items()}
+    assert {side: letter[1] for side, letter in told.items() if letter} == {Side.LEFT: (0.1,), Side.RIGHT: (1.0,)}
+
+
+def test_robot_itself_moves_no_faster_than_its_lowered_limit(system: System) -> None:
+    manager = system.manager
+    manager.speed.set(0.1)
+    manager.start_egm()
+    arm = system.arms[Side.RIGHT]
+    start = arm.snapshot.position
+    arm.go(joints([value + 0.4 * (index == 6) for index, value in enumerate(start)]))
+    begin = len(arm.measured)
+    system.until(lambda: arm.snapshot.position[6] > start[6] + 0.39, 5.0)
+    ways = [after[6] - before[6] for before, after in pairwise(arm.measured[begin:])]
+    assert max(ways) / CYCLE == pytest.approx(radians(18.0), rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from yumi.control.manager import ControllerManager
 from yumi.control.request_desk import RequestDesk
 from yumi.control.requests import Done, Event, Refusal, Request
 from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.stations import StationClock
 from yumi.controllers.joint_position import JointPositionController
 from yumi.egm.joint_codec import JointCodec
@@ -28,6 +29,7 @@ from yumi.hardware.hand_io import HandIo
 from yumi.hardware.hand_signals import HandSignals
 from yumi.hardware.robot_manager import RobotManager
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.links.memory import MemoryLink, memory_links
 from yumi.robot.cycle import CYCLE
@@ -46,18 +48,27 @@ class DriverArm:
 
     def __init__(self, side: Side, link: MemoryLink) -> None:
         self.goals = MemoryMailbox()
+        self.speed_scale = MemoryMailbox()
         self.snapshots = MemoryMailbox()
         self.admitted: list[Joints] = []
         self.measured: list[Joints] = []
         self.events: list[Event] = []
         manager = ControllerManager(joint_names(side))
-        manager.load(CONTROLLER, JointPositionController(self.goals))
+        speed = SpeedScale(self.speed_scale)
+        manager.load(CONTROLLER, JointPositionController(self.goals, speed=speed))
         manager.configure(CONTROLLER)
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
         stations = StationClock()
         self.line = ArmLine(
-            side, EgmArm(link, session, stations), manager, Guard(YUMI_LIMITS), self.snapshots, self.recorder, stations
+            side,
+            EgmArm(link, session, stations),
+            manager,
+            Guard(YUMI_LIMITS),
+            self.snapshots,
+            self.recorder,
+            stations,
+            speed=speed,
         )
 
     def advance(self, now: float) -> Sequence[Event]:
@@ -151,8 +162,10 @@ class System(ManualClock):
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
-        self.bringup = Bringup(self.client, self._motion, self, self.steps.append)
         self.fast_lines = MemoryFastLines(self.arms, self)
+        boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
+        speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
+        self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
         self.manager = RobotManager(self.bringup, self.fast_lines, self)
 
     def wait(self, seconds: float) -> None:

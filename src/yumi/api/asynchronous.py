@@ -240,6 +240,15 @@ class AsyncRobot:
         """Id of the stop that a person must confirm before anything moves again; empty where there is none."""
         return self._robot.stop_to_confirm
 
+    @property
+    def speed_scale(self) -> float:
+        """The factor on the speed of every controller, as :attr:`yumi.api.robot.Robot.speed_scale`; set at once."""
+        return self._robot.speed_scale
+
+    @speed_scale.setter
+    def speed_scale(self, value: float) -> None:
+        self._robot.speed_scale = value
+
     async def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line."""
         return await _in_thread(self._robot.describe)

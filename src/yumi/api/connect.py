@@ -40,6 +40,7 @@ def connect(
     arms: str | Sequence[str] = ("right", "left"),
     speed: float = 0.5,
     acceleration: float = 0.5,
+    speed_scale: float | None = None,
     rws_port: int | None = None,
     left_egm_port: int | None = None,
     right_egm_port: int | None = None,
@@ -66,6 +67,8 @@ def connect(
         arms: the arms to guide; the other one stands still.
         speed: share of the joints' highest speeds, above 0 up to 1, where a motion does not say.
         acceleration: the same for accelerations and jerks.
+        speed_scale: factor on the speed of every motion, 0.01 to 1; None takes the settings': 1 for a robot on this
+            machine, 0.1 for any other. See :attr:`yumi.api.robot.Robot.speed_scale`.
         rws_port: HTTP port of Robot Web Services.
         left_egm_port: UDP port where the left arm's datagrams arrive.
         right_egm_port: the same of the right arm.
@@ -78,8 +81,9 @@ def connect(
         SettingsError: a value is wrong; nothing was connected.
     """
     where = {"left_port": left_egm_port, "right_port": right_egm_port}
-    login = {"user": user, "password": password_of_environment() if password is None else password}
-    settings = settings_for(address, rws_port, login, where, config)
+    password = password_of_environment() if password is None else password
+    robot = {"user": user, "password": password, "speed_scale": speed_scale}
+    settings = settings_for(address, rws_port, robot, where, config)
     return Robot(settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms))
 
 

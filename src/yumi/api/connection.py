@@ -15,6 +15,7 @@ from yumi.app import Controllers, make_parts, only_at_robot
 from yumi.clock import SystemClock
 from yumi.control.point_motion import slower
 from yumi.control.requests import Event
+from yumi.control.speed_scale import FULL
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.gripper import Gripper
@@ -144,6 +145,7 @@ class Connection:
         is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
         self._gripper_setup = GripperSetup(parts.grippers, report, log.warning, is_wanted=is_wanted)
         parts.manager.when_ready(self._gripper_setup.run)
+        log.log(logging.INFO if self.manager.speed.value == FULL else logging.WARNING, "%s", self.manager.speed)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

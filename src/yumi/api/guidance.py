@@ -15,7 +15,7 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
 from yumi.control.snapshot import Snapshot
 from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import TOGETHER, ArmPlan, JointTrajectory, plan_trajectory
+from yumi.control.trajectory import ArmPlan, JointTrajectory, check_count, plan_trajectory, time_to_start
 from yumi.controllers.joint_goal import JointGoal, StopMotion
 from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
@@ -133,7 +133,8 @@ class Guidance:
             self._check_follows(side)
         for side in plans:
             self._take_over(side, TRAJECTORY_CONTROLLER)
-        start = self._clock.now() + TOGETHER if len(plans) > 1 else None
+        most = max(map(len, trajectories.values()))
+        start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._book.begin(side) for side in plans}
         orders = [
             Order(
@@ -222,6 +223,7 @@ class Guidance:
 
 def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
     try:
+        check_count(len(points))
         return tuple(
             TrajectoryPoint(float(time), *(tuple(map(float, in_chain_order(side, each))) for each in values))
             for time, *values in points

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from functools import partial
 from types import TracebackType
@@ -20,6 +21,7 @@ from yumi.robot.joints import Side
 from yumi.settings import Settings
 
 T = TypeVar("T")
+log = logging.getLogger(__name__)
 
 
 class Robot:
@@ -209,6 +211,26 @@ class Robot:
         """
         self._check_connected()
         return self._connection.manager.state().stop
+
+    @property
+    def speed_scale(self) -> float:
+        """The factor on the speed of every controller, which holds now; a motion at 0.1 takes ten times as long.
+
+        It is 0.1 at first for a robot that is not on this machine, unless :func:`yumi.connect` or the settings say
+        otherwise. Setting it changes motions under way, too, gradually. The robot's own limit follows when EGM starts:
+        it cannot be raised above what EGM was started with before ``robot.close()`` and ``robot.open()``.
+
+        Raises:
+            CommandRefused: a value that is set is not from 0.01 to 1; nothing was changed.
+            RobotNotReady: the robot is not connected.
+        """
+        self._check_connected()
+        return self._connection.manager.speed.in_force
+
+    @speed_scale.setter
+    def speed_scale(self, value: float) -> None:
+        self._check_connected()
+        log.info(self._connection.manager.speed.set(value))
 
     def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line.

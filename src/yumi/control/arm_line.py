@@ -22,6 +22,7 @@ from yumi.control.requests import (
     Strictness,
 )
 from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.stations import AFTER_REPLY, StationClock
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side
@@ -46,6 +47,7 @@ class ArmLine:
         recorder: what remembers the cycles; without one it has its own, which nobody reads.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
         period: time between two datagrams of the arm [s].
+        speed: the factor on its speeds, which its controllers share.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class ArmLine:
         recorder: FlightRecorder | None = None,
         stations: StationClock | None = None,
         period: float = CYCLE,
+        speed: SpeedScale | None = None,
     ) -> None:
         self.manager = manager
         self._side = side
@@ -66,6 +69,9 @@ class ArmLine:
         self._snapshots = snapshots
         self._recorder = recorder or FlightRecorder(flight_memory())
         self._stations = stations or StationClock()
+        self._speed = speed or SpeedScale()
+        if self._speed.value != FULL:
+            guard.scale_speed(self._speed.value)
         self._last: Cycle | None = None
         self._interruption = INTERRUPTION * period
         self._due = (0.5 * period, 1.5 * period)
@@ -166,6 +172,8 @@ class ArmLine:
         before, self._last, self._position = self._last, cycle, cycle.state.position
         self._cycles += 1
         self._is_interrupted = False
+        if self._speed.advance(cycle.state.dt):
+            self._guard.scale_speed(self._speed.value)
         self._guard.settle(cycle.state)
         self.manager.watch(cycle.state)
         self.manager.note_times(cycle.state, self._stations.marks)

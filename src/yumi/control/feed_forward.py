@@ -45,6 +45,10 @@ class FeedForward:
         self._position: Joints = ZERO
         self._position_before: Joints = ZERO
 
+    def limit(self, limits: JointLimits) -> None:
+        """Take other limits from the next command on."""
+        self._limits = limits
+
     def end(self) -> None:
         """Forget; the robot is told no speed from now on."""
         self.velocity, self._is_feeding, self._planned = ZERO, False, None

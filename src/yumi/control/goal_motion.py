@@ -31,6 +31,10 @@ class GoalMotion:
         self._limits = limits
         self.rest_at(ZERO)
 
+    def limit(self, limits: JointLimits) -> None:
+        """Take other limits from the next step on."""
+        self._limits = limits
+
     def rest_at(self, position: Joints) -> None:
         """Begin again, at rest."""
         self.note(position, ZERO, ZERO)

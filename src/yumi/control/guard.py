@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import copysign, isfinite
 
 from yumi.control.feed_forward import EGM_GAIN, FeedForward
+from yumi.control.point_motion import slower
 from yumi.control.shaper import MotionShaper
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, joints
@@ -88,6 +89,12 @@ class Guard:
         if self._feed_forward.is_bounded and position == wanted.position:  # else it is counted already
             self.counters.slowed += 1
         return ArmCommand(position, velocity)
+
+    def scale_speed(self, scale: float) -> None:
+        """Lead no joint faster than ``scale`` times its limit, from the next command on."""
+        limits = slower(self._limits, scale)
+        self._shaper.limit(limits)
+        self._feed_forward.limit(limits)
 
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""

@@ -80,7 +80,7 @@ def _lead_in(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimit
         )
     piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
     check_motion((piece,), joint_names(plan.side), limits)
-    return Spline((piece, *plan.spline.pieces), plan.spline.last)
+    return Spline(plan.spline.pieces.behind(piece), plan.spline.last)
 
 
 def _merge(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:
@@ -104,8 +104,7 @@ def _merge(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits)
 
 
 def _continued(piece: Piece, meeting: TrajectoryPoint, spline: Spline) -> Spline:
-    rest = tuple(each for each in spline.pieces if each.end > meeting.time)
-    return Spline((piece, *rest), spline.last if rest else meeting)
+    return Spline(spline.pieces.behind(piece), spline.last if spline.end > meeting.time else meeting)
 
 
 def _is_there(setpoint: Setpoint, wanted: Setpoint) -> bool:

@@ -33,6 +33,25 @@ class Setpoint(NamedTuple):
     velocity: Joints = ZERO
     acceleration: Joints = ZERO
 
+    def scaled(self, factor: float) -> Setpoint:
+        """The same point of a motion for which time goes by ``factor`` times as fast."""
+        if factor == 1.0 or self.velocity is ZERO:
+            return self
+        return Setpoint(
+            self.position,
+            _fixed([factor * each for each in self.velocity]),
+            _fixed([factor * factor * each for each in self.acceleration]),
+        )
+
+    def unscaled(self, factor: float) -> Setpoint:
+        """The point of a motion for which time will go by ``factor`` times as fast as outside.
+
+        An acceleration would be far beyond a joint's limits there; it is left out, and the limiter takes it back.
+        """
+        if factor == 1.0 or self.velocity is ZERO:
+            return self
+        return Setpoint(self.position, _fixed([each / factor for each in self.velocity]))
+
 
 class PointMotion:
     """A motion that ends at rest.

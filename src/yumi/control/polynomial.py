@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import comb
+from math import comb, isfinite, nan
 from typing import NamedTuple
 
 _HALVINGS = 50
@@ -41,16 +41,19 @@ def derivative(polynomial: Sequence[float]) -> tuple[float, ...]:
 def excess(polynomial: Sequence[float], length: float, lowest: float, highest: float) -> Excess | None:
     """Where it is farthest outside of ``lowest`` to ``highest`` for times from 0 to ``length``; None if nowhere.
 
-    Its Bernstein coefficients bound it from both sides, which is enough for most.
+    Its Bernstein coefficients bound it from both sides, which is enough for most. A polynomial whose numbers are too
+    large to be calculated with is nowhere inside: its value is NaN.
     """
     hull = _bernstein(polynomial, length)
+    if not all(map(isfinite, hull)):
+        return Excess(0.0, nan)
     if lowest <= min(hull) and max(hull) <= highest:
         return None
     times = (0.0, *roots(derivative(polynomial), length), length)
     worst = max(
         (Excess(time, value_at(polynomial, time)) for time in times), key=lambda each: _outside(each, lowest, highest)
     )
-    return worst if _outside(worst, lowest, highest) > 0.0 else None
+    return None if _outside(worst, lowest, highest) <= 0.0 else worst
 
 
 def roots(polynomial: Sequence[float], length: float) -> list[float]:

@@ -40,14 +40,14 @@ class _Joint:
         self.position, self.velocity, self.acceleration = position, velocity, 0.0
         self._is_chasing = False
 
-    def step(self, target: float, speed: float, gain: float, dt: float, stiffness: float) -> None:
+    def step(self, target: float, speed: float, gain: float, dt: float, stiffness: float, scale: float) -> None:
         """Go on for ``dt`` [s], at whose end the target is at ``target`` [rad] with ``speed`` and acceleration."""
         w = stiffness
         behind = self.position - (target - dt * (speed - 0.5 * dt * gain))
         slower = self.velocity - (speed - dt * gain)
         weaker = self.acceleration - gain
         if self._is_chasing and max(abs(behind), abs(slower) / w, abs(weaker) / (w * w)) > _NEAR:
-            self._chase(target, speed, gain, dt)
+            self._chase(target, speed, gain, dt, scale)
             return
         # The difference is (a + b·t + c·t²)·exp(-w·t).
         b, c = slower + w * behind, 0.5 * (weaker + w * (2.0 * slower + w * behind))
@@ -55,16 +55,20 @@ class _Joint:
         velocity = speed + (slope - w * value) * left
         acceleration = gain + (2.0 * c - 2.0 * w * slope + w * w * value) * left
         top, strength, jerk = self._limits
-        if abs(velocity) > top or abs(acceleration) > strength or abs(acceleration - self.acceleration) > jerk * dt:
-            self._chase(target, speed, gain, dt)
+        if (
+            abs(velocity) > scale * top
+            or abs(acceleration) > strength
+            or abs(acceleration - self.acceleration) > jerk * dt
+        ):
+            self._chase(target, speed, gain, dt, scale)
             return
         self._is_chasing = False
         self.position, self.velocity, self.acceleration = target + value * left, velocity, acceleration
 
-    def _chase(self, target: float, speed: float, gain: float, dt: float) -> None:
+    def _chase(self, target: float, speed: float, gain: float, dt: float, scale: float) -> None:
         """As seen by someone who moves with the target, as long as the joint is stronger than the target."""
         self._is_chasing = True
-        top, strength, _ = self._limits
+        top, strength = scale * self._limits[0], self._limits[1]
         speed = speed if abs(speed) < _PACE * top else 0.0
         gain = gain if abs(gain) < _PACE * strength else 0.0
         generator, given, output = self._generator()
@@ -118,11 +122,11 @@ class Pursuit:
         for joint in self._joints:
             joint.end()
 
-    def step(self, target: Target, dt: float) -> Target:
-        """Go on for ``dt`` [s] > 0; where the joints are then."""
+    def step(self, target: Target, dt: float, scale: float = 1.0) -> Target:
+        """Go on for ``dt`` [s] > 0, with at most ``scale`` times the joints' speeds; where the joints are then."""
         stiffness = self.stiffness
         for joint, position, speed, gain in zip(self._joints, *target, strict=True):
-            joint.step(position, speed, gain, dt, stiffness)
+            joint.step(position, speed, gain, dt, stiffness, scale)
         return Target(
             joints([joint.position for joint in self._joints]),
             joints([joint.velocity for joint in self._joints]),

@@ -51,7 +51,7 @@ class RequestDesk:
         except (CommandRefused, SwitchFailed) as error:
             return Refusal(str(error))
         except Exception as error:
-            return Refusal(f"The request {request} failed with {type(error).__name__}: {error}.")
+            return Refusal(f"The request {type(request).__name__} failed with {type(error).__name__}: {error}.")
 
     def _carry_out(self, request: Request, now: float) -> Done:
         if isinstance(request, CheckOrders):

@@ -79,9 +79,7 @@ class MotionShaper:
         self._glided: tuple[Joints, float] | None = None  # from where and for how long, not yet in the speeds
         self._planned: dict[int, _Motion] = {}  # of joints whose last step was planned: how they move at its end
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
-        self._limits = limits
-        self._bounds = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
-        self._least = tuple(_CAUTION * min(each) for each in (limits.velocity, limits.acceleration, limits.jerk))
+        self.limit(limits)
         self._generator = Ruckig(JOINT_COUNT, 0.004)
         self._input = InputParameter(JOINT_COUNT)
         self._output = OutputParameter(JOINT_COUNT)
@@ -92,6 +90,14 @@ class MotionShaper:
         self._brake.control_interface = ControlInterface.Velocity
         self._brake.max_acceleration, self._brake.max_jerk = list(limits.acceleration), list(limits.jerk)
         self._brake.synchronization = Synchronization.No
+
+    def limit(self, limits: JointLimits) -> None:
+        """Take other limits from the next step on; accelerations and jerks stay what they were."""
+        self._limits = limits
+        self._bounds = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk)
+        self._least = tuple(_CAUTION * min(each) for each in (limits.velocity, limits.acceleration, limits.jerk))
+        self._goal.limit(limits)
+        self._outlook = None
 
     def rest_at(self, position: Joints) -> None:
         """Begin again, at rest."""

@@ -41,22 +41,24 @@ class SpeedMotion:
         self._velocity = joints([speed if abs(speed) > _STANDING else 0.0 for speed in state.velocity])
         self._rates = [0.0] * JOINT_COUNT
 
-    def step(self, state: ArmState, wanted: Joints) -> ArmCommand:
-        """Go on for ``state.dt`` towards the speeds ``wanted`` [rad/s], (7,)."""
+    def step(self, state: ArmState, wanted: Joints, scale: float = 1.0) -> ArmCommand:
+        """Go on for ``state.dt`` towards the speeds ``wanted`` [rad/s], (7,), at most ``scale`` times the limits."""
         dt = state.dt
         if dt <= 0.0:
             return ArmCommand(self._position, self._velocity if any(self._velocity) else ZERO)
         base = self._carried_along(state)
-        velocity = joints([self._joint_speed(index, base[index], speed, dt) for index, speed in enumerate(wanted)])
+        velocity = joints(
+            [self._joint_speed(index, base[index], speed, scale, dt) for index, speed in enumerate(wanted)]
+        )
         self._position = joints([now + speed * dt for now, speed in zip(base, velocity, strict=True)])
         self._velocity = velocity
         return ArmCommand(self._position, velocity if any(velocity) else ZERO)
 
-    def _joint_speed(self, index: int, now: float, wanted: float, dt: float) -> float:
+    def _joint_speed(self, index: int, now: float, wanted: float, scale: float, dt: float) -> float:
         limits = self._limits
         strength, jerk = _SHARE * limits.acceleration[index], _SHARE * limits.jerk[index]
         room = limits.upper[index] - now if wanted > 0.0 else now - limits.lower[index]
-        top = min(limits.velocity[index], speed_to_stop(room, strength, jerk))
+        top = min(scale * limits.velocity[index], speed_to_stop(room, strength, jerk))
         speed, self._rates[index] = ramped(wanted, self._velocity[index], self._rates[index], top, strength, jerk, dt)
         return speed
 

@@ -19,12 +19,16 @@ from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.limits import JointLimits
 
-TOGETHER = 0.1
-"""Both arms start a trajectory so long after it was asked for [s]: each has it by then."""
+MOST_POINTS = 20_000
+"""A trajectory has at most so many points: 80 s at 250 Hz, or hours of waypoints."""
 
+_TOGETHER = 0.1  # [s] each arm has a short trajectory by then
+_HANDING_OVER = 30e-6  # [s] for each point, to both arms, twice
 _ROUNDING = 1.0 + 1e-6  # a spline that uses a limit fully is not refused for its last digit
 _RANGE_ROUNDING = 1e-9  # [rad]
 _AT_REST = 1e-7  # [rad/s] upstream's: the resolution of a float32
+_LATEST = 2.0**31  # [s] the end of a ROS duration; its resolution is the shortest time between two points
+_SHORTEST = 0.9e-9  # [s] a nanosecond, as the difference of two floats
 
 
 class ResultCode(IntEnum):
@@ -70,6 +74,11 @@ class ArmPlan:
     start: float | None
 
 
+def time_to_start(points: int) -> float:
+    """So long after it was asked for do both arms start a trajectory of so many points [s]: each has it by then."""
+    return max(_TOGETHER, points * _HANDING_OVER)
+
+
 def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, ArmPlan]:
     """What each of ``sides`` does of a trajectory that names all their joints, in any order.
 
@@ -81,9 +90,22 @@ def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: 
     Raises:
         TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than that may do.
     """
+    check_count(len(trajectory.points))
     _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)])
     _check_points(trajectory)
     return {side: _plan_arm(trajectory, side, limits) for side in sides}
+
+
+def check_count(points: int) -> None:
+    """Refuse a trajectory of more points than are taken, before anything is done with them.
+
+    Raises:
+        TrajectoryRefused: it has more than :data:`MOST_POINTS`.
+    """
+    if points > MOST_POINTS:
+        raise refused(
+            f"it has {points} points; at most {MOST_POINTS} are taken: leave out points, or send it in several goals."
+        )
 
 
 def check_motion(pieces: Sequence[Piece], names: Sequence[str], limits: JointLimits) -> None:
@@ -92,9 +114,21 @@ def check_motion(pieces: Sequence[Piece], names: Sequence[str], limits: JointLim
     Raises:
         TrajectoryRefused: with the joint, the time and the limit.
     """
+    bounds = list(zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, strict=True))
     for piece in pieces:
-        for index, row in enumerate(piece.rows):
-            _check_row(piece, row, names[index], index, limits)
+        length = piece.end - piece.begin
+        for index, (row, (low, high, speed, strength)) in enumerate(zip(piece.rows, bounds, strict=True)):
+            # Sums of what each term adds bound the motion; for dense points that is all there is to calculate.
+            start, b, c, d, e, f = row
+            b, c, d, e, f = abs(b), abs(c) * length, abs(d) * length**2, abs(e) * length**3, abs(f) * length**4
+            way = length * (b + c + d + e + f)
+            if not (
+                low <= start - way
+                and start + way <= high
+                and b + 2.0 * c + 3.0 * d + 4.0 * e + 5.0 * f <= speed
+                and 2.0 * c + 6.0 * d + 12.0 * e + 20.0 * f <= strength * length
+            ):
+                _check_row(piece, row, names[index], index, limits)
 
 
 def check_jerk(piece: Piece, names: Sequence[str], jerk: Sequence[float]) -> None:
@@ -120,6 +154,7 @@ def _plan_arm(trajectory: JointTrajectory, side: Side, limits: JointLimits) -> A
         TrajectoryPoint(point.time, *(_picked(values, columns) for values in point[1:])) for point in trajectory.points
     ]
     _check_range(points, names, limits)
+    _check_rates(points, names, limits)
     spline = spline_through(points)
     check_motion(spline.pieces, names, limits)
     return ArmPlan(side, points[0], spline, trajectory.start)
@@ -164,11 +199,13 @@ def _check_times(points: Sequence[TrajectoryPoint]) -> None:
     if points[0].time < 0.0:
         raise refused(f"point 1 is due at {points[0].time:g} s; time_from_start is 0 s or later.")
     for number, (before, after) in enumerate(pairwise(points), 2):
-        if after.time <= before.time:
+        if not after.time - before.time >= _SHORTEST:
             raise refused(
                 f"point {number} is due at {after.time:g} s, not after point {number - 1} at {before.time:g} s; "
                 "the times of the points increase."
             )
+    if not points[-1].time < _LATEST:
+        raise refused(f"its last point is due at {points[-1].time:g} s; the latest is at {_LATEST:.0f} s.")
 
 
 def _faults(point: TrajectoryPoint, count: int) -> Iterator[str]:
@@ -195,6 +232,21 @@ def _check_range(points: Sequence[TrajectoryPoint], names: Sequence[str], limits
                     f"point {number} wants {names[index]} at {degrees(value):.1f}°; "
                     f"its range is {limits.range_deg(index)}{hint}."
                 )
+
+
+def _check_rates(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
+    """Those of the points themselves: a first point has no piece before it, on which they would be seen."""
+    for number, point in enumerate(points, 1):
+        for values, most, what, unit in (
+            (point.velocity, limits.velocity, "move", "rad/s"),
+            (point.acceleration, limits.acceleration, "accelerate", "rad/s²"),
+        ):
+            for name, value, limit in zip(names, values, most, strict=False):
+                if not abs(value) <= limit * _ROUNDING:
+                    raise refused(
+                        f"point {number} wants {name} to {what} with {value:.4g} {unit}; "
+                        f"its limit is {limit:.2f} {unit}; give it more time."
+                    )
 
 
 def _check_row(piece: Piece, row: Sequence[float], name: str, index: int, limits: JointLimits) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from yumi.control.mailbox import Mailbox
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory_partner import OtherArm
 from yumi.controllers.joint_trajectory import JointTrajectoryController
 from yumi.robot.joints import Side
@@ -18,11 +19,18 @@ class DualArmTrajectoryController(JointTrajectoryController):
         ours: where the other arm's controller looks.
         theirs: where the other arm's controller tells.
         limits: what the joints may do.
+        speed: the factor on the arm's speed.
     """
 
     kind = "yumi_controllers/DualArmTrajectoryController"
 
     def __init__(
-        self, side: Side, feedback: Mailbox, ours: Mailbox, theirs: Mailbox, limits: JointLimits = YUMI_LIMITS
+        self,
+        side: Side,
+        feedback: Mailbox,
+        ours: Mailbox,
+        theirs: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        speed: SpeedScale | None = None,
     ) -> None:
-        super().__init__(side, feedback, limits, OtherArm(ours, theirs))
+        super().__init__(side, feedback, limits, OtherArm(ours, theirs), speed)

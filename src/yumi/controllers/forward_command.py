@@ -18,6 +18,7 @@ from yumi.control.goals import GoalInbox, GoalKind
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number, text, texts
 from yumi.control.speed_motion import SpeedMotion
+from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
@@ -39,12 +40,20 @@ class ForwardCommandController(Controller):
         positions: where positions arrive.
         speeds: where speeds arrive.
         limits: what the joints may do.
+        speed: the factor on their speeds.
     """
 
     kind = "forward_command_controller/ForwardCommandController"
     _interface: str | None = None
 
-    def __init__(self, positions: Mailbox, speeds: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+    def __init__(
+        self,
+        positions: Mailbox,
+        speeds: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        self._speed = speed or SpeedScale()
         self._boxes = {"position": GoalInbox(positions), "velocity": GoalInbox(speeds)}
         self._motion = SpeedMotion(limits)
         self._joint_names: tuple[str, ...] = ()
@@ -88,7 +97,7 @@ class ForwardCommandController(Controller):
         if self._wanted is None:
             return None
         is_silent = 0.0 < self._timeout < state.time - self._given_at
-        return self._motion.step(state, ZERO if is_silent else self._wanted)
+        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
 
     @property
     def reference(self) -> Joints | None:

@@ -19,6 +19,7 @@ from yumi.control.guard import LATE_CYCLE
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number
 from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
+from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints
@@ -100,11 +101,19 @@ class JointGoalController(Controller):
         goals: where goals arrive that nobody waits for, see :mod:`yumi.control.goals`.
         limits: what the joints may do.
         period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
+        speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.
     """
 
     kind = "yumi_controllers/JointGoalController"
 
-    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS, period: float = CYCLE) -> None:
+    def __init__(
+        self,
+        goals: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        period: float = CYCLE,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        self._speed = speed or SpeedScale()
         self._longest_step = LATE_CYCLE * period  # the guard's
         self._goals = goals
         self._limits = limits
@@ -152,11 +161,12 @@ class JointGoalController(Controller):
             self._take(state)
         if self._calming is not None and not self._has_come_to_rest(self._calming, state):
             return None
-        self._time += min(state.dt, self._longest_step)
+        pace = self._pace
+        self._time += min(state.dt, self._longest_step) * (pace if self._time < self._motion.duration else 1.0)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
             self._watch(state)
-        return ArmCommand(self._setpoint.position, self._setpoint.velocity)
+        return ArmCommand(*self._setpoint.scaled(pace)[:2])
 
     def take_notices(self) -> Sequence[object]:
         if not self._notices:
@@ -167,6 +177,11 @@ class JointGoalController(Controller):
     @property
     def reference(self) -> Joints | None:
         return self._motion.end
+
+    @property
+    def _pace(self) -> float:
+        """How fast time goes by on the way to a goal; coming to rest is not slowed down."""
+        return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
 
     def _take(self, state: ArmState) -> None:
         """A goal from the mailbox; one that cannot be reached is told and left."""
@@ -181,7 +196,7 @@ class JointGoalController(Controller):
 
     def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(message, StopMotion):
-            return message, stop(self._setpoint, slower(self._limits, 1.0, _ROOM))
+            return message, stop(self._setpoint.scaled(self._pace), slower(self._limits, 1.0, _ROOM))
         if not isinstance(message, JointGoal):
             raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
         check_goal(message.position)
@@ -191,12 +206,13 @@ class JointGoalController(Controller):
         speed = self._scale("speed_scale", goal.speed_scale)
         acceleration = self._scale("acceleration_scale", goal.acceleration_scale)
         top = self._values["top_speed"]
+        start = self._setpoint.unscaled(self._speed.value / self._pace)  # in the time of the new way
         try:
-            return travel(self._setpoint, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
+            return travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
         except CommandRefused:
             if acceleration == 1.0:
                 raise
-        return travel(self._setpoint, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+        return travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
 
     def _scale(self, name: str, value: float | None) -> float:
         if value is None:

@@ -18,6 +18,7 @@ from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, flag, number
 from yumi.control.pid import JointPid, PidGains
 from yumi.control.pursuit import Pursuit
+from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -57,12 +58,14 @@ class JointPositionController(Controller):
     Args:
         goals: where goals arrive, see :mod:`yumi.control.goals`.
         limits: what the joints may do while they follow a stream.
+        speed: the factor on their speeds.
     """
 
     kind = "yumi_controllers/JointPositionController"
     goal_kind = GoalKind.POSITION
 
-    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
+        self._speed = speed or SpeedScale()
         self._inbox = GoalInbox(goals)
         self._joint_names: tuple[str, ...] = ()
         self._goal: Joints | None = None
@@ -156,7 +159,9 @@ class JointPositionController(Controller):
             self._forecast.take(*goal)
         if state.dt <= 0.0:
             return None
-        position, velocity, _ = self._pursuit.step(self._forecast.at(state.time, self._delay), state.dt)
+        position, velocity, _ = self._pursuit.step(
+            self._forecast.at(state.time, self._delay), state.dt, self._speed.value
+        )
         return ArmCommand(position, velocity if max(map(abs, velocity)) > _NO_SPEED else ZERO)
 
     def _begin_to_follow(self, state: ArmState) -> None:

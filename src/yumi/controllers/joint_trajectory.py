@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, isnan
 from typing import Protocol, cast
 
 from yumi.control.calming import STANDING, Calming
@@ -19,7 +19,8 @@ from yumi.control.joining import join
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values
 from yumi.control.point_motion import PointMotion, Setpoint, stop
-from yumi.control.spline import Spline, TrajectoryPoint, Walk
+from yumi.control.speed_scale import SpeedScale
+from yumi.control.spline import Pieces, Spline, TrajectoryPoint, Walk
 from yumi.control.trajectory import ResultCode, refused
 from yumi.control.trajectory_feedback import Skew, TrajectoryFeedback, put_feedback
 from yumi.control.trajectory_partner import Nobody, Partner, PartnerReport, Phase
@@ -39,6 +40,9 @@ from yumi.robot.values import ZERO, ArmCommand, ArmState
 
 _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
 _BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
+
+
+_SETTLING = 0.1  # [s] after a change of pace the measured speeds are those of the pace before
 
 
 class _Source(Protocol):
@@ -71,18 +75,25 @@ class JointTrajectoryController(Controller):
         feedback: where others see how it follows.
         limits: what the joints may do.
         partner: the arm that follows the other part of its trajectories.
+        speed: the factor on the arm's speed; time on a trajectory goes by slower by it.
     """
 
     kind = "joint_trajectory_controller/JointTrajectoryController"
 
     def __init__(
-        self, side: Side, feedback: Mailbox, limits: JointLimits = YUMI_LIMITS, partner: Partner | None = None
+        self,
+        side: Side,
+        feedback: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        partner: Partner | None = None,
+        speed: SpeedScale | None = None,
     ) -> None:
         self._side = side
         self._names = joint_names(side)
         self._limits = limits
         self._feedback = feedback
         self._partner = partner or Nobody()
+        self._speed = speed or SpeedScale()
         defaults = {each.name: each.default for each in self.parameters(self._names)}
         self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
         self._scale = self._rate = self._settings.scale
@@ -93,6 +104,7 @@ class JointTrajectoryController(Controller):
         self._feedback_due = -inf
         self._calming: Calming | None = None
         self._is_judged = True
+        self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
         self._position = ZERO
@@ -115,6 +127,7 @@ class JointTrajectoryController(Controller):
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
+        self._rest_at(self._position)
 
     def check(self, message: object, state: ArmState | None) -> None:
         if isinstance(message, FollowTrajectory):
@@ -170,20 +183,25 @@ class JointTrajectoryController(Controller):
             self._calming = None
         return is_over
 
+    @property
+    def _pace(self) -> float:
+        """How fast time goes by on a trajectory."""
+        return self._rate * self._speed.value
+
     def _advance(self, dt: float) -> None:
-        """Time goes by for what is followed; braking does not wait for anything."""
+        """Time goes by for what is followed; braking and waiting, for the begin or at the goal, take their time."""
         if self._goal is None or self._goal.is_cancelled:
             self._time += dt
             return
         if self._rate != self._scale:
             change = _SCALING_RATE * dt
             self._rate += max(-change, min(change, self._scale - self._rate))
-        self._time += dt * self._rate
+        self._time += dt * self._pace if self._goal.begin <= self._time < self._goal.end else dt
 
     def _fed(self, velocity: Joints) -> Joints:
         share = self._settings.feedforward
         if self._goal is not None and not self._goal.is_cancelled:
-            share *= self._rate
+            share *= self._pace
         return velocity if share == 1.0 else _scaled(velocity, share)
 
     def _prepared(self, order: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
@@ -199,14 +217,21 @@ class JointTrajectoryController(Controller):
             raise refused(
                 f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
             )
+        if any(isnan(value) for value in order.tolerances.values):
+            raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
         now = 0.0 if plan.start is None else state.time - plan.start + settings.lookahead
-        if now - settings.lookahead > plan.spline.end:
-            late = now - settings.lookahead - plan.spline.end
+        late = now - settings.lookahead - plan.spline.end
+        if late > 0.0:
             raise refused(
                 f"it ended {late:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
                 ResultCode.OLD_HEADER_TIMESTAMP,
             )
-        spline = join(plan, self._source.setpoint(self._time), now, self._limits, settings.start_tolerance)
+        setpoint = self._source.setpoint(self._time)
+        if self._is_braking:  # in the trajectory's time from here on
+            setpoint = setpoint.unscaled(self._speed.value)
+        if now > 0.0:
+            now *= self._speed.value
+        spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
         self._checked = (order, state, spline, now)
         return spline, now
 
@@ -214,7 +239,7 @@ class JointTrajectoryController(Controller):
         assert self._state is not None
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", tells=False)
         if isinstance(self._source, _Brake):
-            self._rate = 1.0 if self._time < self._source.duration else self._scale
+            self._rate = 1.0 if self._is_braking else self._scale
         begin = self._state.time if order.plan.start is None else max(self._state.time, order.plan.start)
         self._goal = TrajectoryGoal(
             order.goal, self._names, spline, self._settings.bounds_with(order.tolerances), begin
@@ -235,8 +260,11 @@ class JointTrajectoryController(Controller):
             return
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
-        time = self._time - self._settings.lookahead * self._rate
-        violation = goal.judge(time, state)
+        time = self._time - self._settings.lookahead * self._pace
+        if self._pace != self._judged_pace:
+            self._judged_pace, self._paced_at = self._pace, state.time
+        is_steady = state.time - self._paced_at > _SETTLING
+        violation = goal.judge(time, state, self._pace if is_steady else None)
         if violation is not None:
             self._abort(*violation)
         elif goal.phase is Phase.REACHED and not self._partner.is_there:
@@ -246,7 +274,7 @@ class JointTrajectoryController(Controller):
         ours = self._report(goal, state)
         self._partner.tell(ours)
         theirs = self._partner.hear()
-        problem = goal.compare(ours, theirs, self._rate)
+        problem = goal.compare(ours, theirs, self._pace)
         if problem is not None:
             self._abort(*problem)
         elif theirs is not None and theirs.goal == goal.number:
@@ -279,11 +307,14 @@ class JointTrajectoryController(Controller):
 
     def _brake(self) -> None:
         """From what the arm is told now, at the speed time goes by."""
-        position, velocity, acceleration = self._source.setpoint(self._time)
-        if self._goal is not None and self._rate != 1.0 and not isinstance(self._source, _Brake):
-            velocity = _scaled(velocity, self._rate)
-            acceleration = _scaled(acceleration, self._rate * self._rate)
-        self._brake_from(Setpoint(position, velocity, acceleration))
+        setpoint = self._source.setpoint(self._time)
+        if self._goal is not None and not isinstance(self._source, _Brake):
+            setpoint = setpoint.scaled(self._pace)
+        self._brake_from(setpoint)
+
+    @property
+    def _is_braking(self) -> bool:
+        return isinstance(self._source, _Brake) and self._time < self._source.duration
 
     def _brake_from(self, setpoint: Setpoint) -> None:
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
@@ -300,19 +331,21 @@ class JointTrajectoryController(Controller):
         if state.time - self._feedback_due > self._settings.feedback_period:
             self._feedback_due = state.time
         self._feedback_due += self._settings.feedback_period
-        time = self._time - self._settings.lookahead * self._rate if goal is not None else self._time
+        time = self._time - self._settings.lookahead * self._pace if goal is not None else self._time
         desired, velocity = source.motion(time)
+        if goal is not None and not goal.is_cancelled and self._pace != 1.0:
+            velocity = _scaled(velocity, self._pace)
         number, skew = (goal.number, goal.skew.skew) if goal is not None else (0, Skew())
         put_feedback(
             self._feedback,
             TrajectoryFeedback(
-                number, state.time, time, self._rate, skew, desired, velocity, state.position, state.velocity
+                number, state.time, time, self._pace, skew, desired, velocity, state.position, state.velocity
             ),
         )
 
 
 def _resting(position: Joints) -> Walk:
-    return Walk(Spline((), TrajectoryPoint(0.0, position)))
+    return Walk(Spline(Pieces(), TrajectoryPoint(0.0, position)))
 
 
 def _scaled(values: Joints, factor: float) -> Joints:

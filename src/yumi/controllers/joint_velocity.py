@@ -13,6 +13,7 @@ from yumi.control.goals import GoalInbox, GoalKind
 from yumi.control.mailbox import Mailbox
 from yumi.control.parameter import Parameter, Values, number
 from yumi.control.speed_motion import SpeedMotion
+from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import Joints
 from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -24,12 +25,14 @@ class JointVelocityController(Controller):
     Args:
         speeds: where they arrive, see :func:`yumi.control.goals.put_speeds`.
         limits: what the joints may do.
+        speed: the factor on their speeds.
     """
 
     kind = "yumi_controllers/JointVelocityController"
     goal_kind = GoalKind.VELOCITY
 
-    def __init__(self, speeds: Mailbox, limits: JointLimits = YUMI_LIMITS) -> None:
+    def __init__(self, speeds: Mailbox, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
+        self._speed = speed or SpeedScale()
         self._inbox = GoalInbox(speeds)
         self._motion = SpeedMotion(limits)
         self._wanted: Joints = ZERO
@@ -60,7 +63,7 @@ class JointVelocityController(Controller):
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
         is_silent = state.time - self._given_at > self._timeout
-        return self._motion.step(state, ZERO if is_silent else self._wanted)
+        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
 
     @property
     def reference(self) -> Joints | None:

@@ -28,6 +28,7 @@ class TrajectoryGoal:
     Attributes:
         number: as above.
         begin: when the way begins, on its own clock [s].
+        end: when it ends, on the same clock [s].
         phase: how far it is.
         first: when the first cycle came in which the arm was told to move [s]; 0 before.
         skew: between the partners.
@@ -41,7 +42,7 @@ class TrajectoryGoal:
         self.skew = SkewWatch()
         self._names = names
         self._walk = Walk(spline)
-        self._end = spline.end
+        self.end = spline.end
         self._bounds = bounds
         self._watches_velocity = min(bounds.path_velocity) < inf
         self._heard = start
@@ -51,15 +52,18 @@ class TrajectoryGoal:
         """Whether the arm comes to rest because somebody wants it."""
         return self.phase is Phase.CANCELED
 
-    def judge(self, time: float, state: ArmState) -> Violation | None:
-        """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival."""
+    def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
+        """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival.
+
+        ``pace`` is how fast time goes by on the trajectory; None while that changes, which leaves speeds unjudged.
+        """
         if time < self.begin:
             return None
-        if time < self._end:
-            return self._judge_way(time, state)
+        if time < self.end:
+            return self._judge_way(time, state, pace)
         if self.phase is Phase.RUNNING and self._has_arrived(state):
             self.phase = Phase.REACHED
-        if self.phase is Phase.RUNNING and time - self._end > self._bounds.goal_time:
+        if self.phase is Phase.RUNNING and time - self.end > self._bounds.goal_time:
             return ResultCode.GOAL_TOLERANCE_VIOLATED, self._missed_goal(time, state)
         return None
 
@@ -69,7 +73,8 @@ class TrajectoryGoal:
             if theirs.phase is Phase.ABORTED:
                 return ResultCode(theirs.code), "The other arm's part of the motion was aborted; both arms stop."
             self._heard = max(self._heard, theirs.time)
-            if not self.is_cancelled and theirs.phase in (Phase.RUNNING, Phase.REACHED):
+            is_under_way = rate == 1.0 or max(ours.progress, theirs.progress) < self.end  # waiting is not slowed down
+            if not self.is_cancelled and is_under_way and theirs.phase in (Phase.RUNNING, Phase.REACHED):
                 self.skew.note(ours, theirs, rate)
             if theirs.phase in (Phase.SUCCEEDED, Phase.CANCELED):
                 return None
@@ -80,7 +85,7 @@ class TrajectoryGoal:
             )
         return None
 
-    def _judge_way(self, time: float, state: ArmState) -> Violation | None:
+    def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
         bounds, desired = self._bounds, self._walk.position(time)
         for index, (wanted, actual, bound) in enumerate(zip(desired, state.position, bounds.path, strict=True)):
             if not -bound <= actual - wanted <= bound:
@@ -88,10 +93,10 @@ class TrajectoryGoal:
                     f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
                     f"its path tolerance is {degrees(bound):.2f}°."
                 )
-        return self._judge_speed(time, state) if self._watches_velocity else None
+        return None if pace is None or not self._watches_velocity else self._judge_speed(time, state, pace)
 
-    def _judge_speed(self, time: float, state: ArmState) -> Violation | None:
-        desired = self._walk.motion(time)[1]
+    def _judge_speed(self, time: float, state: ArmState, pace: float) -> Violation | None:
+        desired = [pace * speed for speed in self._walk.motion(time)[1]]
         for index, (wanted, actual, bound) in enumerate(
             zip(desired, state.velocity, self._bounds.path_velocity, strict=True)
         ):
@@ -103,14 +108,14 @@ class TrajectoryGoal:
         return None
 
     def _has_arrived(self, state: ArmState) -> bool:
-        goal, bounds = self._walk.position(self._end), self._bounds
+        goal, bounds = self._walk.position(self.end), self._bounds
         return all(
             -bound <= actual - wanted <= bound
             for wanted, actual, bound in zip(goal, state.position, bounds.goal, strict=True)
         ) and all(-bound <= speed <= bound for speed, bound in zip(state.velocity, bounds.goal_velocity, strict=True))
 
     def _missed_goal(self, time: float, state: ArmState) -> str:
-        goal, late = self._walk.position(self._end), time - self._end
+        goal, late = self._walk.position(self.end), time - self.end
         for index, (wanted, actual, bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
             if not -bound <= actual - wanted <= bound:
                 return (

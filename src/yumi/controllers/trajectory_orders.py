@@ -35,6 +35,11 @@ class Tolerances:
     goal_velocity: Joints = ZERO
     goal_time: float = DEFAULT
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All of them."""
+        return (*self.path, *self.path_velocity, *self.goal, *self.goal_velocity, self.goal_time)
+
 
 @dataclass(frozen=True, slots=True)
 class FollowTrajectory:

@@ -18,6 +18,7 @@ from yumi.control.mailbox import MemoryMailbox
 from yumi.control.manager import ControllerManager
 from yumi.control.requests import Event
 from yumi.control.snapshot import Snapshot, peek_snapshot
+from yumi.control.speed_scale import SpeedScale
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.hardware.egm_arm import EgmArm
@@ -86,6 +87,7 @@ class GuidedArm:
         guard: of the fast line; one with the limits of the YuMi when left out.
         model: dynamics of the virtual arm.
         position: where it stands at first [rad], (7,); home when left out.
+        speed: the factor on its speeds, which its controllers share.
 
     Attributes:
         robot: the robot's end.
@@ -104,6 +106,7 @@ class GuidedArm:
         guard: Guard | None = None,
         model: ArmModel | None = None,
         position: Joints | None = None,
+        speed: SpeedScale | None = None,
     ) -> None:
         self.robot = LoneArm(side, model, position=position)
         self.clock = ManualClock(100.0)
@@ -118,7 +121,7 @@ class GuidedArm:
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots)
+        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

@@ -15,6 +15,7 @@ from yumi.hardware.cabinet import STOPPED_FOR_GOOD, Cabinet
 from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
 from yumi.hardware.manager_state import Report
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import EgmMotionSettings, MachineState
 from yumi.hardware.state_machines import StateMachines
 from yumi.robot.joints import Side
@@ -36,9 +37,11 @@ class Bringup:
         report: told each step.
         arms: those that EGM shall guide unless told otherwise; the others stand still meanwhile.
         warn: told what is not as it should be, in place of ``report``.
+        speed: the factor on all speeds, which the robot's own limit follows.
 
     Attributes:
         client: the same client.
+        speed: as above.
         cabinet: the controller's switches.
         machines: the state machines on it.
         when_ready: called each time the robot has become ready, and before EGM starts: what has to be done with the
@@ -53,10 +56,12 @@ class Bringup:
         report: Report,
         arms: tuple[Side, ...] = tuple(Side),
         warn: Report | None = None,
+        speed: SpeedSetting | None = None,
     ) -> None:
         self.client = client
+        self.speed = speed or SpeedSetting()
         self.cabinet = Cabinet(client, clock)
-        self.machines = StateMachines(client, motion, clock)
+        self.machines = StateMachines(client, motion, clock, self.speed)
         self._reports = [report]
         self._warn = warn or report
         self._arms = arms

@@ -50,6 +50,7 @@ class ArmBoxes:
         trajectory: how it follows a trajectory of its own.
         dual_trajectory: how it follows its part of one for both arms.
         dual_status: what it tells the other arm meanwhile.
+        speed_scale: the factor on its speeds.
         flight: memory of its flight recorder.
         bell: rung after every cycle.
     """
@@ -65,6 +66,7 @@ class ArmBoxes:
         self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.dual_status = SharedMailbox(PARTNER_SIZE)
         self.point_goals = SharedMailbox(GOAL_SIZE)
+        self.speed_scale = SharedMailbox(1)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.bell: Bell = new_bell()
 
@@ -186,14 +188,15 @@ class FastLine:
         return self._clock.now() > self._stop_at or self._line.is_still
 
     def _note_mail(self) -> None:
-        """To read a long trajectory takes longer than a reply: no datagram should have to wait for it."""
+        """To serve a request may take longer than a reply: no datagram should have to wait for it."""
         self._has_mail = True
         self._poller.forget(self._pipe)
 
     def _read_mail(self) -> None:
         self._has_mail = False
         try:
-            self._serve(self._pipe.receive())
+            if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
+                self._serve(self._pipe.receive())
         except PipeClosed:
             self._begin_to_end()
             return

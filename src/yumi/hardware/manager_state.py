@@ -54,6 +54,7 @@ class RobotState:
         egm: ``off``, ``streaming`` (datagrams come) or ``running`` (the robot follows), of each arm.
         speed_ratio: override of the speeds of RAPID motions [%].
         last_event: the newest message of the event log.
+        speed_scale: the factor on the speed of every controller, above 0 up to 1.
         reason: why EGM can neither be started nor runs, in words that follow "not ready:"; empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
@@ -67,6 +68,7 @@ class RobotState:
     egm: Mapping[Side, str] = field(default_factory=lambda: dict.fromkeys(Side, EGM_OFF))
     speed_ratio: int | None = None
     last_event: Event | None = None
+    speed_scale: float = 1.0
     reason: str = "the controller does not answer"
     cause: str = ""
     stop: str = ""

@@ -50,6 +50,7 @@ class RobotManager:
         watch: what is known of the robot.
         watchdog: on the robot, and our signs of life to it.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
+        speed: the factor on the speed of every controller, see :mod:`yumi.hardware.speed_setting`.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class RobotManager:
         self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
         self._stop_log = stops or StopLog(clock)
         self.watch = RobotWatch(bringup.client, fast_lines, clock, self._stop_log)
+        self.speed = self.watch.speed = bringup.speed
         self._bringup = bringup
         self._cabinet = bringup.cabinet
         self._data = ControllerData(bringup.client, bringup.cabinet)

@@ -25,6 +25,7 @@ from yumi.hardware.event_texts import explain
 from yumi.hardware.manager_state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.hardware.rws_client import RwsClient
 from yumi.hardware.rws_subscription import Subscription
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState
 from yumi.hardware.state_machines import read_machine_state
 from yumi.hardware.state_reports import StateReports
@@ -98,6 +99,7 @@ class RobotWatch:
         on_change: told each change.
         stops: as above.
         reports: what of it is logged.
+        speed: the factor on all speeds, told with the rest.
     """
 
     def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock, stops: StopLog) -> None:
@@ -105,6 +107,7 @@ class RobotWatch:
         self.stops = stops
         self.reports = StateReports(stops, clock)
         self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
+        self.speed = SpeedSetting()
         self._client = client
         self._fast_lines = fast_lines
         self._clock = clock
@@ -380,7 +383,7 @@ class RobotWatch:
             self._state = replace(self._state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
-        live = replace(state, egm=egm_states(self._fast_lines))
+        live = replace(state, egm=egm_states(self._fast_lines), speed_scale=self.speed.in_force)
         reason, stop, event = why_not_ready(live), self.stops.stop, self.stops.cause
         if stop is not None:
             confirm = f"a person must confirm the stop {stop.id}"

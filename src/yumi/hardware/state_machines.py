@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isclose
 
 from yumi.clock import Clock
 from yumi.errors import ProtocolError, RobotNotReady
 from yumi.hardware.rws_client import RwsClient
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import (
     EGM,
     MAIN,
@@ -34,9 +36,13 @@ class StateMachines:
         client: a connected client.
         motion: what EGM motions start with.
         clock: where waiting time comes from.
+        speed: what the robot's own limit is lowered with.
     """
 
-    def __init__(self, client: RwsClient, motion: EgmMotionSettings, clock: Clock) -> None:
+    def __init__(
+        self, client: RwsClient, motion: EgmMotionSettings, clock: Clock, speed: SpeedSetting | None = None
+    ) -> None:
+        self._speed = speed or SpeedSetting()
         self._client = client
         self._motion = motion
         self._clock = clock
@@ -69,11 +75,14 @@ class StateMachines:
         Raises:
             RobotNotReady: an arm did not begin, or did not take its settings.
         """
+        scale = self._speed.value
+        beginning = [side for side in arms if self.state(side) is not MachineState.RUN_EGM_ROUTINE]
         for side in Side:
-            self._write_settings(side, is_allowed=side in arms)
+            self._write_settings(side, scale, is_allowed=side in arms)
         self._client.pulse_signal(START_JOINT)
         remedy = "see that the RAPID program runs and EGM motions are allowed"
         self.wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
+        self._speed.note_start(beginning, scale)
 
     def stop_egm(self) -> None:
         """Stop EGM; both arms come to rest.
@@ -107,9 +116,10 @@ class StateMachines:
 
         wait_until(self._clock, lambda: all(self.state(side) is wanted for side in arms), deadline, sentence)
 
-    def _write_settings(self, side: Side, *, is_allowed: bool) -> None:
+    def _write_settings(self, side: Side, scale: float, *, is_allowed: bool) -> None:
+        motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-        wanted = merge_egm_settings(current, self._motion, is_allowed=is_allowed)
+        wanted = merge_egm_settings(current, motion, is_allowed=is_allowed)
         if _equal(current, wanted):
             return
         self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(wanted))

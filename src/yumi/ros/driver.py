@@ -14,7 +14,7 @@ r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog
                                clear_error, vacuum_1, blow_1 …, and its life (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
-                               state, robot_description, /diagnostics
+                               set_speed_scale, state, robot_description, /diagnostics
 yumi_robot                     the life of the connection to the robot
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
@@ -60,6 +60,7 @@ from yumi.ros.managed_nodes import ManagedNodes
 from yumi.ros.robot_actions import RobotManagerActions
 from yumi.ros.robot_manager import RobotManagerServices
 from yumi.ros.robot_state_topic import RobotStateTopic
+from yumi.ros.speed_scale import SpeedScaleInterface
 from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
 from yumi.settings import CalibrateWhen, ControllerSettings
 
@@ -176,6 +177,7 @@ class RosDriver:
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
+        self._speed = SpeedScaleInterface(nodes.manager, manager.speed)
         self._executors.add_answering("answers", nodes.manager)
         self._executors.add_answering("answers-dual", nodes.dual)
         self._executors.add_answering("answers-lives", *self._managed.all)

@@ -30,6 +30,7 @@ OPEN, CLOSED = 0.025, 0.0
 """Finger positions [m]."""
 
 MOVE_TIMEOUT = 30.0
+"""Longest time for one motion at full speed [s]."""
 
 RECOVERIES = 3
 """How often the task goes on after the robot has been stopped, for each of its steps; a person says whether."""
@@ -218,7 +219,8 @@ class MoveAndGrab:
                 raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
             return error < CLOSE_ENOUGH
 
-        self._spinner.until(has_arrived, MOVE_TIMEOUT, f"Arrival of the {side.word} arm within 0.1°")
+        timeout = MOVE_TIMEOUT / self._manager.state.speed_scale
+        self._spinner.until(has_arrived, timeout, f"Arrival of the {side.word} arm within 0.1°")
         report.duration = self._seconds() - begin
 
     def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:

@@ -23,8 +23,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
 from yumi.control.mailbox import Mailbox
-from yumi.control.requests import Done, FastLineEnded, Order, Request, SendOrders
-from yumi.control.trajectory import TOGETHER, ResultCode, plan_trajectory
+from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
+from yumi.control.trajectory import ResultCode, plan_trajectory, time_to_start
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.trajectory_orders import (
     CancelTrajectory,
@@ -152,6 +152,7 @@ class TrajectoryAction:
                 self._log.info(notice.sentence)
                 return
             goal.ends[side] = notice
+            self._query.forget(notice.goal)
             if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
                 goal.is_over.set()
 
@@ -168,10 +169,10 @@ class TrajectoryAction:
                 goal.is_over.set()
 
     def _consider(self, request: Any) -> Any:
-        tolerances, reason = tolerances_of(request, self._sides)
-        if reason:
-            self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
         try:
+            tolerances, reason = tolerances_of(request, self._sides)
+            if reason:
+                self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
             self._log.warning(str(error))
@@ -184,6 +185,7 @@ class TrajectoryAction:
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
         """
+        self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
         number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
         orders = {
@@ -205,10 +207,13 @@ class TrajectoryAction:
         now, stamped = self._clock.now(), stamp_of(message)
         if stamped:
             return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
-        return None if len(self._sides) == 1 else now + TOGETHER
+        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
 
     def _order(self, orders: Mapping[Side, object]) -> None:
-        self._ask(SendOrders(tuple(Order(side, self._name, order) for side, order in orders.items())))
+        self._ask(SendOrders(self._orders(orders)))
+
+    def _orders(self, orders: Mapping[Side, object]) -> tuple[Order, ...]:
+        return tuple(Order(side, self._name, order) for side, order in orders.items())
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import isnan
 from typing import Any
 
 from builtin_interfaces.msg import Duration
@@ -11,7 +12,7 @@ from control_msgs.msg import JointTrajectoryControllerState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import JointTrajectory, refused
+from yumi.control.trajectory import JointTrajectory, check_count, refused
 from yumi.control.trajectory_feedback import TrajectoryFeedback
 from yumi.controllers.trajectory_orders import DEFAULT, UNLIMITED, Tolerances
 from yumi.robot.joints import Joints, Side, joint_names, joints
@@ -25,8 +26,9 @@ def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
     """The trajectory in a trajectory_msgs/JointTrajectory that starts at ``start`` on the monotonic clock [s].
 
     Raises:
-        TrajectoryRefused: a point has efforts.
+        TrajectoryRefused: it has too many points, or one has efforts.
     """
+    check_count(len(message.points))
     return JointTrajectory(tuple(message.joint_names), tuple(map(_point, message.points)), start)
 
 
@@ -39,13 +41,19 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     """The tolerances of a goal for each arm, and why all are the controller's own after all; empty if they are not.
 
     As upstream, an unknown joint or a negative tolerance other than -1 takes back every tolerance of the goal.
+
+    Raises:
+        TrajectoryRefused: a tolerance is NaN.
     """
     known = {name for side in sides for name in joint_names(side)}
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
             return own, f"{each.name!r} is no joint of this controller"
-        if any(value < 0.0 and value != UNLIMITED for value in (each.position, each.velocity, each.acceleration)):
+        values = (each.position, each.velocity, each.acceleration)
+        if any(map(isnan, values)):
+            raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
+        if any(value < 0.0 and value != UNLIMITED for value in values):
             return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
     time = seconds(goal.goal_time_tolerance)
     if time < 0.0 and time != UNLIMITED:

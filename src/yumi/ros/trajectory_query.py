@@ -44,6 +44,11 @@ class TrajectoryQuery:
         """The controllers have taken ``plans``, the order ``number``."""
         self._followed = (number, plans)
 
+    def forget(self, number: int) -> None:
+        """The motion of the order ``number`` has ended: its plans may be long."""
+        if self._followed[0] == number:
+            self._followed = (0, {})
+
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
         letters = {side: peek_feedback(box) for side, box in self._feedback.items()}

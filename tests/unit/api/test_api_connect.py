@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from inspect import signature
 from math import nan, pi
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, w
         ({"speed": 0.0}, "connect: speed is 0.0; allowed is above 0 up to 1"),
         ({"speed": nan}, "connect: speed is nan; allowed is above 0 up to 1"),
         ({"acceleration": 1.1}, "connect: acceleration is 1.1; allowed is above 0 up to 1"),
+        ({"speed_scale": 0.0}, "connect: robot: speed_scale is 0; allowed is 0.01 to 1"),
         ({"arms": "middle"}, "connect: arms is 'middle'; name 'right', 'left' or both"),
         ({"arms": ()}, r"connect: arms is \(\); name 'right', 'left' or both"),
         ({"arms": ("left", "left")}, "name 'right', 'left' or both"),
@@ -59,6 +61,12 @@ def test_connect_demands_the_controllers_it_moves_with(tmp_path: Path) -> None:
     file.write_text(f"/r/controller_manager: {only}\n/l/controller_manager: {only}\n")
     with pytest.raises(SettingsError, match="The controllers of the right arm lack joint_goal_controller, joint_tra"):
         yumi.connect(NOBODY, controllers=file)
+
+
+def test_connect_takes_a_factor_on_all_speeds() -> None:
+    assert "speed_scale" in signature(yumi.connect).parameters
+    assert settings_for(NOBODY, login={"speed_scale": 0.3}).robot.speed_scale == 0.3
+    assert settings_for(NOBODY).robot.speed_scale is None
 
 
 def test_connect_gives_the_shares_to_the_goal_controllers() -> None:
@@ -88,6 +96,8 @@ def test_robot_that_is_not_connected_says_so() -> None:
         robot.stop,
         robot.recover,
         robot.describe,
+        lambda: robot.speed_scale,
+        lambda: setattr(robot, "speed_scale", 0.5),
     ):
         with pytest.raises(RobotNotReady, match=r"The robot is not connected; write `with yumi\.connect"):
             ask()

@@ -281,6 +281,7 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
     ("points", "sentence"),
     [
         ([], "it has no points"),
+        ([(1.0, "no number")] * 20_001, "it has 20001 points; at most 20000 are taken"),
         ([(1.0, RIGHT[:6])], "point 1 has 6 positions for 7 joints"),
         ([(1.0, RIGHT), (0.5, RIGHT)], "the times of the points increase"),
         ([(0.001, RIGHT), (0.002, (1.0, *RIGHT[1:]))], "its limit is"),

@@ -28,6 +28,9 @@ def run(*arguments: str) -> Result:
         (("controller", "--right-leak", "1.5"), "1.5 is not in the range 0.0<=x<=1.0"),
         (("controller", "--left-gripper", "hook"), "'hook' is not one of 'servo', 'servo+vision', 'servo+vacuum'"),
         (("up", "--rws-port", "0"), "0 is not in the range 1<=x<=65535"),
+        (("up", "--speed-scale", "0"), "0.0 is not in the range 0.01<=x<=1.0"),
+        (("up", "--speed-scale", "nan"), "'nan' is not a factor"),
+        (("demo", "--speed-scale", "2"), "2.0 is not in the range 0.01<=x<=1.0"),
         (("up", "--left-egm-port", "99999"), "99999 is not in the range 1<=x<=65535"),
     ],
 )

@@ -6,7 +6,7 @@ from math import inf, nan
 import pytest
 
 from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import JointTrajectory, ResultCode, plan_trajectory
+from yumi.control.trajectory import MOST_POINTS, JointTrajectory, ResultCode, plan_trajectory, time_to_start
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import JOINT_COUNT, Side, joint_names
 from yumi.robot.limits import YUMI_LIMITS
@@ -80,6 +80,8 @@ def test_trajectory_with_wrong_joints_is_refused(names: tuple[str, ...], sentenc
         (TrajectoryPoint(1.0, HOME, (), REST), "point 2 has accelerations without velocities; give both or neither."),
         (TrajectoryPoint(0.0, HOME), "point 2 is due at 0 s, not after point 1 at 0 s; the times of the points incr"),
         (TrajectoryPoint(1.0, HOME, (0.1, *REST[1:])), "its last point has a velocity; a trajectory ends at rest."),
+        (TrajectoryPoint(1e308, HOME), "its last point is due at 1e+308 s; the latest is at 2147483648 s."),
+        (TrajectoryPoint(5e-324, HOME), "point 2 is due at 4.94066e-324 s, not after point 1 at 0 s; "),
         (TrajectoryPoint(9.0, moved(4.0)), "point 2 wants yumi_joint_6_r at 229.2°; its range is -229.0° to 229.0°."),
         (
             TrajectoryPoint(9.0, moved(90.0)),
@@ -124,3 +126,37 @@ def test_trajectory_that_leaves_a_range_between_its_points_is_refused() -> None:
     assert refusal(swing)[0] == (
         "yumi_joint_6_r would be at 240.4° at 0.667 s, between two points; its range is -229.0° to 229.0°."
     )
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e5, 40.1])
+def test_acceleration_beyond_a_joints_limit_is_refused_at_the_point_that_has_it(value: float) -> None:
+    mad = trajectory(TrajectoryPoint(0.0, HOME, REST, (*REST[:6], value)), TrajectoryPoint(1.0, HOME, REST, REST))
+    assert refusal(mad)[0] == (
+        f"point 1 wants yumi_joint_6_r to accelerate with {value:.4g} rad/s²; its limit is 40.00 rad/s²; "
+        "give it more time."
+    )
+
+
+def test_velocity_beyond_all_numbers_is_refused() -> None:
+    mad = trajectory(TrajectoryPoint(0.0, HOME, (*REST[:6], 1e308)), TrajectoryPoint(1.0, HOME, REST))
+    assert refusal(mad)[0] == (
+        "point 1 wants yumi_joint_6_r to move with 1e+308 rad/s; its limit is 6.98 rad/s; give it more time."
+    )
+
+
+def long_trajectory(points: int) -> JointTrajectory:
+    """Back and forth by a tenth of a degree, 50 points a second."""
+    return trajectory(*(TrajectoryPoint(0.02 * number, moved(0.002 * (number % 2))) for number in range(points)))
+
+
+def test_twenty_thousand_points_are_taken_and_one_more_is_refused() -> None:
+    plan = plan_trajectory(long_trajectory(MOST_POINTS), [Side.RIGHT], YUMI_LIMITS)[Side.RIGHT]
+    assert len(plan.spline.pieces) == MOST_POINTS - 1
+    assert refusal(long_trajectory(MOST_POINTS + 1))[0] == (
+        "it has 20001 points; at most 20000 are taken: leave out points, or send it in several goals."
+    )
+
+
+def test_both_arms_start_a_long_trajectory_later_so_that_each_has_it_by_then() -> None:
+    assert time_to_start(2) == time_to_start(3000) == 0.1
+    assert time_to_start(MOST_POINTS) == pytest.approx(0.6)

@@ -40,9 +40,12 @@ class Parent(Source):
         self.told: list[object] = []
         self._mail = [Stop()]
 
-    def receive(self) -> Any:
+    def read(self) -> bool:
         if not self._mail:
             raise PipeClosed
+        return True
+
+    def receive(self) -> Any:
         return self._mail.pop()
 
     def send(self, value: object) -> None:

@@ -48,6 +48,12 @@ def test_settings_may_name_only_what_differs(file: Path) -> None:
     assert (settings.robot.address, settings.robot.rws_port) == ("10.0.0.7", 80)
 
 
+@pytest.mark.parametrize(("text", "scale"), [("auto", None), ("null", None), ("0.1", 0.1), ("1", 1.0)])
+def test_speed_scale_is_a_number_or_left_to_the_address(file: Path, text: str, scale: float | None) -> None:
+    file.write_text(f"robot: {{speed_scale: {text}}}\n")
+    assert read_settings(file).robot.speed_scale == scale
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -57,6 +63,9 @@ def test_settings_may_name_only_what_differs(file: Path) -> None:
             "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, watchdog, recovery, ros",
         ),
         ("robot: {rws_port: 70000}", "mine.yaml: robot: rws_port is 70000; allowed is 1 to 65535."),
+        ("robot: {speed_scale: 0}", "mine.yaml: robot: speed_scale is 0; allowed is 0.01 to 1."),
+        ("robot: {speed_scale: .nan}", "mine.yaml: robot: speed_scale is nan; allowed is 0.01 to 1."),
+        ("robot: {speed_scale: slow}", "mine.yaml: robot: speed_scale is 'slow'; it must be of type float."),
         ("robot: {rws_port: '80'}", "mine.yaml: robot: rws_port is '80'; it must be of type int."),
         ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
         ("gripper: {force: 21}", "gripper: force is 21; allowed is 0.1 to 20 N."),
