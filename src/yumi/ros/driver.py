@@ -146,7 +146,7 @@ class RosDriver:
             clock,
             limits,
             self._ticker,
-            manager.watch.wait_for_cause,
+            manager.watch,
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}

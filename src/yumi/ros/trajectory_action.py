@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
@@ -45,6 +45,16 @@ _GLANCE = 0.02  # [s] how soon new feedback is passed on
 _CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 Ask = Callable[[Request], Done]
+
+
+class Causes(Protocol):
+    """What knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
+
+    def cause(self) -> object:
+        """As far as it is known now."""
+
+    def wait_for_cause(self) -> object:
+        """Waiting until it is known."""
 
 
 class _OpenGoal:
@@ -89,7 +99,7 @@ class TrajectoryAction:
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on, fifty times a second.
-        why_stopped: what stopped the robot, waiting until that is known; a sentence with a blank before it, or nothing.
+        causes: knows what stopped the robot; that is added to refusals and results.
     """
 
     def __init__(
@@ -101,9 +111,9 @@ class TrajectoryAction:
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
-        why_stopped: Callable[[], object] = lambda: "",
+        causes: Causes | None = None,
     ) -> None:
-        self._why_stopped = why_stopped
+        self._causes = causes
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
         self._name = name
@@ -175,7 +185,7 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
-            self._log.warning(str(error))
+            self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
@@ -248,7 +258,7 @@ class TrajectoryAction:
         end = goal.end
         result.error_code, result.error_string = int(end.code), end.sentence
         if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # deactivated: EGM may have ended
-            result.error_string += str(self._why_stopped())
+            result.error_string += str(self._causes.wait_for_cause() if self._causes else "")
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from yumi.clock import Clock
@@ -13,7 +13,7 @@ from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
 from yumi.robot.limits import JointLimits
 from yumi.ros.controller_nodes import MakeInterface
-from yumi.ros.trajectory_action import Ask, TrajectoryAction
+from yumi.ros.trajectory_action import Ask, Causes, TrajectoryAction
 
 DUAL_ARM = "dual_arm_trajectory_controller"
 """Name of the controllers that follow one trajectory together, and of the node with their action."""
@@ -30,7 +30,7 @@ class TrajectoryControllers:
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on.
-        why_stopped: what stopped the robot, waiting until that is known; appended to what failed.
+        causes: knows what stopped the robot.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
@@ -45,12 +45,12 @@ class TrajectoryControllers:
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
-        why_stopped: Callable[[], object] = lambda: "",
+        causes: Causes | None = None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, why_stopped)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, causes)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, why_stopped)
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, causes)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {
