@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from yumi.cli import main
-from yumi.errors import ControllerRefused, NoConnection
+from yumi.errors import ControllerRefused, LoginRefused, NoConnection
 from yumi.hardware.rws_client import RwsClient
 from yumi.links.command import Command
 from yumi.rws.states import ControllerState
@@ -26,6 +26,18 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     log = tmp_path_factory.mktemp("controller") / "log"
     with Command("controller", ["controller", "--rws-port", "0"], Path(log)) as command:
         yield command.wait_until_ready(PATIENCE).rpartition("/")[2]
+
+
+def test_controller_takes_its_password_from_the_environment_and_neither_shows_nor_tells_it(tmp_path: Path) -> None:
+    log, secret = tmp_path / "log", "s3cret-4711"
+    with Command("controller", ["controller", "--rws-port", "0"], log, {"YUMI_PASSWORD": secret}) as command:
+        address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
+        assert secret.encode() not in Path(f"/proc/{command.pid}/cmdline").read_bytes()
+        with RwsClient(address, password=secret) as client:
+            assert client.controller_state() is ControllerState.MOTORS_OFF
+        with pytest.raises(LoginRefused, match="does not accept user 'Default User'"):
+            RwsClient(address).connect()
+    assert secret not in log.read_text()
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from click.testing import CliRunner, Result
 from memory_http import MemoryHttp
 from yumi.cli import main
 from yumi.clock import ManualClock
+from yumi.errors import ControllerRefused
 from yumi.hardware import doctor
 from yumi.hardware.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
 from yumi.hardware.launch_checks import EgmAddress
@@ -194,6 +195,19 @@ def test_program_of_another_version_is_a_problem() -> None:
     assert ("version in T_ROB_R", "Task T_ROB_R has version 1.0 of the state machine, not 1.1") in [
         each[:2] for each in problems(controller)
     ]
+
+
+def test_controller_that_gives_neither_texts_nor_time_is_told_with_notes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: str) -> None:
+        raise ControllerRefused("it does not know that", status=404)
+
+    monkeypatch.setattr(RwsClient, "module_text", refuse)
+    monkeypatch.setattr(RwsClient, "clock", refuse)
+    controller = world().controller
+    assert problems(controller) == []
+    found = notes(controller)
+    assert found["clock"] == "cannot be read: it does not know that"
+    assert "their texts cannot be compared: it does not know that" in found["modules in T_ROB_L"]
 
 
 def test_clock_that_is_off_is_a_note_with_both_times() -> None:

@@ -20,7 +20,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
 
-from yumi.errors import ControllerRefused, LoginRefused, NoConnection, RobotNotReady, YumiError
+from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from yumi.hardware.cabinet import STOPPED_FOR_GOOD
 from yumi.hardware.launch_checks import (
     GRIPPER_PRODUCT,
@@ -131,7 +131,10 @@ def examine_controller(
         yield from _guarded(partial(_modules, client, side, has_add_in=ADD_IN in system.options))
     for side, address in addresses.items():
         yield _device(client, side, address)
-    yield from _guarded(lambda: [_clock(client.clock(), now())])
+    try:
+        yield _clock(client.clock(), now())
+    except YumiError as error:
+        yield Finding("clock", Verdict.NOTE, f"cannot be read: {error}")
 
 
 def examine_machine(
@@ -245,11 +248,12 @@ def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding
     if needed:
         return findings
     version = _checked(f"version in {side.task}", f"{PROGRAM_VERSION}", lambda: LaunchChecks(client).check_task(side))
-    changed = [
-        module
-        for module, text in ours.items()
-        if module not in missing and essence(client.module_text(side.task, module)) != essence(text)
-    ]
+    try:
+        texts = {module: client.module_text(side.task, module) for module in ours if module not in missing}
+    except (ControllerRefused, ProtocolError) as error:
+        found = f"all needed are loaded; their texts cannot be compared: {error}"
+        return [*findings, Finding(name, Verdict.NOTE, found), version]
+    changed = [module for module, text in texts.items() if essence(text) != essence(ours[module])]
     if changed:
         verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
         why = ", as ABB's add-in has its own" if has_add_in else ""
