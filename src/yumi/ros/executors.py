@@ -7,8 +7,9 @@ one that takes ten milliseconds, during which no other thread gets on.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from threading import Barrier, BrokenBarrierError, Thread
 from threading import Event as Flag
-from threading import Thread
 from typing import Any
 
 from rclpy._rclpy_pybind11 import InvalidHandle
@@ -21,7 +22,12 @@ _GLANCE = 0.5  # [s] how soon a failed callback is told
 class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
     """One that soon tells of a failed callback; rclpy's own looks when the next callback comes, however late."""
 
+    _has_begun = False
+
     def spin_once(self, timeout_sec: float | None = None) -> None:
+        if not self._has_begun:
+            self._has_begun = True
+            self._begin_all_threads()
         super().spin_once(timeout_sec)
         for future in [each for each in self._futures if each.done()]:
             self._futures.remove(future)
@@ -31,6 +37,20 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
         is_done = bool(super().shutdown(timeout_sec))
         self._executor.shutdown(wait=False)  # the pool's threads end, which rclpy leaves to the garbage collector
         return is_done
+
+    def _begin_all_threads(self) -> None:
+        """Begin what would else begin one by one, whenever two callbacks meet: a driver then grows for hours."""
+        together = Barrier(_THREADS)
+        try:
+            for _ in range(_THREADS):
+                self._executor.submit(_meet, together)
+        except RuntimeError:  # the operating system permits fewer: so many callbacks run side by side
+            together.abort()
+
+
+def _meet(together: Barrier) -> None:
+    with suppress(BrokenBarrierError):
+        together.wait()
 
 
 class Executors:
