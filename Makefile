@@ -38,8 +38,9 @@ test: check
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
 # The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.
-soak: export YUMI_EGM_EXAMPLES ?= 2000
+soak: export YUMI_RECEIVE_EXAMPLES ?= 2000
 soak: setup
+	.venv/bin/python -m pytest --timeout 1800 tests/property/test_receive_path.py
 	.venv/bin/python -m pytest -m soak --capture=no $(ARGS)
 
 constraints: setup

@@ -14,20 +14,8 @@ from yumi.links.command import Command
 LEAST = 5
 """After so many starts everything that is made once is there."""
 
-AT_ONCE = 8
-"""Requests that a node of the driver serves at once, each on a thread that then stays."""
-
 GROWTH_KB = 2048
 EVERY = 10
-
-
-def begin_all_threads(client: Client) -> None:
-    """Have the robot manager wait for itself on all threads it may have; else one begins whenever two requests meet."""
-    caller = client.node.create_client(Trigger, "yumi_robot_manager/start_egm")
-    client.until(caller.service_is_ready)
-    futures = [caller.call_async(Trigger.Request()) for _ in range(AT_ONCE)]
-    client.until(lambda: all(future.done() for future in futures))
-    client.node.destroy_client(caller)
 
 
 @pytest.mark.parametrize("count", [short(2 * LEAST, pytest.mark.ros), long(CYCLES, 10.0 * CYCLES)])
@@ -36,7 +24,6 @@ def test_starting_and_stopping_egm_leaves_no_thread_descriptor_or_memory_behind(
 ) -> None:
     half = max(LEAST, count // 4)
     before = None
-    begin_all_threads(client)
     for number in range(1, count + 1):
         for name in ("start_egm", "stop_egm"):
             answer = client.call(Trigger, f"yumi_robot_manager/{name}")

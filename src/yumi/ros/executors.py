@@ -7,7 +7,9 @@ one that takes ten milliseconds, during which no other thread gets on.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
+from threading import Barrier, BrokenBarrierError
 from threading import Event as Flag
 from typing import Any
 
@@ -31,21 +33,32 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
             self._futures.remove(future)
             future.result()  # raises what the callback raised
 
-    def start_thread(self) -> None:
-        """Start the first of the pool's threads: one is enough for all that waits, should there be no other.
+    def start_threads(self) -> None:
+        """Start the pool's threads: rclpy starts them one by one whenever callbacks meet, so that a driver grows for hours.
 
         Raises:
-            MissingPrerequisite: the operating system permits none.
+            MissingPrerequisite: the operating system permits none; fewer than all are enough.
         """
         try:
             self._executor.submit(lambda: None).result()
         except RuntimeError as error:
             raise MissingPrerequisite(no_thread("ROS 2's services", error)) from error
+        together = Barrier(_THREADS)
+        try:
+            for _ in range(_THREADS):
+                self._executor.submit(_meet, together)
+        except RuntimeError:  # the operating system permits fewer: so many callbacks run side by side
+            together.abort()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         is_done = bool(super().shutdown(timeout_sec))
         self._executor.shutdown(wait=False)  # the pool's threads end, which rclpy leaves to the garbage collector
         return is_done
+
+
+def _meet(together: Barrier) -> None:
+    with suppress(BrokenBarrierError):
+        together.wait()
 
 
 class Executors:
@@ -78,7 +91,7 @@ class Executors:
         """
         for executor in self._executors:
             if isinstance(executor, _AnsweringExecutor):
-                executor.start_thread()
+                executor.start_threads()
         for thread in self._threads:
             thread.start()
 
