@@ -255,7 +255,7 @@ def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
 
 
 def long_way(side: Side, seconds: float) -> FollowTrajectory:
-    """20 000 points: to and fro by a tenth of a radian."""
+    """20 000 points: back and forth by a tenth of a radian."""
     start, step = home(side), seconds / MOST_POINTS
     times = [step * (number + 1) for number in range(MOST_POINTS)]
     points = [TrajectoryPoint(time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]

@@ -141,7 +141,7 @@ def test_velocity_beyond_all_numbers_is_refused() -> None:
 
 
 def long_trajectory(points: int) -> JointTrajectory:
-    """To and fro by a tenth of a degree, 50 points a second."""
+    """Back and forth by a tenth of a degree, 50 points a second."""
     return trajectory(*(TrajectoryPoint(0.02 * number, moved(0.002 * (number % 2))) for number in range(points)))
 
 
