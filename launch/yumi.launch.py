@@ -26,6 +26,7 @@ READY = b"Virtual controller ready"
 ARGUMENTS = (
     ("robot", "192.168.125.1", "Address of the controller."),
     ("rws_port", "", "HTTP port of its Robot Web Services; empty: as in the settings, or 8080 of a virtual one."),
+    ("speed_scale", "", "Factor on all speeds; empty: as in the settings, 1 on this machine and 0.1 elsewhere."),
     ("config", "", "Settings instead of the delivered yumi.yaml."),
     ("controllers", "", "Controllers instead of the delivered controllers.yaml."),
     ("record", "", "Record every cycle of both arms to this MCAP file."),
@@ -35,7 +36,7 @@ ARGUMENTS = (
     ("virtual", "false", "Whether to start a virtual controller, and drive that."),
     ("log_level", "info", "Of the driver: debug, info, warn or error."),
 )
-PASSED_ON = ("robot", "rws_port", "config", "controllers", "record")
+PASSED_ON = ("robot", "rws_port", "speed_scale", "config", "controllers", "record")
 VIRTUAL = {"robot": "127.0.0.1", "rws_port": "8080"}
 
 

@@ -34,7 +34,7 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
             future.result()  # raises what the callback raised
 
     def start_threads(self) -> None:
-        """Start the pool's threads: rclpy starts them one by one whenever callbacks meet, so that a driver grows for hours.
+        """Start the pool's threads now; rclpy starts one whenever callbacks meet, and the driver would grow for hours.
 
         Raises:
             MissingPrerequisite: the operating system permits none; fewer than all are enough.
