@@ -49,7 +49,6 @@ _AGREEING = 3  # so many datagrams that agree with each other outweigh as many o
 _FEW = 25  # a session that was believed for longer is not outweighed
 _MOTION = 1e-4  # [rad] over all joints: a plan that moves
 _DUE = 5e-3  # [rad] a plan that should have moved so far would have
-_BRAKING = 1.6  # of the robot's speed, by which the command is slower than the robot that is to stop
 _PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever it is told: RAPID may have moved it
@@ -116,7 +115,7 @@ class Guard:
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is not believed
         self._entering: ArmState | None = None  # of a new session that was not answered yet
         self._is_new = False  # whether the newest state begins a session in which the robot does not follow yet
-        self._told: Joints = ZERO  # the command before the last
+        self._told = ArmCommand(ZERO)  # the command before the last
         self._plan: Joints = ZERO  # where the robot planned to be when it was seen moving last
         self._due = 0.0  # how far it should have come since [rad]
         self._due_for = 0.0  # and for how long it was told to move [s]
@@ -298,7 +297,7 @@ class Guard:
 
     def _watch_plan(self, state: ArmState) -> None:
         """Notice that the robot plans to stand although it is told to move: it does not hear us."""
-        told, self._told = self._told, self._shaper.position
+        told, self._told = self._told, ArmCommand(self._shaper.position, self._feed_forward.velocity)
         is_deaf = self.problem is Problem.NOT_FOLLOWING
         if not state.is_running or self._doubts or (self.is_at_rest and not is_deaf):
             self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
@@ -309,7 +308,8 @@ class Guard:
                 self.problem = Problem.NONE
             return
         dt = min(state.dt, _LONGEST)
-        self._due += (self._gain * dist(told, state.planned) + hypot(*self._feed_forward.velocity)) * dt
+        rows = zip(told.position, state.planned, told.velocity, strict=True)
+        self._due += hypot(*[self._gain * (ahead - now) + speed for ahead, now, speed in rows]) * dt
         self._due_for += dt
         if self._due_for >= NOT_FOLLOWING and self._due >= _DUE:
             self.problem = Problem.NOT_FOLLOWING
@@ -323,17 +323,22 @@ class Guard:
     def _hold(self, state: ArmState, dt: float) -> ArmCommand:
         """Come to rest, then repeat the last admitted command.
 
-        A command runs ahead of the robot by its speed over the loop gain; taking this lead back as quickly as the
-        limits allow brings the robot to rest on its way, not where the lead points.
+        A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
+        which takes longer than the robot needs to stop; what is left of the lead meanwhile, a speed against it cancels,
+        as quickly as the robot may brake. So it comes to rest on its way, not where the lead points.
         """
-        if not self.is_at_rest:
-            last = self._shaper.position
-            position = self._shaper.go_at(self._speeds_to_rest(state), dt, state.dt)
-            lead = abs(self._largest_lead(state))
-            is_led = lead >= (_NO_LEAD if self.problem is Problem.NONE else 1.1 * _PROBE)
-            self.is_at_rest = not is_led and dist(last, position) < _STANDS and self._feed_forward.velocity is ZERO
-        position = self._shaper.position
-        return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
+        position, planned = self._shaper.position, state.planned
+        if self.is_at_rest:
+            return ArmCommand(position, self._feed_forward.admit(planned, position, ZERO, dt))
+        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # a lead that shows when the robot follows again
+        goal = joints([now + max(-kept, min(kept, ahead - now)) for ahead, now in zip(position, planned, strict=True)])
+        last, position = position, self._go_to(goal, state, dt)
+        leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
+        is_led = max(map(abs, leads)) >= _NO_LEAD
+        against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
+        velocity = self._feed_forward.admit(planned, position, against, dt)
+        self.is_at_rest = not is_led and velocity is ZERO and dist(last, position) < _STANDS
+        return ArmCommand(position, velocity)
 
     def _stop(self, state: ArmState, dt: float) -> ArmCommand:
         """Come to rest where the command itself does: what the robot says cannot be believed."""
@@ -354,21 +359,6 @@ class Guard:
         ranges = zip(self._limits.lower, self._limits.upper, self._shaper.position, goal, strict=True)
         inside = joints([max(min(low, now), min(max(high, now), value)) for low, high, now, value in ranges])
         return inside if self._shaper.passes(inside, dt) else self._shaper.approach(inside, dt, state.dt)
-
-    def _speeds_to_rest(self, state: ArmState) -> Joints:
-        """How fast the command is to move so that the robot slows down, and stops without turning back [rad/s].
-
-        The robot moves at its gain times the lead. A command that moves slower than that by a share of the speed brakes
-        it in proportion; the share is that of the highest acceleration while the robot is fast.
-        """
-        gain = self._gain or EGM_GAIN
-        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # shows when the robot follows again
-        speeds = []
-        for ahead, now, strength in zip(self._shaper.position, state.planned, self._limits.acceleration, strict=True):
-            lead = ahead - now
-            speed = gain * copysign(max(0.0, abs(lead) - kept), lead)
-            speeds.append(speed - copysign(min(strength / gain, _BRAKING * abs(speed)), speed))
-        return joints(speeds)
 
     def _shape(self, position: Joints, dt: float, elapsed: float) -> Joints:
         if self._shaper.passes(position, dt):

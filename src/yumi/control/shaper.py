@@ -16,7 +16,6 @@ from typing import NamedTuple
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig, Synchronization
 
 from yumi.control.braking import braking_reach, speed_to_come
-from yumi.control.feed_forward import ramped
 from yumi.control.goal_motion import Goal, GoalMotion
 from yumi.control.online_step import take_step
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
@@ -176,19 +175,6 @@ class MotionShaper:
             steps = [brake if is_braking else step for step, brake, is_braking in rows]
         self._take(steps, goals, dt, is_late)
         return self.position
-
-    def go_at(self, speeds: Joints, dt: float, elapsed: float) -> Joints:
-        """Go on for ``dt`` [s], each joint at a speed as near to its own of ``speeds`` [rad/s] as the limits allow."""
-        self._settle()
-        self._planned, self._chasing = {}, frozenset()  # no goal is to be caught up with
-        rows = zip(self.position, speeds, self._velocity, self._acceleration, *self._bounds[2:], strict=True)
-        wanted = joints(
-            [
-                now + dt * ramped(speed, last, rate, top, strength, jerk, dt)[0]
-                for now, speed, last, rate, top, strength, jerk in rows
-            ]
-        )
-        return wanted if self.passes(wanted, dt) else self.approach(wanted, dt, elapsed)
 
     def place_to_stop(self) -> Joints:
         """Where the motion so far comes to rest that brakes as hard as it may [rad], (7,), within the range."""
