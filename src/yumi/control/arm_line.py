@@ -27,8 +27,8 @@ from yumi.control.requests import (
 )
 from yumi.control.snapshot import CAUSES, Problem, Snapshot, put_snapshot
 from yumi.control.stations import AFTER_REPLY, StationClock
-from yumi.robot.cycle import CYCLE
 from yumi.errors import CommandRefused
+from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joint_names
 from yumi.robot.values import ZERO, ArmState
 

@@ -12,7 +12,7 @@ at all, its own plan shows it (docs/explanation/decisions/0014-feedback-is-doubt
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, dist, hypot, inf, isfinite
+from math import dist, hypot, inf, isfinite
 
 from yumi.control.feed_forward import EGM_GAIN, FeedForward
 from yumi.control.shaper import MotionShaper
@@ -153,14 +153,15 @@ class Guard:
             return wanted
         if self._is_new:
             return self._begin(state.position)
-        dt = min(state.dt, self.longest_step)
+        return self._go_on(state, wanted, min(state.dt, self.longest_step))
+
+    def _go_on(self, state: ArmState, wanted: ArmCommand | None, dt: float) -> ArmCommand:
+        """The next command after the last one."""
         if state.dt <= 0.0:
             self._shaper.rest_at(self._shaper.position)  # in a silence the command has stood still
         if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
-        if self._doubts >= DOUBTED:
-            return self._stop(state, dt)
-        if not state.is_running:
+        if self._doubts >= DOUBTED or not state.is_running:
             return self._come_to(state, dt)
         if wanted is None or self.problem is not Problem.NONE or not self._may_go_on(state, wanted):
             return self._hold(state, dt)
@@ -318,6 +319,7 @@ class Guard:
         self._shaper.rest_at(position)
         self._feed_forward.end()
         self.is_at_rest = True
+        self._told = ArmCommand(position)
         return ArmCommand(position)
 
     def _hold(self, state: ArmState, dt: float) -> ArmCommand:
@@ -330,7 +332,7 @@ class Guard:
         position, planned = self._shaper.position, state.planned
         if self.is_at_rest:
             return ArmCommand(position, self._feed_forward.admit(planned, position, ZERO, dt))
-        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # a lead that shows when the robot follows again
+        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # shows when the robot follows again
         goal = joints([now + max(-kept, min(kept, ahead - now)) for ahead, now in zip(position, planned, strict=True)])
         last, position = position, self._go_to(goal, state, dt)
         leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
@@ -340,18 +342,16 @@ class Guard:
         self.is_at_rest = not is_led and velocity is ZERO and dist(last, position) < _STANDS
         return ArmCommand(position, velocity)
 
-    def _stop(self, state: ArmState, dt: float) -> ArmCommand:
-        """Come to rest where the command itself does: what the robot says cannot be believed."""
-        if self._stop_at is None:
-            self._stop_at = self._shaper.place_to_stop()
-        self.is_at_rest = False
-        position = self._go_to(self._stop_at, state, dt)
-        return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
-
     def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
-        """Go to where an arm is that does not follow: were it to follow after all, it would not feel a step."""
-        position = self._go_to(state.position, state, dt)
-        self.is_at_rest = dist(position, state.position) < _MARGIN
+        """Go to where an arm is that does not follow: were it to follow after all, it would not feel a step.
+
+        Where it says it is cannot be believed, come to rest where the command itself does.
+        """
+        goal = state.position
+        if self._doubts:
+            self._stop_at = goal = self._stop_at or self._shaper.place_to_stop()
+        position = self._go_to(goal, state, dt)
+        self.is_at_rest = dist(position, goal) < _MARGIN
         return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
 
     def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
@@ -378,8 +378,11 @@ class Guard:
     def _is_near(self, state: ArmState, share: float) -> bool:
         """Whether the robot's speed, and a ``share`` of what its acceleration can add, explain how far we are ahead.
 
-        Else the robot does not get what we say, and all that piles up would reach it as one blow.
+        Else the robot does not get what we say, and all that piles up would reach it as one blow. A robot that follows
+        speeds only makes nothing of a lead.
         """
+        if self._gain == 0.0:
+            return True
         leads = zip(self._shaper.position, state.planned, state.velocity, self._limits.acceleration, strict=True)
         return all(abs(last - now) < share * _useful_lead(speed, gain) for last, now, speed, gain in leads)
 

@@ -30,8 +30,8 @@ class Problem(IntEnum):
 
 CAUSES = {
     Problem.NOT_FOLLOWING: (
-        "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets UDP "
-        "out to the controller"
+        "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets "
+        "UDP out to the controller"
     ),
     Problem.IMPLAUSIBLE: (
         "the robot reports positions that the arm cannot have reached: datagrams are old, forged, or another arm's; "
