@@ -91,6 +91,7 @@ class SensorCodec:
             raise ProtocolError(
                 f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
             )
+        check_states(robot)
         axes = self._axes or (_SEVEN if feedback.externalJoints.joints else ROBOT_AXES)
         measured, measured_external = _checked_axes(feedback, axes, "feedBack")
         goal, goal_external = _checked_axes(planned, axes, "planned")
@@ -233,6 +234,17 @@ def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
         return kind.FromString(datagram)
     except DecodeError as error:
         raise ProtocolError(f"EGM datagram of {len(datagram)} bytes cannot be decoded: {error}.") from error
+
+
+def check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
+    """See that the message was not cut off: every robot sends its three states, also undefined ones.
+
+    Raises:
+        ProtocolError: one is missing (reference/egm.md §3.1, §8.2 rule 6).
+    """
+    for name in ("motorState", "mciState", "rapidExecState"):
+        if not robot.HasField(name):
+            raise ProtocolError(f"EGM datagram has no {name}: it was cut off, a robot always sends it.")
 
 
 def _checked_axes(motion: Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

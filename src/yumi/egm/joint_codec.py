@@ -11,7 +11,7 @@ from math import isfinite
 from struct import Struct
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import DATA, parse
+from yumi.egm.codec import DATA, check_states, parse
 from yumi.egm.messages import JointReport
 from yumi.egm.parts import MCI_STATES, MOTOR_STATES, RAPID_STATES
 from yumi.egm.units import DEG_PER_RAD, RAD_PER_DEG, UINT32
@@ -48,14 +48,17 @@ class JointCodec:
             raise ProtocolError(
                 f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
             )
+        motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
+        if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
+            check_states(robot)
         return JointReport(
             seqno,
             _read_joints(feedback, "feedBack"),
             _read_joints(robot.planned, "planned"),
             _read_time(feedback),
-            MOTOR_STATES[robot.motorState.state],
-            MCI_STATES[robot.mciState.state],
-            RAPID_STATES[robot.rapidExecState.state],
+            MOTOR_STATES[motors],
+            MCI_STATES[mci],
+            RAPID_STATES[rapid],
         )
 
     def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:

@@ -3,6 +3,11 @@
 The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
 (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the
 session goes on and so does what it was last told, or it has begun anew, then everything begins at where it stands.
+
+UDP may deliver a datagram late, twice, or from another sender, so a single datagram proves little. One goes on with the
+session when its number, the robot's clock and our clock agree with the datagram accepted before. Where two accepted
+ones contradict each other, the one before them decides: a single false datagram never makes the true ones look old.
+Numbers that begin anew are believed when several datagrams in a row agree with each other.
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from yumi.egm.arrivals import Arrivals
 from yumi.errors import ProtocolError
@@ -21,15 +26,27 @@ SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
 
 REORDERED = 16
-"""A sequence number lower by at most this may be an old datagram; lower by more, the robot began anew [datagrams]."""
+"""So many of the newest sequence numbers are remembered: what is counted as lost may still arrive [datagrams]."""
 
 LARGEST_GAP = 64
 """A sequence number higher by more than this is none of the session: so many cycles are a silence [datagrams]."""
 
-STRAGGLER = 1.0
-"""A datagram older than this by the robot's clock is none: the clock was set [s]."""
+AGREEING = 3
+"""So many datagrams in a row that agree with each other, and not with the session, are a new session [datagrams]."""
+
+LONG_SILENCE = 1.0
+"""After this time a single datagram begins a session, if it is newer by the robot's clock [s]."""
+
+EARLIEST = 0.050
+"""By so much the time between two datagrams may be shorter by our clock than by the robot's: delays vary [s]."""
 
 _CLOCK_TOLERANCE = 0.05  # by so much the time a robot needed for its datagrams may differ from their number
+_CLOCK_STEPS = 2.0  # cycles by which its clock may jitter besides
+_EARLY = 0.75  # of a cycle: sooner than the fastest datagrams, the robot cannot have sent it
+_FORGETTING = 1.0 / 256.0  # how fast a fastest datagram is forgotten: the clocks drift against each other
+_SAME_CYCLE = 0.1  # two periods that differ by less are the same
+_PERIODS = 0.0005, 0.25  # [s] a robot's datagrams may have
+_RANGE = 2**32
 _WINDOW = (2 << REORDERED) - 1
 
 
@@ -85,6 +102,13 @@ class SessionCounters:
         return self.lost + self.late + self.stale
 
 
+class _Heard(NamedTuple, Generic[Message]):
+    """A datagram and when it arrived [s]."""
+
+    message: Message
+    arrival: float
+
+
 class SensorSession(Generic[Message]):
     """Turns datagrams into messages that count, and commands into datagrams.
 
@@ -104,10 +128,21 @@ class SensorSession(Generic[Message]):
         self.last_error = ""
         self._codec = codec
         self._silence = silence
-        self._first_seqno = self._last_seqno = -1
-        self._first_time = self._last_time = 0.0
+        self._last: _Heard[Message] | None = None  # accepted last
+        self._sure: _Heard[Message] | None = None  # the newest before it that went on with its predecessor
+        self._is_last_sure = False  # whether the last one did
+        self._lost_with_last = 0
+        self._candidate: _Heard[Message] | None = None  # the last of a row that may become a session
+        self._candidates = 0
+        self._candidates_since = 0.0
+        self._first_seqno = 0
+        self._cycle = CYCLE
+        self._other_cycle = 0.0  # a period seen last that was not believed
+        self._fastest = inf  # smallest difference of our clock and the robot's at an arrival
+        self._is_last_early = False
         self._last_arrival = -inf
         self._seen = 0  # a bit for each of the newest sequence numbers, bit 0 for the last
+        self._seen_before = 0  # the same before the last was accepted
         self._sent = 0  # datagrams the robot sent since the one settled last
         self._is_open = False
         self._reply_seqno = 0
@@ -155,8 +190,8 @@ class SensorSession(Generic[Message]):
 
     def settle(self) -> None:
         """After the reply: take the message accepted last into the statistics."""
-        if self._sent:
-            self.arrivals.note(self._last_arrival, self._last_time, self._sent)
+        if self._sent and self._last is not None:
+            self.arrivals.note(self._last_arrival, self._last.message.measured_time, self._sent)
             self._sent = 0
 
     def silence(self, now: float) -> float:
@@ -171,68 +206,175 @@ class SensorSession(Generic[Message]):
         return True
 
     def _is_newest(self, message: Message, now: float) -> bool:
-        ahead = message.seqno - self._last_seqno
-        is_heard = self._is_open and now - self._last_arrival <= self._silence
-        if self._goes_on(message, ahead, now, is_heard=is_heard):
-            self._go_on(ahead)
-        elif is_heard and self._is_old(ahead, message.measured_time):
-            self._count_old(-ahead)
-            return False
-        else:
+        last = self._last
+        if last is None:
             self._begin(message, now)
-        self.counters.received += 1
-        self._last_seqno, self._last_time, self._last_arrival = message.seqno, message.measured_time, now
+            return True
+        ahead = _ahead(last.message, message)
+        if self._is_open and (now - self._last_arrival <= self._silence or ahead == 1):
+            is_accepted = self._accept_live(last, message, ahead, now)
+        else:
+            is_accepted = self._accept_after_silence(last, message, ahead, now)
+        if is_accepted:
+            return True
+        self._count_old(-ahead)
+        if not self._is_new_session(message, now):
+            return False
+        self._begin(message, now)
         return True
 
-    def _goes_on(self, message: Message, ahead: int, now: float, *, is_heard: bool) -> bool:
-        if ahead == 1 and self._is_open:
-            return True  # after a long time: not the robot was silent, we were
-        if is_heard:
-            return 0 < ahead <= LARGEST_GAP
-        return ahead > 0 and self.number > 0 and self._has_counted_on(message, ahead, now)
+    def _accept_live(self, last: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
+        """Whether the robot, heard a moment ago, goes on with ``message``."""
+        if 0 < ahead <= LARGEST_GAP and self._follows(last, message, ahead, now):
+            self._go_on(message, ahead, now, is_sure=True)
+            return True
+        sure = self._sure
+        if sure is not None and self._is_contradicted(last, message, ahead):
+            from_sure = _ahead(sure.message, message)
+            if 0 < from_sure <= LARGEST_GAP and self._follows(sure, message, from_sure, now):
+                self._replace_last(sure, message, from_sure, now)
+                return True
+        if ahead == 1:  # the very next number counts whatever the robot's clock says: the clock may have been set
+            self._go_on(message, ahead, now, is_sure=False)
+            return True
+        is_newer = message.measured_time > last.message.measured_time
+        if sure is None and is_newer and not self._agree(message, last.message, -ahead):
+            self._begin(message, now)  # of two that contradict each other the first is no better than the second
+            return True
+        return False
 
-    def _has_counted_on(self, message: Message, ahead: int, now: float) -> bool:
+    def _accept_after_silence(self, last: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
+        for heard in (last, self._sure):
+            if heard is None:
+                continue
+            gap = _ahead(heard.message, message)
+            if gap > 0 and self._has_counted_on(heard, message, gap, now):
+                if heard is last:
+                    self._go_on(message, gap, now, is_sure=True)
+                else:
+                    self._replace_last(heard, message, gap, now)
+                return True
+        if now - self._last_arrival > LONG_SILENCE and message.measured_time > last.message.measured_time:
+            self._begin(message, now)
+            return True
+        return False
+
+    def _follows(self, before: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
+        """Whether the robot may have sent ``message`` ``ahead`` datagrams after ``before``, by its clock and ours."""
+        due = ahead * self._cycle
+        return self._agree(before.message, message, ahead) and due - (now - before.arrival) <= EARLIEST + self._cycle
+
+    def _agree(self, before: Message, message: Message, ahead: int) -> bool:
+        """Whether the robot's clock shows the time in which it sends ``ahead`` datagrams."""
+        due = ahead * self._cycle
+        passed = message.measured_time - before.measured_time
+        tolerance = _CLOCK_STEPS * self._cycle + _CLOCK_TOLERANCE * due
+        return ahead > 0 and passed > -0.5 * self._cycle and abs(passed - due) <= tolerance
+
+    def _is_contradicted(self, last: _Heard[Message], message: Message, ahead: int) -> bool:
+        """Whether ``last`` and ``message`` cannot both be true, or ``last`` is the one to be doubted."""
+        if ahead == 0:
+            return message != last.message
+        if not self._is_last_sure:
+            return True
+        is_out_of_order = message.measured_time > last.message.measured_time - 0.1 * self._cycle
+        return ahead < 0 and (self._is_last_early or is_out_of_order)
+
+    def _has_counted_on(self, before: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
         """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours.
 
         Ours does not count for the very next datagram: the robot has stood still with us, as a virtual one does on a
         machine that stalls.
         """
-        since = self._last_time - self._first_time
-        cycle = since / (self._last_seqno - self._first_seqno) if since > 0.0 else CYCLE
-        passed = message.measured_time - self._last_time
-        tolerance = cycle + _CLOCK_TOLERANCE * passed
-        if abs(passed - ahead * cycle) > tolerance:
+        passed = message.measured_time - before.message.measured_time
+        tolerance = self._cycle + _CLOCK_TOLERANCE * passed
+        if abs(passed - ahead * self._cycle) > tolerance:
             return False
-        return ahead == 1 or abs(passed - self.silence(now)) <= tolerance + self._silence
+        return ahead == 1 or abs(passed - (now - before.arrival)) <= tolerance + self._silence
 
-    def _go_on(self, ahead: int) -> None:
+    def _go_on(self, message: Message, ahead: int, now: float, *, is_sure: bool) -> None:
+        if self._is_last_sure or self._sure is None:
+            self._sure = self._last
+        self._seen_before = self._seen
+        self._take(message, ahead, now, is_sure=is_sure)
+
+    def _replace_last(self, sure: _Heard[Message], message: Message, ahead: int, now: float) -> None:
+        """Go on from ``sure``: what was accepted after it was no datagram of this session."""
+        self.counters.lost -= self._lost_with_last
+        self._seen = self._seen_before
+        self._sent = 0
+        self._take(message, ahead, now, is_sure=True)
+
+    def _take(self, message: Message, ahead: int, now: float, *, is_sure: bool) -> None:
         self.is_resumed = self.is_resumed or not self._is_open
         self._is_open = True
+        before, self._last = self._last, _Heard(message, now)
+        if before is not None and ahead == 1:
+            self._learn_cycle(message.measured_time - before.message.measured_time)
+        self._is_last_sure = is_sure
+        self._lost_with_last = ahead - 1
         self.counters.lost += ahead - 1
         self._seen = (self._seen << min(ahead, REORDERED + 1) | 1) & _WINDOW
         self._sent += ahead
+        self._note_arrival(message, now)
+
+    def _note_arrival(self, message: Message, now: float) -> None:
+        self.counters.received += 1
+        self._last_arrival = now
+        self._candidates = 0
+        later = now - message.measured_time - self._fastest
+        self._is_last_early = later < -_EARLY * self._cycle
+        if self._is_last_sure:
+            self._fastest += later * (1.0 if -_EARLY * self._cycle <= later < 0.0 else _FORGETTING)
+
+    def _learn_cycle(self, passed: float) -> None:
+        """Learn from the time between two datagrams; another period is believed when it comes twice."""
+        if 0.5 * self._cycle < passed < 1.5 * self._cycle:
+            self._cycle += (passed - self._cycle) / 16.0
+            return
+        shortest, longest = _PERIODS
+        if shortest < passed < longest and abs(passed - self._other_cycle) < _SAME_CYCLE * passed:
+            self._cycle = passed
+        self._other_cycle = passed
 
     def _begin(self, message: Message, now: float) -> None:
         self._is_open = self.is_first = True
         self.is_resumed = False
         self.number += 1
         self._reply_seqno = self._sent = 0
-        self._seen = 1
-        self._first_seqno, self._first_time = message.seqno, message.measured_time
+        self._seen = self._seen_before = 1
+        self._first_seqno = message.seqno
+        self._sure, self._last = None, _Heard(message, now)
+        self._is_last_sure = True
+        self._lost_with_last = 0
+        self._fastest = now - message.measured_time
+        self._note_arrival(message, now)
         self.arrivals.begin(now, message.measured_time)
 
-    def _is_old(self, ahead: int, time: float) -> bool:
-        """Whether a number out of order is that of an old datagram; else the robot has begun to count anew."""
-        age = self._last_time - time
-        if ahead > 0:  # left over from the session before, or a session that begins with a high number
-            return 0.0 < age < STRAGGLER
-        return -ahead <= REORDERED and 0.0 <= age < STRAGGLER
+    def _is_new_session(self, message: Message, now: float) -> bool:
+        """Whether a datagram that does not go on with the session is one of several that agree with each other."""
+        before, self._candidate = self._candidate, _Heard(message, now)
+        ahead = 0 if before is None or not self._candidates else _ahead(before.message, message)
+        if before is None or not (0 < ahead <= LARGEST_GAP and self._follows(before, message, ahead, now)):
+            self._candidates, self._candidates_since = 1, now
+            return False
+        self._candidates += 1
+        # Old datagrams that arrive at once agree with each other, too; a robot needs its time.
+        time_needed = 0.5 * (AGREEING - 1) * self._cycle
+        return self._candidates >= AGREEING and now - self._candidates_since >= time_needed
 
     def _count_old(self, behind: int) -> None:
-        if behind >= 0 and self._seen >> behind & 1:
+        """Count a datagram that is left aside; what belongs to another session is stale, too."""
+        if 0 <= behind <= REORDERED and self._seen >> behind & 1:
             self.counters.repeated += 1
             return
         self.counters.stale += 1
-        if 0 < behind < self._last_seqno - self._first_seqno:
+        last = self._last
+        if last is not None and 0 < behind <= REORDERED and behind < (last.message.seqno - self._first_seqno) % _RANGE:
             self.counters.lost -= 1  # it was counted as such when a newer one came
             self._seen |= 1 << behind
+
+
+def _ahead(before: Counted, message: Counted) -> int:
+    """How many datagrams ``message`` was sent after ``before``; the robot's count is a uint32 that wraps."""
+    return (message.seqno - before.seqno + _RANGE // 2) % _RANGE - _RANGE // 2

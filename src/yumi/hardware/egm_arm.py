@@ -30,14 +30,39 @@ class DatagramLink(Protocol):
     def foreign(self) -> int:
         """How many datagrams came from elsewhere and were left aside."""
 
+    @property
+    def is_pinned(self) -> bool:
+        """Whether only one sender is heard."""
+
+    def pin(self) -> None:
+        """From now on hear only the sender of what was handed out last."""
+
+    def release(self) -> None:
+        """From now on hear every sender again."""
+
     def receive_next(self) -> bytes | None:
         """The oldest datagram that waits, if any; never waits."""
 
     def receive(self) -> Sequence[bytes]:
-        """All datagrams that wait, oldest first; never waits."""
+        """All datagrams of one sender that wait, oldest first; never waits."""
 
     def send(self, datagram: bytes) -> None:
-        """Answer the sender of the datagram received last."""
+        """Answer the sender of what was handed out last."""
+
+
+def accept_from(
+    link: DatagramLink, session: SensorSession[Message], datagrams: Sequence[bytes], now: float
+) -> Message | None:
+    """Take what has arrived; the sender of what begins a session is the only one heard until the session ends."""
+    while datagrams:
+        message = session.accept(datagrams, now)
+        if link.is_pinned:
+            return message
+        if message is not None:
+            link.pin()
+            return message
+        datagrams = link.receive()
+    return None
 
 
 class EgmArm:
@@ -62,7 +87,7 @@ class EgmArm:
         if not datagrams:
             return None
         session = self._session
-        message = session.accept(datagrams, now)
+        message = accept_from(self._link, session, datagrams, now)
         if message is None:
             return None
         before = None if session.is_first or session.is_resumed else self._before
@@ -81,7 +106,7 @@ class EgmArm:
     def _datagrams(self, now: float) -> Sequence[bytes]:
         """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
         earliest, latest = PUNCTUAL
-        if not earliest < self._session.silence(now) < latest:
+        if not earliest < self._session.silence(now) < latest or not self._link.is_pinned:
             return self._link.receive()
         datagram = self._link.receive_next()
         return () if datagram is None else (datagram,)
@@ -96,7 +121,10 @@ class EgmArm:
         return self._session.silence(now)
 
     def lost_after(self, now: float) -> float | None:
-        return self._session.silence(now) if self._session.close_if_silent(now) else None
+        if not self._session.close_if_silent(now):
+            return None
+        self._link.release()
+        return self._session.silence(now)
 
     def wire_counters(self) -> WireCounters:
         return wire_counters(self._session, self._link.foreign)

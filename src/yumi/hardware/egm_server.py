@@ -12,7 +12,7 @@ from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import RapidData, RobotMessage, SensorMessage
 from yumi.egm.session import SILENCE, SensorSession
 from yumi.errors import NoConnection, ProtocolError, RobotNotReady
-from yumi.hardware.egm_arm import period, wire_counters
+from yumi.hardware.egm_arm import accept_from, period, wire_counters
 from yumi.hardware.egm_reference import correction, is_placed, moves, reference, standstill
 from yumi.hardware.robot_state import RobotState
 from yumi.links.poller import Poller
@@ -66,6 +66,7 @@ class EgmServer:
     ) -> None:
         self._codec = SensorCodec(axes=axes)
         self._session = SensorSession[RobotMessage](self._codec, silence=silence)
+        self._silence = silence
         self._timeout = timeout
         self._clock = clock or SystemClock()
         self._arrived: RobotState | None = None
@@ -208,7 +209,9 @@ class EgmServer:
 
     def _take(self) -> None:
         now, session = self._clock.now(), self._session
-        message = session.accept(self._link.receive(), now)
+        if session.silence(now) > self._silence:
+            self._link.release()  # the robot may come back from another port
+        message = accept_from(self._link, session, self._link.receive(), now)
         if message is not None:
             is_fresh = session.is_first or session.is_resumed
             before = self._state.message if self._state and not is_fresh else None

@@ -8,7 +8,8 @@ from collections import deque
 class MemoryLink:
     """One end; make both with :func:`memory_links`."""
 
-    foreign = 0  # nobody else has a way in
+    foreign = 0  # there is one sender only
+    is_pinned = True
 
     def __init__(self, inbox: deque[bytes], outbox: deque[bytes]) -> None:
         self._inbox = inbox
@@ -16,6 +17,12 @@ class MemoryLink:
 
     def send(self, datagram: bytes) -> None:
         self._outbox.append(datagram)
+
+    def pin(self) -> None:
+        """It always is."""
+
+    def release(self) -> None:
+        """There is no other sender."""
 
     def receive_next(self) -> bytes | None:
         """The oldest datagram that waits."""

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import errno
 import socket
+from collections import deque
 from types import TracebackType
 
 from yumi.errors import NoConnection
 
 _BUFFER_SIZE = 2048
+_WAITING = 256  # datagrams of other senders that are kept while it is open which of them is the robot
+
+_Address = tuple[str, int]
 
 
 class UdpServer:
-    """Listens on one port and answers whoever spoke last; never waits.
+    """Listens on one port and answers one sender at a time; never waits.
+
+    Who that is, address and port, can be pinned: then nothing of any other sender is handed out. As long as it is not,
+    :meth:`receive` hands out what one sender sent, and at the next call what another one did.
 
     Attributes:
-        foreign: datagrams of other addresses than the remote's.
-        newest: the datagram received last.
+        foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned.
+        is_pinned: whether only one sender is heard.
+        newest: the datagram handed out last.
 
     Args:
         host: local address to listen on.
@@ -30,8 +38,10 @@ class UdpServer:
     def __init__(self, host: str, port: int, *, remote: str | None = None) -> None:
         self.foreign = 0
         self.newest: bytes | None = None
+        self.is_pinned = False
         self._remote = remote
-        self._peer: tuple[str, int] | None = None
+        self._peer: _Address | None = None
+        self._others: deque[tuple[bytes, _Address]] = deque(maxlen=_WAITING)
         self._socket = _bound(host, port)
         self._receive = self._socket.recvfrom
 
@@ -63,33 +73,54 @@ class UdpServer:
             datagram, peer = self._receive(_BUFFER_SIZE)
         except OSError:  # nothing waits, or an ICMP error of an earlier send
             return None
-        if self._remote is not None and peer[0] != self._remote:
+        if peer != self._peer and (self.is_pinned or not self._is_from_remote(peer)):
             self.foreign += 1
             return None
         self._peer, self.newest = peer, datagram
         return datagram
 
     def receive(self) -> list[bytes]:
-        """All datagrams that wait, oldest first."""
+        """All datagrams of one sender that wait, oldest first; of the pinned one, if there is one."""
         datagrams: list[bytes] = []
         while True:
             try:
                 datagram, peer = self._receive(_BUFFER_SIZE)
             except BlockingIOError:
-                return datagrams
+                break
             except OSError:  # an ICMP error of an earlier send; it says nothing about what waits here
                 continue
-            if self._remote is not None and peer[0] != self._remote:
+            if peer == self._peer:
+                datagrams.append(datagram)
+            elif self.is_pinned or not self._is_from_remote(peer):
                 self.foreign += 1
-                continue
-            self._peer, self.newest = peer, datagram
-            datagrams.append(datagram)
+            else:
+                self._others.append((datagram, peer))
+        if not datagrams and self._others:
+            peer = self._peer = self._others[0][1]
+            datagrams = [each for each, sender in self._others if sender == peer]
+            self._others = deque([each for each in self._others if each[1] != peer], maxlen=_WAITING)
+        if datagrams:
+            self.newest = datagrams[-1]
+        return datagrams
+
+    def pin(self) -> None:
+        """From now on hear only the sender of what was handed out last."""
+        self.is_pinned = True
+        self.foreign += len(self._others)
+        self._others.clear()
+
+    def release(self) -> None:
+        """From now on hear every sender again."""
+        self.is_pinned = False
 
     def send(self, datagram: bytes) -> None:
-        """Answer the sender of the datagram received last; a reply that cannot leave is lost, as on any network."""
+        """Answer the sender of what was handed out last; a reply that cannot leave is lost, as on any network."""
         if self._peer is None:
             return
         _send(self._socket, datagram, self._peer)
+
+    def _is_from_remote(self, peer: _Address) -> bool:
+        return self._remote is None or peer[0] == self._remote
 
 
 class UdpClient:

@@ -107,3 +107,31 @@ def test_joint_codec_refuses_a_message_without_a_number() -> None:
 def test_joint_codec_refuses_a_datagram_that_is_too_long() -> None:
     with pytest.raises(ProtocolError, match=f"at most {LARGEST_DATAGRAM}"):
         JointCodec().decode(bytes(LARGEST_DATAGRAM + 1))
+
+
+@pytest.mark.parametrize("name", ["motorState", "mciState", "rapidExecState", "planned", "feedBack"])
+@pytest.mark.parametrize("codec", [JointCodec(), SensorCodec()], ids=["joints", "sensor"])
+def test_codec_refuses_a_message_from_which_a_part_was_cut(codec: JointCodec | SensorCodec, name: str) -> None:
+    robot = robot_datagram()
+    robot.ClearField(name)
+    with pytest.raises(ProtocolError, match=f"no {name}: it was cut off" if name.endswith("State") else name):
+        codec.decode(robot.SerializeToString())
+
+
+@pytest.mark.parametrize("codec", [JointCodec(), SensorCodec(axes=7)], ids=["joints", "sensor"])
+def test_codec_reads_a_datagram_whole_or_refuses_it_wherever_it_is_cut(codec: JointCodec | SensorCodec) -> None:
+    datagram = RobotCodec().encode(MESSAGE)
+    states = []
+    for end in range(len(datagram)):
+        try:
+            message = codec.decode(datagram[:end])
+        except ProtocolError:
+            continue
+        states.append((message.motors, message.mci, message.rapid))
+    assert set(states) <= {(MESSAGE.motors, MESSAGE.mci, MESSAGE.rapid)}
+
+
+@pytest.mark.parametrize("codec", [JointCodec(), SensorCodec()], ids=["joints", "sensor"])
+def test_codec_reads_a_state_that_is_undefined(codec: JointCodec | SensorCodec) -> None:
+    datagram = RobotCodec().encode(replace(MESSAGE, rapid=RapidState.UNDEFINED))
+    assert codec.decode(datagram).rapid is RapidState.UNDEFINED

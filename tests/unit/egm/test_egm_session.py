@@ -7,7 +7,7 @@ import pytest
 from yumi.egm.codec import RobotCodec
 from yumi.egm.joint_codec import JointCodec
 from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
-from yumi.egm.session import LARGEST_GAP, REORDERED, SILENCE, STRAGGLER, SensorSession, SessionCounters
+from yumi.egm.session import AGREEING, LARGEST_GAP, LONG_SILENCE, REORDERED, SILENCE, SensorSession, SessionCounters
 from yumi.robot.joints import Joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
@@ -54,7 +54,7 @@ def test_session_begins_in_the_middle_when_we_come_late(session: SensorSession[J
 def test_session_counts_its_replies_from_zero_in_every_session(session: SensorSession[JointReport]) -> None:
     accept(session, 0)
     assert [reply_seqno(session), reply_seqno(session)] == [0, 1]
-    accept(session, 0, now=10.0)
+    session.accept([datagram(0, 1010.0)], 10.0)
     assert reply_seqno(session) == 0
 
 
@@ -89,17 +89,17 @@ def test_session_answers_the_newest_good_datagram_when_the_newest_is_garbage(
 
 def test_session_tells_what_was_lost_from_what_was_only_overtaken(session: SensorSession[JointReport]) -> None:
     accept(session, 0)
-    accept(session, 3)
+    accept(session, 3, now=3 * CYCLE)
     assert session.counters.lost == 2
-    assert accept(session, 2) is None
+    assert accept(session, 2, now=3 * CYCLE) is None
     assert (session.counters.lost, session.counters.stale, session.counters.missed) == (1, 1, 2)
 
 
 def test_session_counts_a_repeated_datagram_once_it_came(session: SensorSession[JointReport]) -> None:
     accept(session, 0)
-    accept(session, 2)
+    accept(session, 2, now=2 * CYCLE)
     for seqno in (2, 0, 1, 1):
-        assert accept(session, seqno) is None
+        assert accept(session, seqno, now=2 * CYCLE) is None
     assert session.counters == SessionCounters(received=2, stale=1, repeated=3)
 
 
@@ -123,7 +123,6 @@ def test_session_begins_anew_when_the_robot_counts_anew(
 
 
 def test_session_that_began_within_a_batch_is_first(session: SensorSession[JointReport]) -> None:
-    accept(session, 5)
     later = [datagram(seqno, 1000.1 + seqno * CYCLE) for seqno in (0, 1)]
     message = session.accept([datagram(6), *later], 3 * CYCLE)
     assert message is not None
@@ -138,14 +137,18 @@ def test_session_leaves_stragglers_of_the_session_before_aside(session: SensorSe
 
 
 def test_session_begins_anew_after_a_leap_no_loss_explains(session: SensorSession[JointReport]) -> None:
+    session = SensorSession(JointCodec(), silence=1.0)
     accept(session, 0)
-    accept(session, LARGEST_GAP)
+    accept(session, LARGEST_GAP, now=LARGEST_GAP * CYCLE)
     assert (session.number, session.counters.lost) == (1, LARGEST_GAP - 1)
-    accept(session, 2 * LARGEST_GAP + 1)
-    assert (session.number, session.counters.lost) == (2, LARGEST_GAP - 1)
+    numbers = []
+    for count in range(AGREEING):
+        accept(session, 2 * LARGEST_GAP + 1 + count, now=(LARGEST_GAP + 1 + count) * CYCLE)
+        numbers.append(session.number)
+    assert (numbers, session.counters.lost) == ([1] * (AGREEING - 1) + [2], LARGEST_GAP - 1)
 
 
-@pytest.mark.parametrize("leap", [-STRAGGLER - 1.0, -0.5, 0.0, 0.5, 1e6])
+@pytest.mark.parametrize("leap", [-LONG_SILENCE - 1.0, -0.5, 0.0, 0.5, 1e6])
 def test_session_goes_on_when_the_robots_clock_is_set(session: SensorSession[JointReport], leap: float) -> None:
     accept(session, 0)
     assert session.accept([datagram(1, 1000.0 + leap)], CYCLE) is not None
@@ -182,13 +185,27 @@ def test_session_begins_anew_after_a_silence_when_the_robot_had_stopped_its_cloc
 
 
 @pytest.mark.parametrize("seqno", [0, 10, 29, 300])
-def test_session_begins_anew_after_a_silence_when_the_robot_has_not(
+def test_session_begins_anew_after_a_long_silence_when_the_robot_has_not(
     session: SensorSession[JointReport], seqno: int
 ) -> None:
     accept(session, 10)
     accept(session, 20, now=0.04)
-    assert session.accept([datagram(seqno, 1000.4)], 0.4) is not None
+    assert session.accept([datagram(seqno, 1002.0)], 0.041 + LONG_SILENCE) is not None
     assert (session.number, session.is_first, session.is_resumed, session.counters.missed) == (2, True, False, 9)
+
+
+@pytest.mark.parametrize("seqno", [0, 10, 29, 300])
+def test_session_begins_anew_after_a_short_silence_with_the_third_datagram_that_agrees(
+    session: SensorSession[JointReport], seqno: int
+) -> None:
+    accept(session, 10)
+    accept(session, 20, now=0.04)
+    answered = [
+        session.accept([datagram(seqno + count, 1000.4 + count * CYCLE)], 0.4 + count * CYCLE) is not None
+        for count in range(4)
+    ]
+    assert answered == [False, False, True, True]
+    assert session.number == 2
 
 
 def test_session_is_closed_once_when_the_robot_is_silent(session: SensorSession[JointReport]) -> None:
@@ -211,3 +228,72 @@ def test_session_takes_a_message_into_the_statistics_once(session: SensorSession
     session.settle()
     session.settle()
     assert session.arrivals.cycle_time == pytest.approx(0.004)
+
+
+def live(session: SensorSession[JointReport], count: int) -> float:
+    """A session of ``count`` datagrams in time; when the last one arrived [s]."""
+    for seqno in range(count):
+        assert accept(session, seqno, now=seqno * CYCLE) == seqno
+    return (count - 1) * CYCLE
+
+
+@pytest.mark.parametrize("behind", [1, 16, 17, 20, 30, 60, 100, 200, 250])
+def test_session_never_begins_with_a_datagram_that_is_old(session: SensorSession[JointReport], behind: int) -> None:
+    now = live(session, 300)
+    assert accept(session, 299 - behind, now=now + 0.002) is None
+    assert accept(session, 300, now=now + CYCLE) == 300
+    assert (session.number, session.counters.stale + session.counters.repeated) == (1, 1)
+
+
+def test_session_does_not_begin_with_many_old_datagrams_at_once(session: SensorSession[JointReport]) -> None:
+    now = live(session, 300)
+    assert accept(session, *range(150, 250), now=now + 0.002) is None
+    assert accept(session, 300, now=now + CYCLE) == 300
+    assert session.number == 1
+
+
+@pytest.mark.parametrize("seqno", [0, 1, 150, 298, 299, 300, 301, 303, 310, 330, 363, 400, 2**32 - 1])
+@pytest.mark.parametrize("later", [-900.0, -1.0, -0.2, 0.0, 0.5 * CYCLE, CYCLE, 5 * CYCLE, 30 * CYCLE, 10.0, 1e6, None])
+def test_session_answers_the_true_datagram_after_a_single_false_one(
+    session: SensorSession[JointReport], seqno: int, later: float | None
+) -> None:
+    """Whatever number and robot time [s] the false one has; None is the time that belongs to its number."""
+    now = live(session, 300)
+    time = 1000.0 + seqno * CYCLE if later is None else 1000.0 + 299 * CYCLE + later
+    false = RobotCodec().encode(replace(MESSAGE, seqno=seqno, measured=(1.0, *HOME[1:]), measured_time=time))
+    session.accept([false], now + 0.5 * CYCLE)
+    for true in (300, 301, 302):
+        message = session.accept([datagram(true)], now + (true - 299) * CYCLE)
+        assert message is not None
+        assert message.measured[0] == pytest.approx(HOME[0])
+    assert session.number == 1
+
+
+@pytest.mark.parametrize("is_clock_new", [False, True])
+def test_session_takes_up_a_robot_that_begins_anew_within_a_few_datagrams(
+    session: SensorSession[JointReport], is_clock_new: bool
+) -> None:
+    now = live(session, 300)
+    start = 5.0 if is_clock_new else 1000.0 + 300 * CYCLE
+    answered = [
+        session.accept([datagram(seqno, start + seqno * CYCLE)], now + (seqno + 1) * CYCLE) is not None
+        for seqno in range(5)
+    ]
+    assert answered == [False, False, True, True, True]
+    assert session.number == 2
+
+
+def test_session_goes_on_when_the_robots_count_wraps(session: SensorSession[JointReport]) -> None:
+    for count in range(6):
+        time = 1000.0 + count * CYCLE
+        assert session.accept([datagram((2**32 - 3 + count) % 2**32, time)], count * CYCLE) is not None
+    assert (session.number, session.counters) == (1, SessionCounters(received=6))
+
+
+@pytest.mark.parametrize("cycle", [0.004032, 0.008, 0.048])
+def test_session_learns_the_period_of_the_robot(cycle: float) -> None:
+    session: SensorSession[JointReport] = SensorSession(JointCodec(), silence=1.0)
+    for seqno in range(20):
+        assert session.accept([datagram(seqno, 1000.0 + seqno * cycle)], seqno * cycle) is not None
+    assert session.accept([datagram(24, 1000.0 + 24 * cycle)], 24 * cycle) is not None
+    assert (session.number, session.counters.lost) == (1, 4)

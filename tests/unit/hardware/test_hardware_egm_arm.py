@@ -10,6 +10,7 @@ from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.hardware.egm_arm import EgmArm
 from yumi.links.memory import MemoryLink, memory_links
+from yumi.links.udp import UdpClient, UdpServer
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints
 from yumi.robot.values import ZERO, ArmCommand
@@ -137,3 +138,77 @@ def test_arm_looks_for_a_newer_datagram_unless_the_robot_is_on_time(pause: float
         robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
     arm.read(pause)
     assert len(ours.receive()) == left
+
+
+class Sender:
+    """Sends datagrams to a real socket and waits until they are there."""
+
+    def __init__(self, server: UdpServer) -> None:
+        self._link = UdpClient("127.0.0.1", server.port)
+        self._codec = RobotCodec()
+
+    def send(self, seqno: int, *, measured: Joints = HOME) -> None:
+        time = 1000.0 + seqno * CYCLE
+        self._link.send(self._codec.encode(replace(MESSAGE, seqno=seqno, measured=measured, measured_time=time)))
+
+    def send_junk(self) -> None:
+        self._link.send(b"junk")
+
+    def answers(self) -> int:
+        return len(self._link.receive())
+
+    def close(self) -> None:
+        self._link.close()
+
+
+def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
+    """Loopback delivers before ``send`` returns, so nothing has to be waited for."""
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, forger = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        answered = 0
+        for seqno in range(50):
+            now = seqno * CYCLE
+            robot.send(seqno)
+            forger.send(seqno + 1000, measured=(1.0, *HOME[1:]))
+            forger.send_junk()
+            while (state := arm.read(now)) is not None:
+                assert state.position == pytest.approx(HOME, abs=1e-6)
+                arm.write(ArmCommand(HOME))
+                answered += 1
+        assert (answered, robot.answers(), forger.answers()) == (50, 50, 0)
+        assert arm.wire_counters().foreign == 2 * 50
+        assert arm.wire_counters().malformed == 0
+        robot.close()
+        forger.close()
+
+
+def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, again = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        robot.send(0)
+        assert arm.read(0.0) is not None
+        again.send(500)
+        assert arm.read(CYCLE) is None
+        assert arm.lost_after(1.5) is not None
+        again.send(500)
+        assert arm.read(2.0) is not None
+        arm.write(ArmCommand(HOME))
+        assert (robot.answers(), again.answers()) == (0, 1)
+        robot.close()
+        again.close()
+
+
+def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it() -> None:
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, other = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        other.send_junk()
+        robot.send(0)
+        other.send_junk()
+        assert arm.read(0.0) is not None
+        arm.write(ArmCommand(HOME))
+        assert (robot.answers(), other.answers()) == (1, 0)
+        robot.close()
+        other.close()

@@ -98,3 +98,35 @@ def test_own_address_towards_this_machine_is_loopback() -> None:
 def test_unknown_name_is_refused_with_a_sentence() -> None:
     with pytest.raises(NoConnection, match="The name 'no such host' is not known"):
         resolve("no such host")
+
+
+def test_server_hands_out_what_one_sender_sent_then_what_another_did() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        one, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)
+        for sender, datagram in ((one, b"1"), (other, b"a"), (one, b"2"), (other, b"b")):
+            sender.send(datagram)
+        assert (server.receive(), server.receive(), server.receive()) == ([b"1", b"2"], [b"a", b"b"], [])
+        server.send(b"reply")
+        assert (receive(other), one.receive(), server.foreign) == ([b"reply"], [], 0)
+        one.close()
+        other.close()
+
+
+def test_server_hears_and_answers_only_the_sender_that_is_pinned() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)
+        robot.send(b"1")
+        assert receive(server) == [b"1"]
+        server.pin()
+        for sender, datagram in ((other, b"a"), (robot, b"2"), (other, b"b")):
+            sender.send(datagram)
+        assert (receive(server), server.newest, server.foreign) == ([b"2"], b"2", 2)
+        other.send(b"c")
+        assert (receive(server), server.receive_next(), server.foreign) == ([], None, 3)
+        server.send(b"reply")
+        assert (receive(robot), other.receive()) == ([b"reply"], [])
+        server.release()
+        other.send(b"d")
+        assert receive(server) == [b"d"]
+        robot.close()
+        other.close()
