@@ -148,7 +148,8 @@ class RobotManager:
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words. Raises YumiError."""
         is_ours = self._guidance.wanted and self._guidance.are_guided(self._arms)
-        return [] if is_ours else self._bringup.steps_to_ready()
+        is_refused = self._stop_log.stop is not None
+        return [] if is_ours or is_refused else self._bringup.steps_to_ready()
 
     def tell_remarks(self) -> None:
         """Warn of what the check of the controller has found to be odd, once each."""
