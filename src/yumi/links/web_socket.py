@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 import threading
 from concurrent.futures import Future
 from typing import TypeAlias
@@ -18,6 +19,7 @@ HEARTBEAT = 10.0
 """The peer is asked so often whether it lives; without an answer within half of it, it is lost [s]."""
 
 _CLOSE_TIMEOUT = 1.0
+_DESCRIPTORS = 4  # of an event loop (three) and the connection
 _END_TIMEOUT = 3.0  # [s] a thread that has not ended by then is left to itself
 _MAX_TEXT = 1024 * 1024
 
@@ -57,6 +59,7 @@ class WebSocket:
             ControllerRefused: what answers does not open a WebSocket.
         """
         self._timeout = timeout
+        self._check_descriptors()
         start_thread(self._thread)
         self._loop.result()
 
@@ -69,6 +72,20 @@ class WebSocket:
             return  # its thread has ended already
         if threading.current_thread() is not self._thread:
             self._thread.join(_END_TIMEOUT)
+
+    def _check_descriptors(self) -> None:
+        """An event loop that finds none complains at length, each time; see what it needs beforehand."""
+        ends: list[socket.socket] = []
+        try:
+            for _ in range(_DESCRIPTORS // 2):
+                ends += socket.socketpair()
+        except OSError as error:
+            raise NoConnection(
+                f"No file descriptor is left for the WebSocket of {self._address}; raise the limit (ulimit -n)."
+            ) from error
+        finally:
+            for end in ends:
+                end.close()
 
     def _run(self) -> None:
         """Not begun again when it fails: who listens is told of the loss, and opens another one."""

@@ -80,10 +80,20 @@ def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
     )
 
 
-def test_web_socket_without_a_descriptor_is_refused_and_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_web_socket_without_an_event_loop_is_refused_and_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(asyncio.events, "new_event_loop", refuse)
     with pytest.raises(NoConnection, match=r"cannot be reached .*No space left on device"):
         HttpLink("127.0.0.1:9").open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)
+
+
+def test_web_socket_looks_for_its_descriptors_before_it_begins() -> None:
+    link = HttpLink("127.0.0.1:9")
+    with pytest.raises(NoConnection, match="cannot be reached"):
+        link.open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)  # its modules are read before the limit
+    with no_descriptor_left(), pytest.raises(NoConnection) as refused:
+        link.open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)
+    sentence = "No file descriptor is left for the WebSocket of 127.0.0.1:9; raise the limit (ulimit -n)."
+    assert str(refused.value) == sentence
 
 
 def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
