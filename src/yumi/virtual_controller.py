@@ -107,6 +107,7 @@ class Pace:
 _SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
+_RARELY = 1000  # young collections for each look at everything; 10 by default
 _LONG_WORK = 0.1  # [s] of work in the background, after which there is so much new that the collector leaves it alone
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
@@ -197,6 +198,7 @@ class VirtualController:
             NoConnection: the port is taken.
         """
         prefer_process()
+        gc.set_threshold(700, 10, _RARELY)  # a look at everything takes longer than a cycle once programs are long
         self._background.start()
         try:
             with brisk_threads(), self._server as server:

@@ -89,6 +89,13 @@ def test_upload_is_limited_and_the_connection_goes_on(address: str, client: RwsC
     assert client.controller_state() in ControllerState
 
 
+def test_long_upload_whose_session_has_expired_is_made_with_a_new_one(address: str, client: RwsClient) -> None:
+    """The first attempt is a stranger's, whose body is not read but let go by."""
+    fault(address, "rws-sessions-expired")
+    client.upload("HOME:/large.mod", "!" * 5_000_000)
+    assert len(client.download("HOME:/large.mod")) == 5_000_000
+
+
 def test_fault_under_a_strange_name_is_refused(address: str) -> None:
     with closing(HTTPConnection(address, timeout=PATIENCE)) as page:
         page.request("POST", "/virtual/faults/emergency-stop", headers={"Host": "evil.example"})

@@ -113,18 +113,31 @@ def _language() -> Lark:
 
 def _remembered(text: str, start: str, filename: str) -> Any:
     """What the text was parsed to before, a syntax error too: who asks again does not wait again."""
-    result = _result(text, start, filename)
+    key = (text, start, filename)
+    result = _results.get(key)
+    if result is None:
+        try:
+            result = _parse(text, start, filename)
+        except RapidSyntaxError as error:
+            result = error.with_traceback(None)
+        _make_room(len(text))
+        _results[key] = result
     if isinstance(result, RapidSyntaxError):
         raise result.with_traceback(None)
     return result
 
 
-@functools.lru_cache(maxsize=64)
-def _result(text: str, start: str, filename: str) -> Any:
-    try:
-        return _parse(text, start, filename)
-    except RapidSyntaxError as error:
-        return error
+_results: dict[tuple[str, str, str], Any] = {}
+MOST_RESULTS, LONGEST_RESULTS = 64, 1_000_000  # texts, characters; a tree takes a hundred times as much memory
+
+
+def _make_room(length: int) -> None:
+    keys = list(_results)  # other threads parse, too
+    total = length + sum(len(text) for text, _, _ in keys)
+    while keys and (len(keys) >= MOST_RESULTS or total > LONGEST_RESULTS):
+        oldest = keys.pop(0)
+        total -= len(oldest[0])
+        _results.pop(oldest, None)
 
 
 def _parse(text: str, start: str, filename: str) -> Any:

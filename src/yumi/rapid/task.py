@@ -12,6 +12,7 @@ from yumi.errors import RobotNotReady
 from yumi.rapid import syntax as s
 from yumi.rapid.agenda import Agenda
 from yumi.rapid.calls import Places
+from yumi.rapid.code import Code, Step
 from yumi.rapid.data import UNSET, Place, Variable
 from yumi.rapid.error_numbers import FIRST_BOOKED_NUMBER
 from yumi.rapid.errors import (
@@ -42,6 +43,7 @@ TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave th
 LONGEST_PROGRAM = 2_000_000  # characters in all modules together
 MOST_DATA = 5_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
+STEPS_FREED = 200  # in an advance
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
@@ -104,6 +106,7 @@ class Task:
         self._machine = Machine(self)
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
+        self._discarded: list[list[Step]] = []
         for system_name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum")):
             variable = Variable(system_name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
             self.program.system_data[system_name.lower()] = variable
@@ -142,12 +145,13 @@ class Task:
         """Load a parsed module bit by bit; one that does not fit leaves the program as it was. Raises as `load`."""
         key, filename = module.name.lower(), module.filename
         old = self.program.modules.get(key)
+        if old is not None and replace:
+            self._check_not_executing(old)
         if old is not None and not replace:
             raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
         self._check_memory(module)
         new = loaded(module)
-        if old is not None:
-            self.unload(module.name)
+        self.program.modules.pop(key, None)
         try:
             if self._machine.frames:
                 yield from self._linker.linking(new)
@@ -156,7 +160,7 @@ class Task:
                 self.program.modules[key] = old
             raise
         self.program.modules[key] = new
-        self._forget_code()
+        self._forget_code(old)
 
     def _check_memory(self, module: s.Module) -> None:
         others = [m.syntax for m in self.program.modules.values() if m.name.lower() != module.name.lower()]
@@ -170,10 +174,13 @@ class Task:
     def unload(self, module: str) -> None:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
         found = self._module(module)
-        if any(frame.routine.module is found for frame in self._machine.frames):
-            raise RobotNotReady(f"The module '{found.name}' is executing; move PP to main before it is unloaded.")
+        self._check_not_executing(found)
         del self.program.modules[module.lower()]
-        self._forget_code()
+        self._forget_code(found)
+
+    def _check_not_executing(self, module: LoadedModule) -> None:
+        if any(frame.routine.module is module for frame in self._machine.frames):
+            raise RobotNotReady(f"The module '{module.name}' is executing; move PP to main before it is unloaded.")
 
     def compiling(self) -> Iterator[None]:
         """Compile what is not yet, bit by bit, as far as it fits: what it took then is saved at PP to main."""
@@ -193,11 +200,28 @@ class Task:
         except RapidReferenceError:
             return  # PP to main says it
 
-    def _forget_code(self) -> None:
+    def _forget_code(self, removed: LoadedModule | None) -> None:
         """What a name means may have changed, so routines are compiled anew when they are called."""
         self.program.version += 1
-        for routine in self.program.routines():
+        gone = () if removed is None else tuple(removed.symbols.values())
+        for routine in (*self.program.routines(), *(each for each in gone if isinstance(each, UserRoutine))):
+            self._discard(routine.code)
             routine.code = routine.parameters = routine.returns = None
+        if removed is not None:  # in circles, where only the collector would find it, which takes longer than a cycle
+            removed.symbols.clear()
+            removed.data.clear()
+
+    def _discard(self, code: Code | None) -> None:
+        """Let go of compiled code, of a long routine a few steps a cycle: to free all at once takes many cycles."""
+        is_long = code is not None and len(code.steps) > STEPS_FREED and self.is_running
+        if code is not None and is_long and all(frame.code is not code for frame in self._machine.frames):
+            self._discarded.append(code.steps)
+
+    def _free_discarded(self) -> None:
+        if self._discarded:
+            del self._discarded[-1][-STEPS_FREED:]
+            if not self._discarded[-1]:
+                self._discarded.pop()
 
     # Execution ----------------------------------------------------------------------------------------------------
 
@@ -248,6 +272,7 @@ class Task:
 
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
+        self._free_discarded()
         machine, end = self._machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE

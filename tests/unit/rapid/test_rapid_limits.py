@@ -17,6 +17,7 @@ from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
 from yumi.rapid.machine import COMPILED_AT_ONCE
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
+from yumi.rapid.scope import UserRoutine
 from yumi.rapid.syntax import Module
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
 
@@ -272,6 +273,32 @@ def test_long_routine_is_compiled_over_several_cycles() -> None:
     assert bench.lines == []
     bench.run(0.02)
     assert (bench.lines, bench.task.read("long", "x")) == (["done"], "1000")
+
+
+def test_module_that_is_unloaded_leaves_nothing_in_circles_for_the_collector() -> None:
+    bench = Bench("WaitTime 10;")
+    bench.task.load("MODULE other VAR num x; PROC p() p; ENDPROC ENDMODULE", "other.mod")
+    bench.start()
+    module = bench.task.program.modules["other"]
+    bench.task.unload("other")
+    assert (module.symbols, module.data) == ({}, {})
+
+
+def test_code_of_a_long_routine_is_freed_over_several_cycles() -> None:
+    bench = Bench('Load "long.mod"; %"long"%; TPWrite "done"; WaitTime 10;')
+    bench.host.files["long.mod"] = LONG
+    bench.start()
+    bench.run(0.2)
+    routine = bench.task.program.modules["long"].symbols["long"]
+    assert isinstance(routine, UserRoutine)
+    assert routine.code is not None
+    steps = routine.code.steps
+    bench.task.unload("long")
+    assert len(steps) > 1000
+    bench.task.advance(0.004)
+    assert len(steps) > 700
+    bench.run(0.04)
+    assert steps == []
 
 
 def test_fault_in_a_long_routine_is_an_error_of_its_call() -> None:
