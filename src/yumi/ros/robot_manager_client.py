@@ -101,12 +101,18 @@ class RobotManagerClient:
         Raises:
             RobotNotReady: EGM did not start, or did not end after a block that went well.
         """
-        report(self.start_egm())
+        has_begun = True  # as far as anybody knows: Ctrl-C may come while the driver starts EGM
         try:
+            try:
+                report(self.start_egm())
+            except YumiError:
+                has_begun = False
+                raise
             yield
         except BaseException:  # Ctrl-C too
-            with suppress(YumiError):  # what went wrong in the block matters more
-                report(self.stop_egm())
+            if has_begun:
+                with suppress(YumiError):  # what went wrong in the block matters more
+                    report(self.stop_egm())
             raise
         report(self.stop_egm())
 
