@@ -6,7 +6,7 @@
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
                                             joint-states-l, hands, web-socket, robot-watch, watchdog,
                                             fast-line-events (two), flight-records (when something stops),
-                                            full-recorder (--record)
+                                            full-recorder (--record), automatic-recovery (recovery.automatic)
                      process 2, 3  the fast lines: one arm's cycles each, one thread
 """
 

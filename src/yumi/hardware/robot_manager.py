@@ -332,7 +332,12 @@ class RobotManager:
         return self._data.read_signal(name)
 
     def write_signal(self, name: str, value: str | float) -> None:
-        """Set an I/O signal. Raises YumiError; nothing was changed then."""
+        """Set an I/O signal. Raises YumiError; nothing was changed then.
+
+        What starts a motion of the robot's program is refused while a stop waits for a person's confirmation.
+        """
+        if name.upper().startswith(("EGM_START", "RUN_")):  # RAPID's names know no case
+            self._stop_log.check_confirmed(self._bringup.client, "")
         self._data.write_signal(name, value)
 
     def read_variable(self, task: str, module: str, name: str) -> str:
