@@ -4,8 +4,9 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, hands, robot-watch, watchdog, fast-line-events (two), all
-                                            of them supervised (links/supervision.py);
+                                            joint-states-l, hands, robot-watch, watchdog, fast-line-events (two),
+                                            automatic-recovery (recovery.automatic), all of them supervised
+                                            (links/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end

@@ -263,7 +263,6 @@ def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual
         with pytest.raises(RobotNotReady, match="10013 Emergency stop"):
             robot.right.gripper.close()
         assert end.value.stop == refusal.value.stop == robot.stop_to_confirm
-        assert not own_virtual.is_guided(Side.RIGHT)
         robot.recover(confirm=robot.stop_to_confirm)
         assert robot.stop_to_confirm == ""
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)

@@ -27,6 +27,7 @@ REQUESTS: dict[str, Callable[[System], object]] = {
     "make_ready": lambda system: system.manager.make_ready(),
     "motors_on": lambda system: system.manager.motors_on(),
     "start_rapid": lambda system: system.manager.start_rapid(),
+    "write_signal": lambda system: system.manager.write_signal("EGM_START_JOINT", 1),
     "run_routine": lambda system: system.manager.run_routine(Side.LEFT, "runMoveJ"),
 }
 

@@ -143,7 +143,13 @@ class Connection:
         )
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
         is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
-        self._gripper_setup = GripperSetup(parts.grippers, report, log.warning, is_wanted=is_wanted)
+        self._gripper_setup = GripperSetup(
+            parts.grippers,
+            report,
+            log.warning,
+            is_wanted=is_wanted,
+            is_confirmed=lambda: not parts.manager.is_unattended,
+        )
         parts.manager.when_ready(self._gripper_setup.run)
         log.log(logging.INFO if self.manager.speed.value == FULL else logging.WARNING, "%s", self.manager.speed)
         stack.callback(parts.client.close)

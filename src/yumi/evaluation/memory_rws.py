@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import RLock
+
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused
 from yumi.hardware.rws_client import DEFAULT_PASSWORD, DEFAULT_USER
@@ -61,10 +63,12 @@ class MemoryRws:
         self.adapter = RwsAdapter(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
         self._clock = clock
         self._channels: list[MemoryChannel] = []
+        self._lock = RLock()  # the driver's threads ask side by side, a controller answers one after another
 
     def advance(self) -> None:
         """The controller tells what has changed."""
-        self.adapter.advance(self._clock.now())
+        with self._lock:
+            self.adapter.advance(self._clock.now())
 
     def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
         """The answer, at once; raises ConnectionLost when there is none."""
@@ -86,7 +90,8 @@ class MemoryRws:
 
     def handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         """What the controller makes of a request; None closes the connection."""
-        return self.adapter.handle(request, self._clock.now())
+        with self._lock:
+            return self.adapter.handle(request, self._clock.now())
 
     def hang_up(self) -> None:
         """The controller breaks all WebSockets."""

@@ -50,6 +50,7 @@ class RobotManager:
         watch: what is known of the robot.
         watchdog: on the robot, and our signs of life to it.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
+        is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
         speed: the factor on the speed of every controller, see :mod:`yumi.hardware.speed_setting`.
     """
 
@@ -80,7 +81,7 @@ class RobotManager:
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._lock = Lock()  # one at a time; the robot has one state
         self._stops = 0  # how many were asked for
-        self.has_acted = False
+        self.has_acted = self.is_unattended = False
 
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
@@ -274,7 +275,11 @@ class RobotManager:
             is_link = is_running and log.cause is None and self._lost_link.issuperset(lost)
             if not log.is_without_person or not (log.cause is not None or is_link):
                 return None
-            return self._recovery.run(is_new=True)
+            self.is_unattended = True
+            try:
+                return self._recovery.run(is_new=True)
+            finally:
+                self.is_unattended = False
 
     def give_way(self) -> None:
         """End what is being done to the robot at its next step."""
@@ -358,7 +363,12 @@ class RobotManager:
         return self._data.read_signal(name)
 
     def write_signal(self, name: str, value: str | float) -> None:
-        """Set an I/O signal. Raises YumiError; nothing was changed then."""
+        """Set an I/O signal. Raises YumiError; nothing was changed then.
+
+        What starts a motion of the robot's program is refused while a stop waits for a person's confirmation.
+        """
+        if name.upper().startswith(("EGM_START", "RUN_")):  # RAPID's names know no case
+            self._stop_log.check_confirmed(self._bringup.client, "")
         self._data.write_signal(name, value)
 
     def read_variable(self, task: str, module: str, name: str) -> str:

@@ -168,7 +168,8 @@ class RosDriver:
             lambda step: self.say(f"Bring-up: {step}"),
             nodes.manager.get_logger().error,
             is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
-            why_not=self._why_no_grip,
+            why_not=self._managed.why_no_grip,  # a stop is confirmed before the robot becomes ready, but not closed yet
+            is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)
         self._commands = command_topics(nodes.streams, fast_lines, clock)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.hardware.event_texts import EVENT_TEXTS, cause_among, explain
+from yumi.hardware.event_texts import EVENT_TEXTS, cause_among, explain, is_without_person, needs_person
 from yumi.rws.replies import Event
 from yumi.rws.states import EventType
 
@@ -58,3 +58,23 @@ def test_texts_are_parts_of_a_sentence(code: int) -> None:
     for part in (text.cause, text.remedy):
         assert part
         assert not part.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("code", "is_persons"),
+    [(10012, True), (10013, True), (50056, True), (50204, True), (90200, True), (90213, True), (90299, True)]
+    + [(code, False) for code in (10010, 10015, 10017, 10045, 10125, 41822, 50375, 80001, 90300, 112755)],
+)
+def test_emergency_stop_guard_stop_and_collision_need_a_person(code: int, is_persons: bool) -> None:
+    assert needs_person(code) is is_persons
+    assert not (is_persons and is_without_person(log((code, ERROR))[0]))
+
+
+def test_program_stop_alone_may_have_been_a_person() -> None:
+    assert not is_without_person(log((10125, INFORMATION))[0])
+
+
+@pytest.mark.parametrize(("title", "is_watchdog"), [("Stopped by the watchdog", True), ("My own program", False)])
+def test_only_our_watchdog_is_known_to_stop_the_program_without_a_person(title: str, is_watchdog: bool) -> None:
+    event = Event(1, ERROR, 80001, "2026-07-09 T 08:15:30", title, "Text.")
+    assert is_without_person(event) is is_watchdog
