@@ -19,6 +19,7 @@ from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_setup import set_up_hands
 from yumi.hardware.robot_manager import RobotManager
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.settings import Settings
@@ -51,6 +52,7 @@ class Connection:
         self._book = MotionBook()
         self._stack = ExitStack()
         self._were_tested = False
+        self._speed: SpeedSetting | None = None
 
     def open(self) -> None:
         """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
@@ -101,7 +103,11 @@ class Connection:
         settings, report = self._settings, partial(log.info, "%s")
         parts = make_parts(settings, self._controllers, self._book.tell, report, GOAL_CONTROLLER, self._arms)
         self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
-        log.log(logging.INFO if self.manager.speed.value == FULL else logging.WARNING, "%s", self.manager.speed)
+        if self._speed is not None:  # what was set before the connection was opened anew
+            self.manager.speed.set(self._speed.value)
+        self._speed = self.manager.speed
+        if self._speed.value < FULL:
+            log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
