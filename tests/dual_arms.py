@@ -8,6 +8,7 @@ from math import radians
 
 from yumi.control.mailbox import MemoryMailbox
 from yumi.control.requests import ControllerNotice
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
 from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
@@ -25,11 +26,13 @@ class DualArms:
     """Two arms that take turns in each cycle.
 
     Attributes:
+        scales: where each arm's factor on its speeds is put.
         arms: each with its controller active.
         ended: what each controller told when a motion ended.
     """
 
     def __init__(self) -> None:
+        self.scales = {side: MemoryMailbox() for side in Side}
         self._told = {side: MemoryMailbox() for side in Side}
         self._feedback = {side: MemoryMailbox() for side in Side}
         self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
@@ -40,8 +43,9 @@ class DualArms:
 
     def _arm(self, side: Side) -> GuidedArm:
         other = Side.LEFT if side is Side.RIGHT else Side.RIGHT
-        half = DualArmTrajectoryController(side, self._feedback[side], self._told[side], self._told[other])
-        return GuidedArm({NAME: half}, side=side)
+        speed = SpeedScale(self.scales[side])
+        half = DualArmTrajectoryController(side, self._feedback[side], self._told[side], self._told[other], speed=speed)
+        return GuidedArm({NAME: half}, side=side, speed=speed)
 
     @property
     def now(self) -> float:

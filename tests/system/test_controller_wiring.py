@@ -7,6 +7,7 @@ import pytest
 from controller_states import moved
 from yumi.app import CONTROLLER_KINDS, Place
 from yumi.control.goals import GoalKind, put_goal
+from yumi.control.speed_scale import SpeedScale
 from yumi.evaluation.guided_arm import GuidedArm
 from yumi.hardware.fast_line import ArmBoxes
 from yumi.robot.cycle import CYCLE
@@ -30,7 +31,7 @@ SIDE = Side.LEFT
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
     boxes = ArmBoxes()
-    place = Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE)
+    place = Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE, SpeedScale(boxes.speed_scale))
     arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)

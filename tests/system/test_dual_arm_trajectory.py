@@ -45,6 +45,27 @@ def test_both_arms_start_in_the_same_cycle_period_and_stay_together(arms: DualAr
         assert ended.skew.worst < CYCLE
 
 
+def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualArms) -> None:
+    arms.arms[Side.LEFT].clock.advance(0.0015)
+    for box in arms.scales.values():
+        box.put((0.5,))
+    arms.run(0.5)
+    arms.send(dual_arm_trajectory())
+    arms.run(3.0)
+    for box in arms.scales.values():
+        box.put((0.2,))
+    arms.run(3.0)
+    assert {arms.feedback(side).scale for side in Side} == {0.2}
+    for box in arms.scales.values():
+        box.put((1.0,))
+    arms.run_until(lambda: arms.is_over, 20.0)
+    for (ended,) in arms.ended.values():
+        assert (ended.outcome, ended.sentence) == (Outcome.SUCCEEDED, "The goal is reached.")
+        assert ended.skew is not None
+        assert abs(ended.skew.start) < CYCLE
+        assert ended.skew.worst < 2.0 * CYCLE
+
+
 def test_skew_is_handed_out_during_the_motion(arms: DualArms) -> None:
     arms.arms[Side.LEFT].clock.advance(0.0015)
     arms.cycle()

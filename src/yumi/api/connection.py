@@ -21,6 +21,7 @@ from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_setup import GripperSetup, close_as_test
 from yumi.hardware.robot_manager import RobotManager
+from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.stops import StopLog
 from yumi.robot.joints import Side
 from yumi.robot.limits import YUMI_LIMITS
@@ -55,6 +56,7 @@ class Connection:
         self._stack = ExitStack()
         self._were_tested = False
         self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
+        self._speed: SpeedSetting | None = None
 
     def open(self, confirm: str = "") -> None:
         """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
@@ -151,7 +153,11 @@ class Connection:
             is_confirmed=lambda: not parts.manager.is_unattended,
         )
         parts.manager.when_ready(self._gripper_setup.run)
-        log.log(logging.INFO if self.manager.speed.value == FULL else logging.WARNING, "%s", self.manager.speed)
+        if self._speed is not None:  # what was set before the connection was opened anew
+            self.manager.speed.set(self._speed.value)
+        self._speed = self.manager.speed
+        if self._speed.value < FULL:
+            log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

@@ -28,6 +28,9 @@ class SpeedSetting:
         boxes: where each arm's control loop looks for it.
         is_guided: whether EGM runs on an arm.
 
+    Attributes:
+        is_guided: as above.
+
     Raises:
         CommandRefused: the value is out of range.
     """
@@ -40,7 +43,7 @@ class SpeedSetting:
     ) -> None:
         self._lock = Lock()
         self._boxes = boxes or {}
-        self._is_guided = is_guided
+        self.is_guided = is_guided
         self._started_with = dict.fromkeys(Side, FULL)
         self._value = checked(value)
         self._tell_arms()
@@ -82,7 +85,7 @@ class SpeedSetting:
         return f"speed_scale is {self._value:g}: every controller moves with at most {self._value:.0%} of its speeds."
 
     def _of_arm(self, side: Side) -> float:
-        return min(self._value, self._started_with[side]) if self._is_guided(side) else self._value
+        return min(self._value, self._started_with[side]) if self.is_guided(side) else self._value
 
     def _tell_arms(self) -> None:
         for side, box in self._boxes.items():

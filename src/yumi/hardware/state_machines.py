@@ -76,7 +76,7 @@ class StateMachines:
             RobotNotReady: an arm did not begin, or did not take its settings.
         """
         scale = self._speed.value
-        beginning = [side for side in arms if self.state(side) is not MachineState.RUN_EGM_ROUTINE]
+        beginning = [side for side in arms if not self._speed.is_guided(side)]
         for side in Side:
             self._write_settings(side, scale, is_allowed=side in arms)
         self._client.pulse_signal(START_JOINT)
