@@ -6,10 +6,10 @@ one that takes ten milliseconds, during which no other thread gets on.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from contextlib import suppress
-from threading import Barrier, BrokenBarrierError, Thread
 from threading import Event as Flag
+from threading import Thread
 from typing import Any
 
 from rclpy._rclpy_pybind11 import InvalidHandle
@@ -40,17 +40,12 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
 
     def _begin_all_threads(self) -> None:
         """Begin what would else begin one by one, whenever two callbacks meet: a driver then grows for hours."""
-        together = Barrier(_THREADS)
+        together = threading.Barrier(_THREADS)
         try:
             for _ in range(_THREADS):
-                self._executor.submit(_meet, together)
+                self._executor.submit(together.wait)
         except RuntimeError:  # the operating system permits fewer: so many callbacks run side by side
             together.abort()
-
-
-def _meet(together: Barrier) -> None:
-    with suppress(BrokenBarrierError):
-        together.wait()
 
 
 class Executors:
