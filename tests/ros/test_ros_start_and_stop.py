@@ -26,7 +26,9 @@ WARM_UP_KB = 2 * GROWTH_KB
 EVERY = 10
 
 
-@pytest.mark.parametrize("count", [short(2 * LEAST, pytest.mark.ros), long(CYCLES, 10.0 * CYCLES)])
+@pytest.mark.parametrize(
+    "count", [short(2 * LEAST, pytest.mark.ros, pytest.mark.timeout(150)), long(CYCLES, 10.0 * CYCLES)]
+)
 def test_starting_and_stopping_egm_leaves_no_thread_descriptor_or_memory_behind(
     client: Client, driver: Command, count: int
 ) -> None:
