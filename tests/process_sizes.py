@@ -21,7 +21,7 @@ class Sizes(NamedTuple):
         processes: how many there are.
         threads: of all of them.
         descriptors: open ones, of all of them.
-        memory_kb: in use, without what is mapped from files, which the kernel maps in pieces of any size [kB].
+        memory_kb: in use, without files and shared memory, whose pages come when they are first touched [kB].
     """
 
     processes: int
@@ -71,6 +71,5 @@ def settled_sizes(session: int) -> Sizes:
 
 def _of_process(folder: Path) -> Sizes:
     status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
-    # A process that has ended has no memory.
-    memory = sum(int(status[name].split()[0]) for name in ("RssAnon", "RssShmem") if name in status)
+    memory = int(status["RssAnon"].split()[0]) if "RssAnon" in status else 0  # one that has ended has none
     return Sizes(1, int(status["Threads"]), len(os.listdir(folder / "fd")), memory)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import cos, degrees, pi, radians, sin
+from math import cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple, Protocol
 
 from yumi.egm.codec import RobotCodec, SensorCodec
@@ -42,6 +42,7 @@ class Attack:
         way: in which direction.
         duration: how long it lasts [s]; None where it is one datagram.
         strays: how far the reference may be from the swing while the motion goes on [rad].
+        delays: whether the motion may go on later than it would have: then it is the range of the swing that counts.
         unanswered: how many datagrams of the robot may stay without an answer of their own; None while it lasts.
     """
 
@@ -50,6 +51,7 @@ class Attack:
     way: Way | None = None
     duration: float | None = None
     strays: float = radians(1.0)
+    delays: bool = False
     unanswered: int | None = 0
 
     def __str__(self) -> str:
@@ -79,16 +81,16 @@ _MANY = radians(5.0)
 LASTING = (
     Attack(Fault.EGM_TRUNCATE, None, None, 0.3, unanswered=None),
     Attack(Fault.EGM_TRUNCATE, 40.0, None, 0.3, unanswered=None),
-    Attack(Fault.EGM_SWAP_ARMS, None, None, 0.5, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_OFFSET, 5.0, None, 0.3, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_OFFSET, 30.0, None, 0.3, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, unanswered=None),
-    Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, unanswered=None),
+    Attack(Fault.EGM_SWAP_ARMS, None, None, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_OFFSET, 5.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_OFFSET, 30.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_DUPLICATE, 1.0, Way.FROM_ROBOT, 0.5),
     # Each reference that comes twice makes the robot a cycle later for the rest of the session (reference/egm.md §4.3).
-    Attack(Fault.EGM_DUPLICATE, 1.0, Way.TO_ROBOT, 0.05, strays=_MANY),
+    Attack(Fault.EGM_DUPLICATE, 1.0, Way.TO_ROBOT, 0.05, strays=_MANY, delays=True),
     Attack(Fault.EGM_FOREIGN_PORT, None, None, 0.3),
 )
 """What lasts for a time."""
@@ -180,7 +182,7 @@ def check_limits(heard: Sequence[Heard]) -> None:
     """Every reference is in range, and none asks for more speed or acceleration than the joints have.
 
     A cycle that comes late gives more room, by a quarter of a cycle at most, so each step was made for one to one and a
-    quarter cycles.
+    quarter cycles. After a cycle without a reference the motion may go on from rest or as before.
     """
     limits = YUMI_LIMITS
     slack = 1.0 + 1e-3
@@ -193,6 +195,8 @@ def check_limits(heard: Sequence[Heard]) -> None:
             assert abs(change) <= slack * top * LONGEST_STEP, f"too fast {where}"
             if this is not heard[1]:
                 now, then = _speeds(change), _speeds(old)
+                if this.cycle > last.cycle + 1:  # the robot stood at the last reference meanwhile
+                    then = min(then[0], 0.0), max(then[1], 0.0)
                 apart = max(now[0] - then[1], then[0] - now[1], 0.0)
                 assert apart <= 1.05 * gain * LONGEST_STEP, f"{apart / (gain * CYCLE):.1f} times too abrupt {where}"
         before = step
@@ -227,6 +231,12 @@ class Swing:
         determinant = ss * cc - sc * sc
         return (sy * cc - cy * sc) / determinant, (cy * ss - sy * sc) / determinant
 
+    def excess(self, heard: Heard) -> float:
+        """How far a reference is beyond its range, in the joint that is farthest [rad]."""
+        ranges = {joint: hypot(a, b) for joint, (a, b) in self._amplitudes.items()}
+        offsets = enumerate(zip(heard.position, self._center, strict=True))
+        return max(abs(value - middle) - ranges.get(joint, 0.0) for joint, (value, middle) in offsets)
+
     def deviation(self, heard: Heard) -> float:
         """How far a reference is from it, in the joint that is farthest [rad]."""
         s, c = _phase(heard.time)
@@ -246,13 +256,14 @@ def is_at_rest(heard: Sequence[Heard]) -> bool:
     return all(max(values) - min(values) < REST for values in zip(*last, strict=True))
 
 
-def check_path(heard: Sequence[Heard], swing: Swing, strays: float) -> str:
+def check_path(heard: Sequence[Heard], swing: Swing, attack: Attack) -> str:
     """The motion goes on, or the arm holds near where it left it; never does the reference follow what was false.
 
     Returns:
         Which of the two.
     """
-    deviations = [swing.deviation(each) for each in heard]
+    strays = attack.strays
+    deviations = [swing.excess(each) if attack.delays else swing.deviation(each) for each in heard]
     if max(deviations) <= strays:
         return "goes on"
     left = heard[next(place for place, deviation in enumerate(deviations) if deviation > strays)]

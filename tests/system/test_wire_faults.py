@@ -108,7 +108,7 @@ def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(rig: Rig,
         passed = rig.passed(side)
         heard = passed.since(begin[side])
         check_limits(heard)
-        check_path(heard, paths[side], attack.strays)
+        check_path(heard, paths[side], attack)
         first = begin[side] if attack.unanswered is not None else passed.cycle - 50
         answered = {each.cycle for each in heard}
         unanswered = [cycle for cycle in range(first + 1, passed.cycle) if cycle not in answered]

@@ -66,7 +66,7 @@ def test_swing_that_nothing_disturbs_goes_on_within_the_limits(system: SwingingS
         system.wait(AFTER)
         recent = heard[-300:]
         check_limits(recent)
-        assert check_path(recent, path, Attack(LASTING[0].fault).strays) == "goes on"
+        assert check_path(recent, path, SINGLE[0]) == "goes on"
         assert not is_at_rest(recent)
 
 
@@ -80,7 +80,7 @@ def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: S
         passed = system.passed(side)
         heard = passed.since(begin[side])
         check_limits(heard)
-        check_path(heard, paths[side], attack.strays)
+        check_path(heard, paths[side], attack)
         first = begin[side] if attack.unanswered is not None else passed.cycle - 50
         sent, answered = {cycle for cycle, _ in passed.sent}, {each.cycle - 1 for each in heard}
         unanswered = [cycle for cycle in range(first, passed.cycle) if cycle not in sent & answered]

@@ -6,10 +6,9 @@ one that takes ten milliseconds, during which no other thread gets on.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
-from threading import Barrier, BrokenBarrierError
 from threading import Event as Flag
 from typing import Any
 
@@ -43,10 +42,10 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
             self._executor.submit(lambda: None).result()
         except RuntimeError as error:
             raise MissingPrerequisite(no_thread("ROS 2's services", error)) from error
-        together = Barrier(_THREADS)
+        together = threading.Barrier(_THREADS)
         try:
             for _ in range(_THREADS):
-                self._executor.submit(_meet, together)
+                self._executor.submit(together.wait)
         except RuntimeError:  # the operating system permits fewer: so many callbacks run side by side
             together.abort()
 
@@ -54,11 +53,6 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
         is_done = bool(super().shutdown(timeout_sec))
         self._executor.shutdown(wait=False)  # the pool's threads end, which rclpy leaves to the garbage collector
         return is_done
-
-
-def _meet(together: Barrier) -> None:
-    with suppress(BrokenBarrierError):
-        together.wait()
 
 
 class Executors:

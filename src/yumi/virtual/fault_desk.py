@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from ipaddress import ip_address
 from math import inf, isfinite
 from urllib.parse import urlsplit
@@ -103,10 +104,14 @@ class FaultDesk:
         elif fault is Fault.EGM_SILENCE:
             for each in sides:
                 self._world.lines.put(Fault.EGM_LOSS, each, 100.0, duration=length)
-        elif fault in (*SINGLE, *LASTING):
-            self._happen_on_line(fault, sides, length, amount, way or Way.BOTH)
+        elif fault in LASTING:
+            for each in sides:
+                self._world.lines.put(fault, each, _strength(fault.value, amount), way or Way.BOTH, length)
+        elif fault in SINGLE:
+            send = partial(self._send_beside, fault, _strength(fault.value, amount))
+            self._happen_to(send, sides, is_chosen=side is not None)
         else:
-            self._happen_to(fault, sides, is_chosen=side is not None)
+            self._happen_to(self._of_arm[fault], sides, is_chosen=side is not None)
 
     def answer(self, request: HttpRequest) -> HttpReply:
         """The answer to a request below :data:`PATH`."""
@@ -129,27 +134,20 @@ class FaultDesk:
             return _sentence(_CONFLICT, str(error))
         return HttpReply(_NO_CONTENT)
 
-    def _happen_to(self, fault: Fault, sides: Sequence[Side], *, is_chosen: bool) -> None:
+    def _happen_to(self, happen: Callable[[Side], None], sides: Sequence[Side], *, is_chosen: bool) -> None:
         """Let a fault happen to the arms it can happen to, at least one."""
         refused: list[CommandRefused] = []
         for side in sides:
             try:
-                self._of_arm[fault](side)
+                happen(side)
             except CommandRefused as error:
                 refused.append(error)
         if refused and (is_chosen or len(refused) == len(sides)):
             raise refused[0]
 
-    def _happen_on_line(
-        self, fault: Fault, sides: Sequence[Side], duration: float | None, amount: float | None, way: Way
-    ) -> None:
-        kind = fault.value.amount
-        strength = amount if amount is not None else (kind.default if kind is not None else None) or 0.0
-        if fault in SINGLE:  # it has to be like those that are sent
-            for side in sides:
-                self._egm(side)
-        for side in sides:
-            self._world.lines.put(fault, side, strength, way, duration)
+    def _send_beside(self, fault: Fault, amount: float, side: Side) -> None:
+        self._egm(side)  # one more datagram has to be like those that are sent
+        self._world.lines.put(fault, side, amount)
 
     def _egm(self, side: Side) -> EgmClient:
         egm = self._world.egm[side]
@@ -194,6 +192,12 @@ def _check_strength(kind: FaultKind, amount: float | None, way: Way | None) -> N
     if not is_in_range or (kind.amount.is_whole and amount != int(amount)):
         whole = ", a whole number" if kind.amount.is_whole else ""
         raise CommandRefused(f"{kind.name} goes by {kind.amount.range}{whole}, not by {amount:g}.")
+
+
+def _strength(kind: FaultKind, amount: float | None) -> float:
+    """0 is chance, or nothing to choose."""
+    default = kind.amount.default if kind.amount is not None else None
+    return (default or 0.0) if amount is None else amount
 
 
 def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
