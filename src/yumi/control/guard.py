@@ -114,7 +114,7 @@ class Guard:
         self._agreeing = 0  # those of them that agree with each other
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is not believed
         self._entering: ArmState | None = None  # of a new session that was not answered yet
-        self._is_new = False  # whether the newest state begins a session in which the robot does not follow yet
+        self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._told = ArmCommand(ZERO)  # the command before the last
         self._plan: Joints = ZERO  # where the robot planned to be when it was seen moving last
         self._due = 0.0  # how far it should have come since [rad]
@@ -128,7 +128,6 @@ class Guard:
         Returns:
             None where no answer is safe: it is open whether the robot still follows, or where it is.
         """
-        self._is_new = False
         if state.session != self._session:
             self._state = self._enter(state)
         elif self._is_plausible(state):
@@ -205,6 +204,7 @@ class Guard:
             return None
         lead = self._largest_lead(state)
         before, self._entering = self._entering, state
+        self._is_new = False
         if abs(lead) < _MARGIN:
             return self._accept_session(state)
         if before is None or before.session != state.session or state.dt <= 0.0:
@@ -279,6 +279,7 @@ class Guard:
         is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
         if believed is None or ((is_outweighed or is_elsewhere) and self._limits.outside(state.position) is None):
             self._believed = state._replace(velocity=ZERO)
+            self.is_at_rest = False  # the command is not where the robot is
             return self._trust(state)
         return believed._replace(time=state.time, dt=state.dt, session=state.session)
 
@@ -319,6 +320,7 @@ class Guard:
         self._shaper.rest_at(position)
         self._feed_forward.end()
         self.is_at_rest = True
+        self._is_new = False
         self._told = ArmCommand(position)
         return ArmCommand(position)
 
