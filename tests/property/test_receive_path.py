@@ -25,7 +25,7 @@ from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.arm_model import ArmModel
 
-EXAMPLES = int(os.environ.get("YUMI_RECEIVE_EXAMPLES", "100"))
+EXAMPLES = int(os.environ.get("YUMI_RECEIVE_EXAMPLES", "50"))
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
 RECENT = FOLLOWING / 5.0
 
@@ -73,7 +73,7 @@ class Attacked(EgmLoop):
         """The robot begins a session where it stands, as EGM does: from a fine point."""
         self.robot.arm.stop_egm()
         self.is_silent = True
-        self.move(200)
+        self.move(60)
         self.is_silent = False
         if self.robot.arm.motors_on:
             self.robot.start(FULL_SPEED)
@@ -190,7 +190,7 @@ ACTIONS = st.one_of(
     ),
     st.builds(not_running, st.integers(1, 5)),
     st.builds(damaged, st.integers(0, 10_000)),
-    st.builds(for_a_while, st.just("is_silent"), st.integers(1, 30) | st.integers(30, 300)),
+    st.builds(for_a_while, st.just("is_silent"), st.integers(1, 30) | st.integers(30, 120)),
     st.builds(for_a_while, st.just("is_swapped"), st.integers(1, 60)),
     st.builds(for_a_while, st.just("is_shuffled"), st.integers(2, 40)),
     st.builds(deaf, st.integers(1, 60)),
@@ -237,12 +237,12 @@ def assert_within_limits(loop: Attacked) -> None:
 
 @pytest.mark.timeout(7200)
 @settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
-@given(st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=12))
+@given(st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6))
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]]) -> None:
     loop = Attacked()
     loop.begin()
     loop.begun = loop.clock.now()
-    loop.move(80)
+    loop.move(60)
     for pause, action in script:
         action(loop)
         loop.move(1 + pause)
