@@ -1,6 +1,6 @@
 """Whatever arrives from the network: what leaves for the robot keeps the limits, and never departs from where it is.
 
-The real classes (session, arm, controllers, guard) behind a wire that may do anything, and a virtual robot that follows.
+The real classes (session, arm, controllers, guard) behind a wire that may do anything, and a virtual robot.
 ``YUMI_RECEIVE_EXAMPLES=2000 pytest tests/property/test_receive_path.py`` tries more of it.
 """
 
@@ -9,19 +9,22 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from math import nan, sin
+from math import dist, sin
 from random import Random
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from egm_loop import CYCLE, FULL_SPEED, EgmLoop
+from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
 from yumi.control.guard import FOLLOWING, LATE_CYCLE
 from yumi.control.lifecycle import State
+from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
+from yumi.control.snapshot import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MotorState, RobotMessage
-from yumi.robot.joints import Joints, joints
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.arm_model import ArmModel
 
@@ -251,4 +254,88 @@ def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, A
     loop.move(40)
     assert_within_limits(loop)
     assert loop.sent == [pytest.approx(cycle.admitted.position, abs=1e-6) for cycle in loop.cycles[: len(loop.sent)]]
-    assert nan not in (value for position in loop.sent for value in position)
+
+
+ONE_DATAGRAM = {
+    **{f"{behind} old": old(behind + 1, 1) for behind in (10, 20, 30, 60, 100, 200)},
+    **{f"forged {by:g} rad": forged(2, by, 1, CYCLE) for by in (0.035, 0.09, 0.52, 10.0)},
+    "forged, 30 numbers ahead": forged(2, 0.5, 30, 30 * CYCLE),
+    "burst of 100 old": old(220, 100),
+    "motors off": not_running(1),
+    "duplicate": old(1, 1),
+}
+
+
+@pytest.mark.parametrize("name", ONE_DATAGRAM)
+def test_motion_goes_on_whatever_false_datagram_arrives(name: str) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    planned, before = loop.robot.arm.planned, len(loop.cycles)
+    ONE_DATAGRAM[name](loop)
+    loop.move(2)
+    assert max(abs(new - old) for new, old in zip(loop.robot.arm.planned, planned, strict=True)) < 0.05
+    loop.move(60)
+    assert_within_limits(loop)
+    assert loop.snapshot.session == 1
+    assert len(loop.cycles) - before >= 61  # this end looks once a cycle, and may find the false one
+    assert loop.snapshot.is_commanded == (name != "motors off")
+
+
+@pytest.mark.parametrize("cycles", [20, 30, 120, 2500])
+def test_lead_is_taken_back_within_the_limits_after_a_silence(cycles: int) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.go(YUMI_LIMITS.upper)
+    for _ in range(60):
+        loop.cycle()
+    loop.is_silent = True
+    for _ in range(cycles):
+        loop.cycle()
+    loop.is_silent = False
+    for _ in range(300):
+        loop.cycle()
+    assert_within_limits(loop)
+    assert loop.line.is_still
+    assert [event for event in loop.events if isinstance(event, SessionResumed)]
+
+
+def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refused_until_it_does() -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.run(0.5)
+    hears, loop.to_robot = loop.to_robot, lambda datagram: ()
+    loop.go(joints([value + 0.3 for value in loop.home]))
+    loop.run(0.3)
+    (event,) = (event for event in loop.events if isinstance(event, RobotDoesNotFollow))
+    assert event.deactivated == (CONTROLLER,)
+    assert "its replies may be lost; check that this machine's firewall lets UDP out" in str(event)
+    assert loop.snapshot.problem is Problem.NOT_FOLLOWING
+    with pytest.raises(CommandRefused, match="the robot does not follow the references"):
+        loop.line.check_follows()
+    loop.run(1.0)
+    loop.to_robot = hears
+    loop.run(0.3)
+    assert loop.snapshot.problem is Problem.NONE
+    assert loop.events[-1] == ProblemOver(Side.LEFT, Problem.NOT_FOLLOWING)
+    loop.line.check_follows()
+    assert dist(loop.robot.arm.planned, loop.home) < 0.01
+
+
+def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    for_a_while("is_swapped", 500)(loop)
+    assert_within_limits(loop)
+    lost = [event for event in loop.events if isinstance(event, FeedbackDoubted) and event.is_lost]
+    assert [event.deactivated for event in lost] == [(CONTROLLER,)]
+    assert loop.snapshot.problem is Problem.IMPLAUSIBLE
+    assert loop.snapshot.implausible == 500
+    assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
+    assert loop.line.state is not None
+    assert dist(lost[0].position, OTHER_ARM) < 1e-5

@@ -417,7 +417,7 @@ def test_guard_believes_what_several_datagrams_say_when_only_the_first_said_othe
 def test_guard_goes_on_from_the_last_command_when_a_session_begins_while_the_robot_follows(
     guard: Guard, middle: Joints
 ) -> None:
-    guard.admit(state(middle), None)
+    command = guard.admit(state(middle), None)
     path, planned = [middle] * 3, middle
     for count in range(200):
         now = ArmState(count * DT, DT, 1 if count < 60 else 2, planned, ZERO, planned, is_running=True)
