@@ -50,6 +50,7 @@ _AGREEING = 3  # so many datagrams that agree with each other outweigh as many o
 _FEW = 25  # a session that was believed for longer is not outweighed
 _MOTION = 1e-4  # [rad] over all joints: a plan that moves
 _DUE = 5e-3  # [rad] a plan that should have moved so far would have
+_SLIGHT = 0.01  # [rad] a lead that a robot may follow at once
 _PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever it is told: RAPID may have moved it
@@ -115,7 +116,8 @@ class Guard:
         self._agreeing = 0  # those of them that agree with each other
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is not believed
         self._entering: ArmState | None = None  # of a new session that was not answered yet
-        self._is_new = False  # whether the newest state begins a session in which the robot does not follow yet
+        self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
+        self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._told = ArmCommand(ZERO)  # the command before the last
         self._plan: Joints = ZERO  # where the robot planned to be when it was seen moving last
         self._due = 0.0  # how far it should have come since [rad]
@@ -129,7 +131,6 @@ class Guard:
         Returns:
             None where no answer is safe: it is open whether the robot still follows, or where it is.
         """
-        self._is_new = False
         if state.session != self._session:
             self._state = self._enter(state)
         elif self._is_plausible(state):
@@ -164,7 +165,11 @@ class Guard:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if self._doubts >= DOUBTED or not state.is_running:
             return self._come_to(state, dt)
-        if wanted is None or self.problem is not Problem.NONE or not self._may_go_on(state, wanted):
+        if wanted is None or self._is_settling or self.problem is not Problem.NONE:
+            command = self._hold(state, dt)
+            self._is_settling = not self.is_at_rest  # the arm stands sooner than the command is back
+            return command
+        if not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self.is_at_rest = False
         position = self._shape(self._inside(wanted.position), dt, state.dt)
@@ -192,6 +197,7 @@ class Guard:
             not self.is_at_rest
             and not self._doubts
             and not self._is_new
+            and not self._is_settling
             and self.problem is Problem.NONE
             and state.is_running
             and wanted.velocity is ZERO
@@ -212,7 +218,8 @@ class Guard:
             return None
         lead = self._largest_lead(state)
         before, self._entering = self._entering, state
-        if abs(lead) < _MARGIN:
+        self._is_new = False
+        if abs(lead) < _SLIGHT:
             return self._accept_session(state)
         if before is None or before.session != state.session or state.dt <= 0.0:
             return None  # the next state tells
@@ -286,6 +293,7 @@ class Guard:
         is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
         if believed is None or ((is_outweighed or is_elsewhere) and self._limits.outside(state.position) is None):
             self._believed = state._replace(velocity=ZERO)
+            self.is_at_rest = False  # the command is not where the robot is
             return self._trust(state)
         return believed._replace(time=state.time, dt=state.dt, session=state.session)
 
@@ -326,6 +334,7 @@ class Guard:
         self._shaper.rest_at(position)
         self._feed_forward.end()
         self.is_at_rest = True
+        self._is_new = self._is_settling = False
         self._told = ArmCommand(position)
         return ArmCommand(position)
 

@@ -34,6 +34,8 @@ from yumi.robot.joints import Side
 
 STALE = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one tells of a process that hangs [s]."""
+EXCHANGED = 0.5
+"""A position that one arm's datagrams report is the other arm's if it is as near to that [rad, over all joints]."""
 
 _ANSWER_TIMEOUT = 5.0
 
@@ -273,7 +275,7 @@ class FastLines:
         """Each arm's process knows its own positions only; those of both tell whether their datagrams are exchanged."""
         if isinstance(event, FeedbackDoubted):
             own, other = self.snapshot(event.side).position, self.snapshot(event.side.other).position
-            if dist(event.position, other) < dist(event.position, own):
+            if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
                 event = replace(event, is_other_arm=True)
         on_event(event)
 
