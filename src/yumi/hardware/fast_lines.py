@@ -34,6 +34,7 @@ from yumi.robot.joints import Side
 
 STALE = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one tells of a process that hangs [s]."""
+
 EXCHANGED = 0.5
 """A position that one arm's datagrams report is the other arm's if it is as near to that [rad, over all joints]."""
 
