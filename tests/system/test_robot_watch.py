@@ -266,10 +266,11 @@ def test_emergency_stop_during_a_request_is_an_alarm(watched: Watched) -> None:
     assert [level for level, _ in watched.lines] == [logging.ERROR]
 
 
-def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(watched: Watched) -> None:
+@pytest.mark.parametrize("fault", [Fault.MOTORS_OFF, Fault.PROGRAM_STOP])
+def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(watched: Watched, fault: Fault) -> None:
     watched.system.manager.go_to(Mode.READY, print)
     watched.lines.clear()
-    watched.system.faults.happen(Fault.MOTORS_OFF)
+    watched.system.faults.happen(fault)
     watched.wait(1.0)
     assert [level for level, _ in watched.lines if level > logging.INFO] == [logging.WARNING]
 

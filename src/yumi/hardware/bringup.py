@@ -21,6 +21,9 @@ from yumi.hardware.state_machines import StateMachines
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, OperatingMode
 
+STOP_PROGRAM = "stop the RAPID program"
+"""The step before a program that runs is begun anew."""
+
 _IDLE_DEADLINE = 5.0
 
 ANNOUNCEMENT = "Bring-up will: "
@@ -143,7 +146,7 @@ class Bringup:
             RobotNotReady: a step did not reach its state in time; the message says which and what to do.
         """
         if self.cabinet.is_running:
-            self.report("stop the RAPID program")
+            self.report(STOP_PROGRAM)
             self.cabinet.stop_rapid()
         self.report("program pointer to main")
         self.cabinet.move_pp_to_main()

@@ -11,7 +11,7 @@ from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
 from yumi.errors import RobotNotReady, YumiError
 from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.automatic_recovery import AutomaticRecovery, RecoverySettings
-from yumi.hardware.bringup import Bringup
+from yumi.hardware.bringup import STOP_PROGRAM, Bringup
 from yumi.hardware.controller_data import ControllerData
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.rapid_routines import RapidRoutines
@@ -382,7 +382,7 @@ class RobotManager:
     # How
 
     @contextmanager
-    def _changing(self, changes: frozenset[str] = frozenset({PROGRAM_STOPPED})) -> Iterator[None]:
+    def _changing(self, changes: frozenset[str] = frozenset()) -> Iterator[None]:
         """One at a time; who looks afterwards sees what has changed. Who waited while a stop came loses his turn."""
         stops = self._stops
         with self._lock, self.watch.reports.requested(changes):
@@ -404,7 +404,9 @@ class RobotManager:
         """
         client = self._bringup.client
 
-        def check(_: str) -> None:
+        def check(step: str) -> None:
+            if step == STOP_PROGRAM:
+                self.watch.reports.request(frozenset({PROGRAM_STOPPED}))
             self._stop_log.check_unchanged(client, confirmed)
 
         with self._changing():

@@ -66,6 +66,10 @@ class StateReports:
         finally:
             self._requested_until = self._clock.now() + NOTICED
 
+    def request(self, changes: frozenset[str]) -> None:
+        """These are asked for, too, within the present block."""
+        self._requested |= changes
+
     def note(self, before: RobotState, after: RobotState) -> None:
         """Take a change, and log what is due.
 
