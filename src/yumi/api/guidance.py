@@ -12,7 +12,7 @@ from yumi.control.calming import STANDING
 from yumi.control.goals import check_position, put_goal
 from yumi.control.mailbox import Mailbox
 from yumi.control.requests import Done, ListControllers, Order, Request, SendOrders, SwitchControllers
-from yumi.control.snapshot import Snapshot
+from yumi.control.snapshot import CAUSES, Problem, Snapshot
 from yumi.control.spline import TrajectoryPoint
 from yumi.control.trajectory import TOGETHER, ArmPlan, JointTrajectory, plan_trajectory
 from yumi.controllers.joint_goal import JointGoal, StopMotion
@@ -191,6 +191,8 @@ class Guidance:
         snapshot, fault = self.snapshot(side), self._book.fault(side)
         if fault is not None:
             raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}")
+        if snapshot.problem is not Problem.NONE:
+            raise RobotNotReady(f"Goal refused: {side.word} arm: {CAUSES[snapshot.problem]}.")
         if not snapshot.is_running:
             raise RobotNotReady(f"EGM is not running on the {side.word} arm; call robot.recover().")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
@@ -14,6 +15,9 @@ from yumi.control.requests import (
     ControllerFailed,
     ControllerNotice,
     Event,
+    FeedbackDoubted,
+    ProblemOver,
+    RobotDoesNotFollow,
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
@@ -21,14 +25,18 @@ from yumi.control.requests import (
     SessionStarted,
     Strictness,
 )
-from yumi.control.snapshot import Snapshot, put_snapshot
+from yumi.control.snapshot import CAUSES, Problem, Snapshot, put_snapshot
 from yumi.control.stations import AFTER_REPLY, StationClock
+from yumi.errors import CommandRefused
 from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
+from yumi.robot.joints import Side, joint_names
 from yumi.robot.values import ZERO, ArmState
 
 INTERRUPTION = 5
 """Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
+
+DOUBTS_REPORTED = 1.0
+"""Positions that are not believed are reported at most so often, as long as the arm goes on [s]."""
 
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
@@ -70,6 +78,9 @@ class ArmLine:
         self._interruption = INTERRUPTION * period
         self._due = (0.5 * period, 1.5 * period)
         self._session = 0
+        self._problem = Problem.NONE
+        self._implausible = 0
+        self._doubt_reported = -inf
         self._foreign = 0
         self._cycles = 0
         self._interruptions = 0
@@ -92,6 +103,16 @@ class ArmLine:
             return True
         return self._guard.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
 
+    def check_follows(self) -> None:
+        """See that nothing makes the arm hold whatever it is asked to do.
+
+        Raises:
+            CommandRefused: something does.
+        """
+        problem = self._guard.problem
+        if problem is not Problem.NONE:
+            raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
+
     def is_datagram_due(self, now: float) -> bool:
         """Whether the next datagram may come any moment: what takes time waits until it is answered."""
         if self._last is None:
@@ -105,6 +126,9 @@ class ArmLine:
         cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
         if cycle is not None:
             self._after_reply(cycle)
+        guard = self._guard
+        if guard.counters.implausible != self._implausible or guard.problem is not self._problem:
+            self._note_problem(now)
         return cycle
 
     def switch(
@@ -174,6 +198,31 @@ class ArmLine:
         self._stations.note(AFTER_REPLY)
         self._recorder.record(cycle, self.manager.reference, self._stations)
 
+    def _note_problem(self, now: float) -> None:
+        """The feedback is doubted, the arm holds for a reason of its own, or does no longer."""
+        before, self._problem = self._problem, self._guard.problem
+        is_doubted = self._guard.counters.implausible != self._implausible
+        self._implausible = self._guard.counters.implausible
+        if self._problem is not before:
+            if self._problem is Problem.NONE:
+                self._events.append(ProblemOver(self._side, before))
+            elif self._problem is Problem.NOT_FOLLOWING:
+                self._events.append(RobotDoesNotFollow(self._side, self.manager.deactivate_commanding()))
+            else:
+                self._events.append(self._doubted(is_lost=True))
+        elif is_doubted and self._problem is Problem.NONE and now - self._doubt_reported >= DOUBTS_REPORTED:
+            self._doubt_reported = now
+            self._events.append(self._doubted(is_lost=False))
+        self.publish(now)
+
+    def _doubted(self, *, is_lost: bool) -> FeedbackDoubted:
+        reported = self._guard.doubted
+        distances = [abs(is_at - was) for is_at, was in zip(reported, self._position, strict=True)]
+        index = distances.index(max(distances))
+        deactivated = self.manager.deactivate_commanding() if is_lost else ()
+        name = joint_names(self._side)[index]
+        return FeedbackDoubted(self._side, name, distances[index], reported, deactivated, is_lost)
+
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if state.session != self._session:
             self._session, before = state.session, None
@@ -218,6 +267,8 @@ class ArmLine:
                 position_limited=guard.position_limited,
                 slowed=guard.slowed,
                 interruptions=self._interruptions,
+                implausible=guard.implausible,
+                problem=self._guard.problem,
                 jitter=wire.jitter,
                 worst_jitter=wire.worst_jitter,
                 drift_ppm=wire.drift_ppm,

@@ -16,7 +16,7 @@ class Cycle:
     """What happened in one cycle.
 
     Attributes:
-        state: what the arm reported.
+        state: what the arm reported, as far as the guard believes it.
         wanted: what the controllers wanted; None where they wanted it to hold.
         admitted: what the guard let through and the arm was told.
     """
@@ -29,8 +29,9 @@ class Cycle:
 def run_cycle(
     arm: ArmPort, manager: ControllerManager, guard: Guard, now: float, stations: StationClock
 ) -> Cycle | None:
-    """Answer the newest state of ``arm``; None when there is no new one. ``stations`` only looks on."""
-    state = stations.timed(DECODE, arm.read(now))
+    """Answer the newest state of ``arm``; None when there is no new one that can be. ``stations`` only looks on."""
+    reported = stations.timed(DECODE, arm.read(now))
+    state = None if reported is None else guard.believe(reported)
     if state is None:
         return None
     wanted = stations.timed(UPDATE, manager.update(state))

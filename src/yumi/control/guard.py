@@ -3,18 +3,23 @@
 It refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as fast, and
 change its motion only as quickly, as the joints may, measured from the command admitted before. Hold means: come to
 rest, then repeat the last admitted command, not the measured position, which creeps under load.
+
+It does not trust the session. Whatever a datagram says, as long as the robot may be following earlier commands the next
+one goes on from the last. A position that no arm can have reached is not believed, and where the robot does not follow
+at all, its own plan shows it (docs/explanation/decisions/0014-feedback-is-doubted.md).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, isfinite
+from math import dist, hypot, inf, isfinite
 
 from yumi.control.feed_forward import EGM_GAIN, FeedForward
 from yumi.control.shaper import MotionShaper
+from yumi.control.snapshot import Problem
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, joints
-from yumi.robot.limits import JointLimits
+from yumi.robot.limits import YUMI_LIMITS, JointLimits
 from yumi.robot.values import ZERO, ArmCommand, ArmState
 
 FEEDBACK_DELAY = 0.050
@@ -22,6 +27,35 @@ FEEDBACK_DELAY = 0.050
 
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
+FOLLOWING = 5.0
+"""Time constants of the robot's position loop after which it stands where it was told to be, heard or not: what is left
+is less than a hundredth of the lead. Until then a new session does not mean that the last command is of no effect."""
+
+DOUBTED = 5
+"""A position that is not believed counts as a datagram that did not come; after so many in a row the arm holds."""
+
+LOST = 20
+"""After so many in a row the feedback is lost, as after 80 ms of silence."""
+
+NOT_FOLLOWING = 0.15
+"""A robot whose plan stands still for so long, while it is told to move, does not get what we say [s]."""
+
+OUTSIDE = 0.12
+"""How far outside of its range a joint may stand [rad]; further out there is none."""
+
+_MARGIN = 0.02  # [rad] a measured position may differ by from what a joint's speed explains
+_LONGEST = 0.1  # [s] of motion that explains a position while others are not believed
+_AGREEING = 3  # so many datagrams that agree with each other outweigh as many of the session before them
+_FEW = 25  # a session that was believed for longer is not outweighed
+_MOTION = 1e-4  # [rad] over all joints: a plan that moves
+_DUE = 5e-3  # [rad] a plan that should have moved so far would have
+_SLIGHT = 0.01  # [rad] a lead that a robot may follow at once
+_PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
+_CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
+_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
+_SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever it is told: RAPID may have moved it
+_SLOWEST = min(_SPEEDS)
+
 LATE_CYCLE = 1.25
 """A gap in the feedback gives no more room to move than a cycle late by a quarter: the robot takes it at once."""
 
@@ -34,11 +68,13 @@ class GuardCounters:
         refused: commands with a value that is no finite number; the arm held instead.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a joint's speed, acceleration or jerk.
+        implausible: measured or planned positions that no arm can have reached.
     """
 
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
+    implausible: int = 0
 
 
 class Guard:
@@ -48,6 +84,8 @@ class Guard:
         counters: what it changed so far.
         longest_step: no command moves further than the joints may within this time [s].
         is_at_rest: whether the robot is told to stand, and no command leads it any more.
+        problem: why the arm holds whatever is wanted.
+        doubted: the position that was not believed last [rad], (7,).
 
     Args:
         limits: what the joints may do; speeds, accelerations and jerks bound how the admitted position moves, and how
@@ -65,22 +103,73 @@ class Guard:
         self._shaper = MotionShaper(limits)
         self._feed_forward = FeedForward(limits, gain)
         self.is_at_rest = True
+        self.problem = Problem.NONE
+        self.doubted: Joints = ZERO
+        self._gain = gain
+        self._following = FOLLOWING / gain if gain > 0.0 else FOLLOWING / EGM_GAIN
+        self._sent_at = -inf
+        self._state: ArmState | None = None  # what was made of the newest state
+        self._believed: ArmState | None = None
+        self._support = 0  # states believed since the session began
+        self._doubts = 0  # states in a row that were not
+        self._doubt: ArmState | None = None  # the last of them
+        self._agreeing = 0  # those of them that agree with each other
+        self._stop_at: Joints | None = None  # where the arm holds while its feedback is not believed
+        self._entering: ArmState | None = None  # of a new session that was not answered yet
+        self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
+        self._is_settling = False  # whether the arm is held, and its command not back where the arm is
+        self._told = ArmCommand(ZERO)  # the command before the last
+        self._plan: Joints = ZERO  # where the robot planned to be when it was seen moving last
+        self._due = 0.0  # how far it should have come since [rad]
+        self._due_for = 0.0  # and for how long it was told to move [s]
+
+    def believe(self, state: ArmState) -> ArmState | None:
+        """What of ``state`` can be relied on; to be called before :meth:`admit`, which takes what it returns.
+
+        A position that no arm can have reached is replaced by the last one that was believed.
+
+        Returns:
+            None where no answer is safe: it is open whether the robot still follows, or where it is.
+        """
+        if state.session != self._session:
+            self._state = self._enter(state)
+        elif self._is_plausible(state):
+            self._state = self._trust(state)
+        else:
+            self._state = self._distrust(state)
+        return self._state
 
     def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
         """The command that may leave, next to ``wanted``; None holds.
 
-        The first command of a session, and every command while the robot does not follow, equals the measured
-        position: a robot that begins to follow finds no step.
+        The first command of a session in which the robot does not follow yet equals the measured position: a robot that
+        begins to follow finds no step. So do the commands while the robot does not follow, once they have come there.
         """
+        if state is not self._state:
+            believed = self.believe(state)
+            if believed is None:
+                return self._repeat(state)
+            state = believed
+        self._sent_at = state.time
         if wanted is not None and self._passes_at_once(state, wanted):
             return wanted
-        dt = min(state.dt, self.longest_step)
-        if state.session != self._session or not state.is_running:
-            self._session = state.session
+        if self._is_new:
             return self._begin(state.position)
+        return self._go_on(state, wanted, min(state.dt, self.longest_step))
+
+    def _go_on(self, state: ArmState, wanted: ArmCommand | None, dt: float) -> ArmCommand:
+        """The next command after the last one."""
+        if state.dt <= 0.0:
+            self._shaper.rest_at(self._shaper.position)  # in a silence the command has stood still
         if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
-        if wanted is None or not self._may_go_on(state, wanted):
+        if self._doubts >= DOUBTED or not state.is_running:
+            return self._come_to(state, dt)
+        if wanted is None or self._is_settling or self.problem is not Problem.NONE:
+            command = self._hold(state, dt)
+            self._is_settling = not self.is_at_rest  # the arm stands sooner than the command is back
+            return command
+        if not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self.is_at_rest = False
         position = self._shape(self._inside(wanted.position), dt, state.dt)
@@ -92,6 +181,7 @@ class Guard:
     def settle(self, state: ArmState) -> None:
         """After the reply to ``state``: prepare what makes the next one fast."""
         self._feed_forward.note(state.planned, self._shaper.position)
+        self._watch_plan(state)
         if not self.is_at_rest and state.dt > 0.0 and self._is_near(state, 0.8):
             self._shaper.look_ahead(min(state.dt, self.longest_step))
 
@@ -99,38 +189,186 @@ class Guard:
         """Whether there is nothing to do about ``wanted``: what most commands are."""
         return (
             not self.is_at_rest
-            and state.session == self._session
+            and not self._doubts
+            and not self._is_new
+            and not self._is_settling
+            and self.problem is Problem.NONE
             and state.is_running
             and wanted.velocity is ZERO
             and self._feed_forward.velocity is ZERO
             and self._shaper.glides(wanted.position, state.dt)
         )
 
+    def _enter(self, state: ArmState) -> ArmState | None:
+        """A session begins: whether the robot, which may still follow the last command, has to go on from there."""
+        if state.time - self._sent_at >= self._following:
+            if not self._is_start(state):
+                self._note_doubt(state)
+                return None
+            self._is_new = True
+            return self._accept_session(state)
+        if not self._is_plausible(state):
+            self._note_doubt(state)
+            return None
+        lead = self._largest_lead(state)
+        before, self._entering = self._entering, state
+        self._is_new = False
+        if abs(lead) < _SLIGHT:
+            return self._accept_session(state)
+        if before is None or before.session != state.session or state.dt <= 0.0:
+            return None  # the next state tells
+        moved = max(abs(new - old) for old, new in zip(before.planned, state.planned, strict=True))
+        self._is_new = moved < 0.1 * self._gain * abs(lead) * state.dt
+        return self._accept_session(state)
+
+    def _accept_session(self, state: ArmState) -> ArmState:
+        self._session, self._support, self._entering = state.session, 0, None
+        self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
+        self.problem = Problem.NONE
+        return self._trust(state)
+
+    def _largest_lead(self, state: ArmState) -> float:
+        return max((ahead - now for ahead, now in zip(self._shaper.position, state.planned, strict=True)), key=abs)
+
+    def _is_start(self, state: ArmState) -> bool:
+        """Whether an arm that has not been told anything for a while can be there."""
+        lower, upper = self._limits.lower, self._limits.upper
+        rows = zip(lower, upper, state.position, state.planned, _SPEEDS, strict=True)
+        return all(
+            low - OUTSIDE <= now <= high + OUTSIDE and abs(plan - now) <= speed * _LONGEST + _MARGIN
+            for low, high, now, plan, speed in rows
+        ) and (self._believed is None or self._could_reach(self._believed, state, inf))
+
+    def _is_plausible(self, state: ArmState) -> bool:
+        """Whether the arm can be where ``state`` says, and plan to be where it says, since it was believed last."""
+        believed = self._believed
+        if believed is None:
+            return self._is_start(state)
+        if not self._doubts:
+            reach = _SLOWEST * state.dt + _MARGIN
+            if dist(state.position, believed.position) <= reach and dist(state.planned, believed.planned) <= reach:
+                return True
+        return self._could_reach(believed, state, _LONGEST if self._doubts else inf)
+
+    def _could_reach(self, before: ArmState, state: ArmState, longest: float) -> bool:
+        """Whether the joints' speeds explain the way; while the robot may follow, it may have gone to the last command.
+
+        The robot's clock and ours may differ by what a network delays.
+        """
+        time = min(max(state.dt, state.time - before.time), longest)
+        for old, new, sent, speed in zip(before.position, state.position, self._shaper.position, _SPEEDS, strict=True):
+            room = speed * time + _MARGIN
+            if not min(old, sent) - room <= new <= max(old, sent) + room:
+                return False
+        for old, new, sent, speed in zip(before.planned, state.planned, self._shaper.position, _SPEEDS, strict=True):
+            room = speed * time + _MARGIN
+            if not min(old, sent) - room <= new <= max(old, sent) + room:
+                return False
+        return True
+
+    def _trust(self, state: ArmState) -> ArmState:
+        if self._doubts and self._believed is not None:
+            state = _since(self._believed, state)  # its speed was that from or to a false position
+        self._doubts, self._doubt, self._stop_at = 0, None, None
+        if self.problem is Problem.IMPLAUSIBLE:
+            self.problem = Problem.NONE
+        self._support += 1
+        self._believed = state
+        return state
+
+    def _distrust(self, state: ArmState) -> ArmState:
+        """The state with the last position that was believed, or this one if enough others agree with it."""
+        before = self._doubt
+        self._note_doubt(state)
+        believed = self._believed
+        agrees = before is not None and _agree(before, state) and _is_near_plan(state)
+        self._agreeing = self._agreeing + 1 if agrees else 1
+        is_outweighed = self._agreeing >= max(_AGREEING, self._support) and self._support < _FEW
+        is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
+        if believed is None or ((is_outweighed or is_elsewhere) and self._limits.outside(state.position) is None):
+            self._believed = state._replace(velocity=ZERO)
+            self.is_at_rest = False  # the command is not where the robot is
+            return self._trust(state)
+        return believed._replace(time=state.time, dt=state.dt, session=state.session)
+
+    def _note_doubt(self, state: ArmState) -> None:
+        self.counters.implausible += 1
+        self._doubts += 1
+        self._doubt, self.doubted = state, state.position
+        if self._doubts >= LOST:
+            self.problem = Problem.IMPLAUSIBLE
+
+    def _repeat(self, state: ArmState) -> ArmCommand:
+        """What was admitted last; to a robot that was never told anything, where it is."""
+        if self._sent_at == -inf:
+            ranges = zip(self._limits.lower, state.position, self._limits.upper, strict=True)
+            return self._begin(joints([max(low, min(high, now)) for low, now, high in ranges]))
+        return ArmCommand(self._shaper.position, self._feed_forward.velocity)
+
+    def _watch_plan(self, state: ArmState) -> None:
+        """Notice that the robot plans to stand although it is told to move: it does not hear us."""
+        told, self._told = self._told, ArmCommand(self._shaper.position, self._feed_forward.velocity)
+        is_deaf = self.problem is Problem.NOT_FOLLOWING
+        if not state.is_running or self._doubts or (self.is_at_rest and not is_deaf):
+            self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
+            return
+        if dist(state.planned, self._plan) > _MOTION:
+            self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
+            if is_deaf:
+                self.problem = Problem.NONE
+            return
+        dt = min(state.dt, _LONGEST)
+        rows = zip(told.position, state.planned, told.velocity, strict=True)
+        self._due += hypot(*[self._gain * (ahead - now) + speed for ahead, now, speed in rows]) * dt
+        self._due_for += dt
+        if self._due_for >= NOT_FOLLOWING and self._due >= _DUE:
+            self.problem = Problem.NOT_FOLLOWING
+
     def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)
         self._feed_forward.end()
         self.is_at_rest = True
+        self._is_new = self._is_settling = False
+        self._told = ArmCommand(position)
         return ArmCommand(position)
 
     def _hold(self, state: ArmState, dt: float) -> ArmCommand:
         """Come to rest, then repeat the last admitted command.
 
-        A command runs ahead of the robot by its speed over the loop gain; taking this lead back at the rate the
-        acceleration allows brings the robot to rest on its way, not where the lead points.
+        A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
+        which takes longer than the robot needs to stop; what is left of the lead meanwhile, a speed against it cancels,
+        as quickly as the robot may brake. So it comes to rest on its way, not where the lead points.
         """
-        if not self.is_at_rest:
-            self._shaper.rest_at(self._with_less_lead(state, dt))
-        position = self._shaper.position
+        position, planned = self._shaper.position, state.planned
+        if self.is_at_rest:
+            return ArmCommand(position, self._feed_forward.admit(planned, position, ZERO, dt))
+        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # shows when the robot follows again
+        goal = joints([now + max(-kept, min(kept, ahead - now)) for ahead, now in zip(position, planned, strict=True)])
+        last, position = position, self._go_to(goal, state, dt)
+        leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
+        is_led = max(map(abs, leads)) >= _NO_LEAD
+        against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
+        velocity = self._feed_forward.admit(planned, position, against, dt)
+        self.is_at_rest = not is_led and velocity is ZERO and dist(last, position) < _STANDS
+        return ArmCommand(position, velocity)
+
+    def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
+        """Go to where an arm is that does not follow: were it to follow after all, it would not feel a step.
+
+        Where it says it is cannot be believed, come to rest where the command itself does.
+        """
+        goal = state.position
+        if self._doubts:
+            self._stop_at = goal = self._stop_at or self._shaper.place_to_stop()
+        last, position = self._shaper.position, self._go_to(goal, state, dt)
+        self.is_at_rest = dist(position, goal) < _MARGIN and dist(last, position) < _CREEPS
         return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
 
-    def _with_less_lead(self, state: ArmState, dt: float) -> Joints:
-        last, planned = self._shaper.position, state.planned
-        leads = [ahead - now for ahead, now in zip(last, planned, strict=True)]
-        self.is_at_rest = max(map(abs, leads)) < _NO_LEAD and self._feed_forward.velocity is ZERO
-        limits = zip(leads, state.velocity, self._limits.acceleration, strict=True)
-        less = [_less_lead(lead, speed, gain, dt) for lead, speed, gain in limits]
-        steps = zip(last, planned, less, self._limits.velocity, strict=True)
-        return joints([old + max(-top * dt, min(top * dt, now + lead - old)) for old, now, lead, top in steps])
+    def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
+        """Nearer to ``goal`` within the limits; never out of the range, or further out."""
+        ranges = zip(self._limits.lower, self._limits.upper, self._shaper.position, goal, strict=True)
+        inside = joints([max(min(low, now), min(max(high, now), value)) for low, high, now, value in ranges])
+        return inside if self._shaper.passes(inside, dt) else self._shaper.approach(inside, dt, state.dt)
 
     def _shape(self, position: Joints, dt: float, elapsed: float) -> Joints:
         if self._shaper.passes(position, dt):
@@ -150,8 +388,11 @@ class Guard:
     def _is_near(self, state: ArmState, share: float) -> bool:
         """Whether the robot's speed, and a ``share`` of what its acceleration can add, explain how far we are ahead.
 
-        Else the robot does not get what we say, and all that piles up would reach it as one blow.
+        Else the robot does not get what we say, and all that piles up would reach it as one blow. A robot that follows
+        speeds only makes nothing of a lead.
         """
+        if self._gain == 0.0:
+            return True
         leads = zip(self._shaper.position, state.planned, state.velocity, self._limits.acceleration, strict=True)
         return all(abs(last - now) < share * _useful_lead(speed, gain) for last, now, speed, gain in leads)
 
@@ -170,6 +411,23 @@ def _useful_lead(speed: float, acceleration: float) -> float:
     return (abs(speed) + acceleration * FEEDBACK_DELAY) / EGM_GAIN
 
 
-def _less_lead(lead: float, speed: float, acceleration: float, dt: float) -> float:
-    """A lead [rad] after one step of braking."""
-    return copysign(max(0.0, min(abs(lead), _useful_lead(speed, acceleration)) - acceleration / EGM_GAIN * dt), lead)
+def _since(before: ArmState, state: ArmState) -> ArmState:
+    """``state`` with the speed since ``before``."""
+    passed = max(state.dt, state.time - before.time)
+    if passed <= 0.0:
+        return state._replace(velocity=ZERO)
+    rows = zip(before.position, state.position, strict=True)
+    return state._replace(velocity=joints([(new - old) / passed for old, new in rows]))
+
+
+def _agree(before: ArmState, state: ArmState) -> bool:
+    """Whether an arm can be in both states, one after the other."""
+    time = max(state.dt, state.time - before.time)
+    rows = zip(before.position, state.position, _SPEEDS, strict=True)
+    return all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
+
+
+def _is_near_plan(state: ArmState) -> bool:
+    """Whether the measured position is one that a servo has on the way to the planned one."""
+    rows = zip(state.position, state.planned, _SPEEDS, strict=True)
+    return all(abs(plan - now) <= speed * _LONGEST + _MARGIN for now, plan, speed in rows)

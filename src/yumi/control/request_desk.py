@@ -68,6 +68,7 @@ class RequestDesk:
                 raise CommandRefused(f"Controller {name!r} of {side.value} is sent {count} orders at once; send one.")
         for order in orders:
             line = self._lines[order.side]
+            line.check_follows()
             line.manager.check(order.controller, order.message, line.state)
         return Done()
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from math import degrees
 
 from yumi.control.inventory import ControllerInfo, HardwareInfo, ParameterInfo
 from yumi.control.lifecycle import State
 from yumi.control.parameter import Values
-from yumi.robot.joints import Side
+from yumi.control.snapshot import CAUSES, Problem
+from yumi.robot.joints import Joints, Side
 
 
 class Strictness(IntEnum):
@@ -313,6 +315,72 @@ class RobotStoppedFollowing:
 
 
 @dataclass(frozen=True, slots=True)
+class FeedbackDoubted:
+    """A position was reported that the arm cannot have reached; it was not used.
+
+    Attributes:
+        joint: the joint that is furthest away, by name.
+        distance: by how much [rad].
+        position: what was reported [rad], (7,).
+        deactivated: controllers that commanded the arm, once the feedback has not been believed for too long.
+        is_lost: whether it has.
+        is_other_arm: whether that is where the other arm is.
+    """
+
+    side: Side
+    joint: str
+    distance: float
+    position: Joints
+    deactivated: tuple[str, ...] = ()
+    is_lost: bool = False
+    is_other_arm: bool = False
+
+    def __str__(self) -> str:
+        arm = self.side.word.capitalize()
+        what = f"the reported position of {self.joint} is {degrees(self.distance):.1f}° from where the arm can be"
+        if not self.is_lost:
+            return f"{arm} arm: {what}; the datagram was not used (an old, forged or mixed-up one)."
+        ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        cause = CAUSES[Problem.IMPLAUSIBLE]
+        if self.is_other_arm:
+            cause = (
+                "that is where the other arm is: left and right EGM ports are exchanged? Check the remote ports of the "
+                "controller's UDPUC devices ROB_L and ROB_R"
+            )
+        return f"{arm} arm: {what}, the arm holds{ended}: {cause}. Stop and start EGM when that is mended."
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDoesNotFollow:
+    """The robot plans to stand although it is told to move.
+
+    Attributes:
+        deactivated: controllers that commanded the arm until then.
+    """
+
+    side: Side
+    deactivated: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
+        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.NOT_FOLLOWING]}. The arm holds{ended}."
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemOver:
+    """What made the arm hold is over; it goes on holding until it is commanded."""
+
+    side: Side
+    problem: Problem
+
+    def __str__(self) -> str:
+        arm = self.side.word.capitalize()
+        if self.problem is Problem.NOT_FOLLOWING:
+            return f"{arm} arm: the robot follows the references again. Call recover to go on."
+        return f"{arm} arm: the reported positions are plausible again. Call recover to go on."
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerFailed:
     """A controller raised an error in its update."""
 
@@ -369,7 +437,9 @@ def is_fault(event: Event) -> bool:
     """Whether ``event`` is one that nobody asked for."""
     if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
         return bool(event.deactivated)
-    return isinstance(event, ControllerFailed | CycleFailed | FastLineEnded)
+    if isinstance(event, FeedbackDoubted):
+        return event.is_lost
+    return isinstance(event, RobotDoesNotFollow | ControllerFailed | CycleFailed | FastLineEnded)
 
 
 Event = (
@@ -378,6 +448,9 @@ Event = (
     | SessionLost
     | RobotFollows
     | RobotStoppedFollowing
+    | FeedbackDoubted
+    | RobotDoesNotFollow
+    | ProblemOver
     | ControllerFailed
     | ControllerNotice
     | CycleFailed

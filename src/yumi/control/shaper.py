@@ -176,6 +176,16 @@ class MotionShaper:
         self._take(steps, goals, dt, is_late)
         return self.position
 
+    def place_to_stop(self) -> Joints:
+        """Where the motion so far comes to rest that brakes as hard as it may [rad], (7,), within the range."""
+        self._settle()
+        places = []
+        rows = zip(self.position, self._velocity, self._acceleration, *self._bounds, strict=True)
+        for now, velocity, acceleration, low, high, _, top, jerk in rows:
+            lowest, highest = braking_reach(velocity, acceleration, top, jerk)
+            places.append(max(min(low, now), min(max(high, now), now + (highest if velocity > 0.0 else lowest))))
+        return joints(places)
+
     def _rates(self, position: Joints, dt: float) -> tuple[Joints, Joints]:
         """Velocity and acceleration of the step from the last position to this one, as differences."""
         velocity = joints([(new - old) / dt for old, new in zip(self.position, position, strict=True)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from math import isnan, nan
 
 from yumi.control.goals import GoalKind
@@ -10,9 +11,34 @@ from yumi.control.mailbox import Mailbox, Values
 from yumi.robot.joints import JOINT_COUNT, Joints, joints
 from yumi.robot.values import ZERO
 
-_SCALARS = 23
+_SCALARS = 25
 SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 """Numbers in a snapshot mailbox."""
+
+
+class Problem(IntEnum):
+    """Why an arm holds whatever it is asked to do.
+
+    NOT_FOLLOWING: the robot plans to stand although it is told to move.
+    IMPLAUSIBLE: it reports positions that the arm cannot have reached.
+    """
+
+    NONE = 0
+    NOT_FOLLOWING = 1
+    IMPLAUSIBLE = 2
+
+
+CAUSES = {
+    Problem.NOT_FOLLOWING: (
+        "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets "
+        "UDP out to the controller"
+    ),
+    Problem.IMPLAUSIBLE: (
+        "the robot reports positions that the arm cannot have reached: datagrams are old, forged, or another arm's; "
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices"
+    ),
+}
+"""The likely cause of each problem, for a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +69,8 @@ class Snapshot:
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
         interruptions: how often feedback stayed away for more than five cycles.
+        implausible: positions reported that no arm can have reached.
+        problem: why the arm holds whatever it is asked to do.
         jitter: mean difference of two datagrams' delays, in this session [s].
         worst_jitter: the largest such difference [s].
         drift_ppm: by how much the robot's clock is faster than ours [ppm].
@@ -72,6 +100,8 @@ class Snapshot:
     position_limited: int = 0
     slowed: int = 0
     interruptions: int = 0
+    implausible: int = 0
+    problem: Problem = Problem.NONE
     jitter: float = 0.0
     worst_jitter: float = 0.0
     drift_ppm: float = 0.0
@@ -109,6 +139,8 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.position_limited,
             snapshot.slowed,
             snapshot.interruptions,
+            snapshot.implausible,
+            snapshot.problem,
             snapshot.jitter,
             snapshot.worst_jitter,
             snapshot.drift_ppm,
@@ -132,7 +164,7 @@ def _from_values(values: Values) -> Snapshot:
     jitter, worst_jitter, drift_ppm, cycle_time = numbers[-4:]
     counts = [int(number) for number in numbers[:-4]]
     cycles, missed, lost, late, stale, repeated, malformed, foreign = counts[:8]
-    refused, position_limited, slowed, interruptions = counts[8:]
+    refused, position_limited, slowed, interruptions, implausible, problem = counts[8:]
     position, velocity, admitted, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
@@ -160,6 +192,8 @@ def _from_values(values: Values) -> Snapshot:
         position_limited=position_limited,
         slowed=slowed,
         interruptions=interruptions,
+        implausible=implausible,
+        problem=Problem(problem),
         jitter=jitter,
         worst_jitter=worst_jitter,
         drift_ppm=drift_ppm,

@@ -9,8 +9,10 @@ from yumi.clock import Clock
 from yumi.control.requests import (
     Done,
     Event,
+    FeedbackDoubted,
     HoldArm,
     Request,
+    RobotDoesNotFollow,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
@@ -74,7 +76,8 @@ class ArmGuidance:
 
     def note(self, event: Event) -> None:
         """Remember which controllers EGM's end has deactivated."""
-        if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing) and event.deactivated:
+        ends = SessionLost | SessionStarted | RobotStoppedFollowing | RobotDoesNotFollow | FeedbackDoubted
+        if isinstance(event, ends) and event.deactivated:
             self._fallen[event.side] = event.deactivated
 
     def begin(self, arms: tuple[Side, ...]) -> str:

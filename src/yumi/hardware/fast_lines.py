@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from math import dist
 from threading import Event as Flag
 from threading import Lock, Thread
 
@@ -13,6 +16,7 @@ from yumi.control.requests import (
     Done,
     Event,
     FastLineEnded,
+    FeedbackDoubted,
     Refusal,
     Reply,
     Request,
@@ -25,6 +29,9 @@ from yumi.hardware.fast_line import LAST_HOLD, UNREADABLE, Answer, ArmBoxes, Bui
 from yumi.hardware.wake import WakeMode
 from yumi.links.pipe import ChildProcess, PipeClosed
 from yumi.robot.joints import Side
+
+EXCHANGED = 0.5
+"""A position that one arm's datagrams report is the other arm's if it is as near to that [rad, over all joints]."""
 
 _ANSWER_TIMEOUT = 5.0
 
@@ -177,7 +184,7 @@ class FastLines:
 
     def __init__(self, build: Build, on_event: Callable[[Event], None], wake: WakeMode = WakeMode.BLOCKING) -> None:
         self.boxes = {side: ArmBoxes() for side in Side}
-        self._build, self._on_event, self._wake = build, on_event, wake
+        self._build, self._on_event, self._wake = build, partial(self._explain, on_event), wake
         self._lines = {side: self._new_line(side) for side in Side}
         self.recorders = {side: FlightRecorder(boxes.flight) for side, boxes in self.boxes.items()}
 
@@ -248,6 +255,14 @@ class FastLines:
         if isinstance(request, SendOrders):
             return send_orders(request.orders, self._ask_arm)
         return self._ask_arm(request.side, request)
+
+    def _explain(self, on_event: Callable[[Event], None], event: Event) -> None:
+        """Each arm's process knows its own positions only; those of both tell whether their datagrams are exchanged."""
+        if isinstance(event, FeedbackDoubted):
+            own, other = self.snapshot(event.side).position, self.snapshot(event.side.other).position
+            if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
+                event = replace(event, is_other_arm=True)
+        on_event(event)
 
     def _ask_arm(self, side: Side, request: Request) -> Done:
         return self._lines[side].ask(request)

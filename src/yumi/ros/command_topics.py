@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray
 
 from yumi.control.goals import GoalKind, put_goal, put_speeds
 from yumi.control.mailbox import Mailbox
-from yumi.control.snapshot import Snapshot
+from yumi.control.snapshot import CAUSES, Problem, Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side
 from yumi.robot.values import ZERO
@@ -109,6 +109,8 @@ class CommandTopic(ABC):
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
             raise CommandRefused(f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.")
+        if snapshot.problem is not Problem.NONE:
+            raise CommandRefused(f"{self.noun} refused: {arm}: {CAUSES[snapshot.problem]}.")
         if not self.is_for(snapshot.goal_kind):
             raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
         now = (snapshot.session, snapshot.activation)

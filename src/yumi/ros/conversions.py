@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
-from yumi.control.snapshot import Snapshot
+from yumi.control.snapshot import CAUSES, Problem, Snapshot
 from yumi.robot.joints import Side
 
 _NS = 1_000_000_000
@@ -49,6 +49,8 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         "position_limited": snapshot.position_limited,
         "slowed": snapshot.slowed,
         "interruptions": snapshot.interruptions,
+        "implausible": snapshot.implausible,
+        "problem": snapshot.problem.name.lower(),
         "jitter": snapshot.jitter,
         "worst_jitter": snapshot.worst_jitter,
         "drift_ppm": snapshot.drift_ppm,
@@ -61,6 +63,8 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
 
 
 def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
+    if snapshot.problem is not Problem.NONE:
+        return DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
     if snapshot.is_running and not snapshot.is_streaming:
         return DiagnosticStatus.WARN, "running, feedback is interrupted"
     if snapshot.is_running:

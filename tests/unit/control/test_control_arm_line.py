@@ -86,9 +86,11 @@ def line(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLine:
     return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
 
 
-def feed(line: ArmLine, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True) -> None:
-    arm.next = ArmState(1.0, 0.004, session, position, ZERO, position, is_running)
-    line.run(1.0)
+def feed(
+    line: ArmLine, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True, now: float = 1.0
+) -> None:
+    arm.next = ArmState(now, 0.004, session, position, ZERO, position, is_running)
+    line.run(now)
 
 
 def test_line_does_nothing_without_a_datagram(line: ArmLine, arm: ScriptedArm) -> None:
@@ -194,8 +196,8 @@ def test_line_begins_a_new_session_without_controllers_and_without_a_jump(
 ) -> None:
     feed(line, arm, ZERO)
     line.manager.switch(["pusher"], [], line.state)
-    feed(line, arm, middle, session=2)
-    feed(line, arm, ZERO, session=2)
+    feed(line, arm, middle, session=2, now=20.0)
+    feed(line, arm, middle, session=2, now=20.004)
     assert arm.told[1:] == [ArmCommand(middle), ArmCommand(middle)]
 
 
@@ -205,7 +207,7 @@ def test_line_holds_and_tells_when_a_controller_fails(line: ArmLine, arm: Script
     line.take_events()
     Pusher.fault = True
     try:
-        feed(line, arm, ZERO)
+        feed(line, arm, middle)
     finally:
         Pusher.fault = False
     (event,) = line.take_events()

@@ -13,6 +13,7 @@ from ruckig import RuckigError
 from yumi.control.feed_forward import EGM_GAIN
 from yumi.control.guard import FEEDBACK_DELAY, Guard
 from yumi.control.shaper import MotionShaper
+from yumi.control.snapshot import Problem
 from yumi.robot.joints import Joints, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.robot.values import ZERO, ArmCommand, ArmState
@@ -38,10 +39,14 @@ def test_guard_starts_a_session_with_the_measured_position(guard: Guard, middle:
     assert guard.admit(state(middle), ArmCommand(ZERO)) == ArmCommand(middle)
 
 
-def test_guard_repeats_the_measured_position_while_the_robot_does_not_follow(guard: Guard, middle: Joints) -> None:
-    guard.admit(state(middle), None)
-    elsewhere = moved(middle, 0, 0.3)
-    assert guard.admit(state(elsewhere, is_running=False), ArmCommand(ZERO)) == ArmCommand(elsewhere)
+def test_guard_comes_to_the_measured_position_within_the_limits_while_the_robot_does_not_follow(
+    guard: Guard, middle: Joints
+) -> None:
+    path = [guard.admit(state(middle), None).position] * 3
+    elsewhere = moved(middle, 0, 0.02)
+    path += [guard.admit(state(elsewhere, is_running=False), ArmCommand(ZERO)).position for _ in range(60)]
+    assert path[-1] == pytest.approx(elsewhere, abs=1e-6)
+    assert_within_limits(path)
 
 
 def test_guard_holds_the_last_admitted_command_not_the_measured_position(guard: Guard, middle: Joints) -> None:
@@ -131,6 +136,17 @@ def test_guard_keeps_speed_acceleration_and_jerk_whatever_is_wanted(wanted: list
     for value in rates(accelerations, dt):
         assert all(abs(one) <= 1.05 * limit + 1e-3 for one, limit in zip(value, YUMI_LIMITS.jerk, strict=True))
     assert all(YUMI_LIMITS.outside(position) is None for position in path)
+
+
+def assert_within_limits(path: list[Joints]) -> None:
+    """In range, and no faster, nor accelerated or jerked more, than the joints may be."""
+    assert all(YUMI_LIMITS.outside(position) is None for position in path)
+    velocities = rates(path, DT)
+    accelerations = rates(velocities, DT)
+    bounded = ((velocities, "velocity"), (accelerations, "acceleration"), (rates(accelerations, DT), "jerk"))
+    for values, name in bounded:
+        shares = [abs(one) / top for each in values for one, top in zip(each, getattr(YUMI_LIMITS, name), strict=True)]
+        assert max(shares) < 1.2 if name == "jerk" else 1.001, name
 
 
 def wandering(random: Random, cycles: int) -> Iterator[Joints]:
@@ -292,24 +308,150 @@ def test_guard_takes_its_lead_back_when_it_shall_hold_then_stays(guard: Guard, m
     guard.admit(state(middle), None)
     moving = ArmState(0.0, DT, 1, middle, moved(ZERO, 0, 10.0), middle, is_running=True)
     ahead = [guard.admit(moving, ArmCommand(moved(middle, 0, 1.0))).position for _ in range(80)][-1]
-    path = [guard.admit(moving, None).position for _ in range(200)]
+    path = [guard.admit(moving, None).position for _ in range(400)]
     assert ahead[0] - middle[0] > 0.3
     assert path[-1] == pytest.approx(middle, abs=2e-4)
     assert path[-1] == path[-50]
-    brake = YUMI_LIMITS.acceleration[0] / EGM_GAIN * DT
-    assert all(0.0 <= old[0] - new[0] <= brake + 1e-12 for old, new in pairwise([ahead, *path]))
+    assert_within_limits([ahead, *path])
+
+
+def hears(planned: Joints, command: ArmCommand) -> Joints:
+    """Where a robot plans to be one cycle after it got ``command``."""
+    rows = zip(planned, command.position, command.velocity, strict=True)
+    return joints([now + DT * (EGM_GAIN * (ahead - now) + speed) for now, ahead, speed in rows])
 
 
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
-def test_guard_does_not_run_away_from_a_robot_that_does_not_get_its_commands(
+def test_guard_notices_a_robot_that_does_not_get_its_commands_and_does_not_run_away_from_it(
     guard: Guard, middle: Joints, direction: float
 ) -> None:
     guard.admit(state(middle), None)
     goal = moved(middle, 0, direction)
-    path = [guard.admit(state(middle), ArmCommand(goal)).position for _ in range(500)]
+    told, noticed = [], []
+    for _ in range(500):
+        told.append(guard.admit(state(middle), ArmCommand(goal)))
+        guard.settle(state(middle))
+        noticed.append(guard.problem is Problem.NOT_FOLLOWING)
+    assert noticed.index(True) * DT < 0.3
+    assert all(noticed[noticed.index(True) :])
+    # Were it to hear any of them, it would not set out faster than it might have without being seen.
     far = YUMI_LIMITS.acceleration[0] * FEEDBACK_DELAY / EGM_GAIN
-    assert all(abs(position[0] - middle[0]) < far + 0.01 for position in path)
-    assert follow(guard, [goal] * 500, path[-1])[-1] == pytest.approx(goal)
+    speeds = [EGM_GAIN * (each.position[0] - middle[0]) + each.velocity[0] for each in told]
+    assert max(map(abs, speeds)) < EGM_GAIN * (far + 0.02)
+    assert_within_limits([each.position for each in told])
+    assert abs(told[-1].position[0] - middle[0]) < 2e-3
+
+    planned, velocity = middle, ZERO
+    for _ in range(600):
+        now = state(planned)._replace(velocity=velocity)
+        last, planned = planned, hears(planned, guard.admit(now, ArmCommand(goal)))
+        guard.settle(now)
+        (velocity,) = rates([last, planned], DT)
+    assert guard.problem is Problem.NONE
+    assert planned == pytest.approx(goal, abs=1e-3)
+
+
+@pytest.mark.parametrize("gain", [0.1, 0.5, 1.0, 1.6])
+@pytest.mark.parametrize("top", [0.01, 0.2, 10.0])
+def test_guard_does_not_take_a_robot_for_deaf_that_is_slow(middle: Joints, gain: float, top: float) -> None:
+    """Low gains, and a MaxSpeedDeviation that the guard does not know of; two cycles of delay."""
+    guard, planned = Guard(YUMI_LIMITS, gain=gain * EGM_GAIN), middle
+    guard.admit(state(middle), None)
+    late = [ArmCommand(middle)] * 3
+    for count in range(2000):
+        goal = moved(middle, 1, 0.5 * sin(count * DT))
+        late = [*late[1:], guard.admit(state(planned), ArmCommand(goal) if count % 500 < 400 else None)]
+        rows = zip(planned, late[0].position, late[0].velocity, strict=True)
+        speeds = [gain * EGM_GAIN * (ahead - now) + speed for now, ahead, speed in rows]
+        planned = joints([now + DT * max(-top, min(top, v)) for now, v in zip(planned, speeds, strict=True)])
+        guard.settle(state(planned))
+        assert guard.problem is Problem.NONE
+
+
+@pytest.mark.parametrize("jump", [radians(2.0), radians(5.0), radians(30.0), 10.0, -10.0])
+def test_guard_goes_on_when_one_position_cannot_be_true(guard: Guard, middle: Joints, jump: float) -> None:
+    guard.admit(state(middle), None)
+    path, place = [middle] * 3, middle
+    for count, wanted in enumerate(smooth_path(middle, 0, 0.3, 1.0)):
+        told = moved(place, 0, jump) if count in {50, 120} else place
+        place = guard.admit(state(told), ArmCommand(wanted)).position
+        guard.settle(state(told))
+        path.append(place)
+    assert guard.counters.implausible == 2
+    assert guard.problem is Problem.NONE
+    assert_within_limits(path)
+    assert path[-1] == pytest.approx(moved(middle, 0, 0.3), abs=1e-6)
+
+
+def test_guard_holds_where_it_is_while_positions_cannot_be_true_and_goes_on_afterwards(
+    guard: Guard, middle: Joints
+) -> None:
+    """Those of the other arm, say; however long they come, they are not believed."""
+    guard.admit(state(middle), None)
+    goal, elsewhere = moved(middle, 0, 0.5), moved(middle, 3, -0.8)
+    path = [middle] * 3
+    path += follow(guard, [goal] * 40, middle)
+    last = path[-1]
+    for _ in range(1000):
+        path.append(guard.admit(state(elsewhere), ArmCommand(goal)).position)
+    assert guard.problem is Problem.IMPLAUSIBLE
+    assert path[-1] == path[-500]
+    assert path[-1][3] == last[3]
+    path += follow(guard, [goal] * 300, path[-1])
+    assert guard.problem is Problem.NONE
+    assert path[-1] == pytest.approx(goal, abs=1e-6)
+    assert_within_limits(path)
+
+
+def test_guard_believes_what_several_datagrams_say_when_only_the_first_said_otherwise(
+    guard: Guard, middle: Joints
+) -> None:
+    path = [guard.admit(state(moved(middle, 0, 0.5)), None).position] * 3
+    for _ in range(600):
+        path.append(guard.admit(state(middle), None).position)
+    assert guard.counters.implausible == 3
+    assert path[-1] == pytest.approx(middle, abs=1e-3)
+    assert_within_limits(path)
+
+
+def test_guard_goes_on_from_the_last_command_when_a_session_begins_while_the_robot_follows(
+    guard: Guard, middle: Joints
+) -> None:
+    command = guard.admit(state(middle), None)
+    path, planned = [middle] * 3, middle
+    for count in range(200):
+        now = ArmState(count * DT, DT, 1 if count < 60 else 2, planned, ZERO, planned, is_running=True)
+        believed = guard.believe(now)
+        if believed is None:
+            assert count == 60  # the second state of the session tells that the robot moves
+            planned = hears(planned, command)
+            continue
+        command = guard.admit(believed, ArmCommand(moved(middle, 0, 1.0)) if count < 60 else None)
+        guard.settle(believed)
+        path.append(command.position)
+        planned = hears(planned, command)
+    assert_within_limits(path)
+
+
+def test_guard_begins_where_the_robot_stands_when_its_new_session_does_not_follow_the_last_command(
+    guard: Guard, middle: Joints
+) -> None:
+    guard.admit(state(middle), None)
+    planned = middle
+    for count in range(60):
+        now = ArmState(count * DT, DT, 1, planned, ZERO, planned, is_running=True)
+        planned = hears(planned, guard.admit(now, ArmCommand(moved(middle, 0, 1.0))))
+    first = ArmState(62 * DT, 0.0, 2, planned, ZERO, planned, is_running=True)
+    assert guard.believe(first) is None
+    second = first._replace(time=63 * DT, dt=DT)
+    assert guard.believe(second) is second
+    assert guard.admit(second, None) == ArmCommand(planned)
+
+
+def test_guard_does_not_answer_a_session_that_begins_far_out_of_range(guard: Guard, middle: Joints) -> None:
+    assert guard.believe(state(moved(middle, 1, 2.0))) is None
+    assert guard.believe(state(middle)) is not None  # and should the cycle fail then, the next one begins
+    assert guard.admit(state(middle), None) == ArmCommand(middle)
 
 
 def test_guard_does_nothing_in_no_time(guard: Guard, middle: Joints) -> None:

@@ -1,0 +1,341 @@
+"""Whatever arrives from the network: what leaves for the robot keeps the limits, and never departs from where it is.
+
+The real classes (session, arm, controllers, guard) behind a wire that may do anything, and a virtual robot.
+``YUMI_RECEIVE_EXAMPLES=2000 pytest tests/property/test_receive_path.py`` tries more of it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from math import dist, sin
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
+from yumi.control.guard import FOLLOWING, LATE_CYCLE
+from yumi.control.lifecycle import State
+from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
+from yumi.control.snapshot import Problem
+from yumi.egm.codec import RobotCodec, SensorCodec
+from yumi.egm.messages import MotorState, RobotMessage
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.limits import YUMI_LIMITS
+from yumi.virtual.arm_model import ArmModel
+
+EXAMPLES = int(os.environ.get("YUMI_RECEIVE_EXAMPLES", "50"))
+OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
+RECENT = FOLLOWING / 5.0
+
+
+class Attacked(EgmLoop):
+    """A loop with a wire on which anything may be done, in motion all the while.
+
+    Attributes:
+        extra: datagrams that arrive besides the next true one, before or after it.
+        true: everything the robot has sent.
+        begun: when the robot began its sessions, by our clock [s].
+    """
+
+    def __init__(self) -> None:
+        super().__init__(model=ArmModel(supervises_load=False))
+        self.true: list[bytes] = []
+        self.before: list[bytes] = []
+        self.after: list[bytes] = []
+        self.is_silent = self.is_swapped = self.is_shuffled = False
+        self.clock_offset = 0.0
+        self.begun: list[float] = []
+        self.home = self.robot.arm.position
+        self.sent: list[Joints] = []
+        self._codec, self._reader = RobotCodec(), SensorCodec(axes=7)
+        self.to_us = self._arriving
+        self.to_robot = self._leaving
+
+    def forged(self, **changes: object) -> bytes:
+        """The newest true datagram with some fields changed."""
+        return self._codec.encode(replace(self.newest, **changes))  # type: ignore[arg-type]
+
+    @property
+    def newest(self) -> RobotMessage:
+        return self._reader.decode(self.true[-1])
+
+    def move(self, cycles: int) -> None:
+        """Follow a sine, as far as anything is followed."""
+        for _ in range(cycles):
+            swing = 0.4 * sin(4.0 * self.clock.now())
+            if self.line.state is not None:
+                self.go(joints([value + swing for value in self.home]))
+            self.cycle()
+
+    def restart(self) -> None:
+        """The robot begins a session where it stands, as EGM does: from a fine point."""
+        self.robot.arm.stop_egm()
+        self.is_silent = True
+        self.move(60)
+        self.is_silent = False
+        if self.robot.arm.motors_on:
+            self.robot.start(FULL_SPEED)
+            self.begun.append(self.clock.now())
+
+    def _arriving(self, datagram: bytes) -> list[bytes]:
+        if self.clock_offset:
+            message = self._reader.decode(datagram)
+            datagram = self._codec.encode(replace(message, measured_time=message.measured_time + self.clock_offset))
+        self.true.append(datagram)
+        before, after, self.before, self.after = self.before, self.after, [], []
+        arriving = [] if self.is_silent else [datagram]
+        if self.is_swapped:
+            arriving = [self.forged(measured=OTHER_ARM, planned=OTHER_ARM)]
+        if self.is_shuffled:
+            arriving = [*arriving, *self.true[-4:-1], datagram] if len(self.true) % 3 else []
+        return [*before, *arriving, *after]
+
+    def _leaving(self, datagram: bytes) -> list[bytes]:
+        position = self._codec.decode(datagram).position
+        assert position is not None
+        self.sent.append(position)  # type: ignore[arg-type]
+        return [datagram]
+
+
+Action = Callable[[Attacked], None]
+
+
+def old(behind: int, count: int) -> Action:
+    """Datagrams that come again, late."""
+    return lambda loop: loop.after.extend(loop.true[-behind:][:count])
+
+
+def forged(joint: int, by: float, number: int, later: float) -> Action:
+    def act(loop: Attacked) -> None:
+        newest = loop.newest
+        false = joints([value + by * (index == joint) for index, value in enumerate(newest.measured)])
+        where = loop.before if number % 2 else loop.after
+        seqno, time = (newest.seqno + number) % 2**32, max(0.0, newest.measured_time + later)
+        where.append(loop.forged(measured=false, planned=false, seqno=seqno, measured_time=time))
+
+    return act
+
+
+def not_running(cycles: int) -> Action:
+    def act(loop: Attacked) -> None:
+        for _ in range(cycles):
+            newest = loop.newest
+            number, time = newest.seqno + 1, newest.measured_time + 0.9 * CYCLE
+            loop.before.append(loop.forged(motors=MotorState.OFF, seqno=number, measured_time=time))
+            loop.move(1)
+
+    return act
+
+
+def damaged(seed: int) -> Action:
+    def act(loop: Attacked) -> None:
+        chance, datagram = Random(seed), bytearray(loop.true[-1])
+        if chance.random() < 0.5:
+            datagram = datagram[: chance.randrange(len(datagram))]
+        else:
+            for _ in range(chance.randrange(1, 6)):
+                datagram[chance.randrange(len(datagram))] ^= 1 << chance.randrange(8)
+        loop.after.append(bytes(datagram))
+
+    return act
+
+
+def for_a_while(name: str, cycles: int) -> Action:
+    def act(loop: Attacked) -> None:
+        setattr(loop, name, True)
+        loop.move(cycles)
+        setattr(loop, name, False)
+
+    return act
+
+
+def deaf(cycles: int) -> Action:
+    def act(loop: Attacked) -> None:
+        to_robot, loop.to_robot = loop.to_robot, lambda datagram: (loop._leaving(datagram), ())[1]
+        loop.move(cycles)
+        loop.to_robot = to_robot
+
+    return act
+
+
+def set_clock(by: float) -> Action:
+    def act(loop: Attacked) -> None:
+        loop.clock_offset = max(-20_000.0, loop.clock_offset + by)
+
+    return act
+
+
+def take_over(loop: Attacked) -> None:
+    """As recover does."""
+    (info,) = loop.manager.controllers()
+    if info.state is not State.ACTIVE and loop.line.state is not None and loop.line.state.is_running:
+        loop.activate()
+
+
+def restart(loop: Attacked) -> None:
+    loop.restart()
+
+
+ACTIONS = st.one_of(
+    st.builds(old, st.integers(2, 250), st.integers(1, 5)),
+    st.builds(old, st.integers(50, 250), st.integers(50, 100)),
+    st.builds(
+        forged,
+        st.integers(0, 6),
+        st.sampled_from((0.0, 0.03, -0.035, 0.09, -0.5, 3.0, -6.0, 100.0)),
+        st.integers(-70, 70) | st.sampled_from((-300, 1, 1, 1, 2, 5, 1000)),
+        st.sampled_from((CYCLE, 0.0, 2 * CYCLE, -0.5, 0.1, 10.0, 1e6)),
+    ),
+    st.builds(not_running, st.integers(1, 5)),
+    st.builds(damaged, st.integers(0, 10_000)),
+    st.builds(for_a_while, st.just("is_silent"), st.integers(1, 30) | st.integers(30, 120)),
+    st.builds(for_a_while, st.just("is_swapped"), st.integers(1, 60)),
+    st.builds(for_a_while, st.just("is_shuffled"), st.integers(2, 40)),
+    st.builds(deaf, st.integers(1, 60)),
+    st.builds(set_clock, st.sampled_from((-10_000.0, -0.5, 0.3, 100.0))),
+    st.just(restart),
+    st.just(take_over),
+    st.just(take_over),
+)
+
+
+def assert_within_limits(loop: Attacked) -> None:
+    """Position range, speed and acceleration always; the jerk but for the exceptions named here.
+
+    - A session in which the robot does not follow yet begins where it is measured: the path begins anew there.
+    - After a silence the command goes on from standstill, since it has stood still; the path begins anew, at rest.
+    - Until four cycles in a row have the same length (datagrams were lost), the differences of speeds show no jerk.
+    """
+    limits, last = YUMI_LIMITS, loop.cycles[0]
+    velocity, acceleration, was, even = [0.0] * 7, [0.0] * 7, 0.0, 0
+    for cycle in loop.cycles[1:]:
+        state, path = cycle.state, cycle.admitted.position
+        dt = min(state.dt, LATE_CYCLE * CYCLE)
+        assert limits.outside(path) is None
+        is_start = path == state.position and state.session != last.state.session
+        if is_start:
+            is_long_ago = state.time - last.state.time >= RECENT
+            has_begun = any(0.0 <= state.time - begun < RECENT for begun in loop.begun)
+            assert is_long_ago or has_begun or path == last.admitted.position
+        if is_start or state.dt <= 0.0:
+            assert is_start or path == last.admitted.position
+            velocity, acceleration, was, even = [0.0] * 7, [0.0] * 7, 0.0, 0
+        elif dt >= 0.1 * CYCLE:
+            even = even + 1 if abs(dt - was) < 1e-5 else 0
+            for joint, (old_position, new_position) in enumerate(zip(last.admitted.position, path, strict=True)):
+                speed = (new_position - old_position) / dt
+                rate = (speed - velocity[joint]) / max(dt, 0.5 * (dt + was))  # speeds are means of their cycles
+                jerk = (rate - acceleration[joint]) / dt
+                assert abs(speed) <= 1.001 * limits.velocity[joint] + 1e-6
+                assert abs(rate) <= 1.001 * limits.acceleration[joint] + 1e-3
+                if even >= 3:
+                    assert abs(jerk) <= 1.25 * limits.jerk[joint] + 1.0
+                velocity[joint], acceleration[joint] = speed, rate
+            was = dt
+        last = cycle
+
+
+@pytest.mark.timeout(7200)
+@settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
+@given(st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6))
+def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]]) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(60)
+    for pause, action in script:
+        action(loop)
+        loop.move(1 + pause)
+    loop.move(40)
+    assert_within_limits(loop)
+    assert loop.sent == [pytest.approx(cycle.admitted.position, abs=1e-6) for cycle in loop.cycles[: len(loop.sent)]]
+
+
+ONE_DATAGRAM = {
+    **{f"{behind} old": old(behind + 1, 1) for behind in (10, 20, 30, 60, 100, 200)},
+    **{f"forged {by:g} rad": forged(2, by, 1, CYCLE) for by in (0.035, 0.09, 0.52, 10.0)},
+    "forged, 30 numbers ahead": forged(2, 0.5, 30, 30 * CYCLE),
+    "burst of 100 old": old(220, 100),
+    "motors off": not_running(1),
+    "duplicate": old(1, 1),
+}
+
+
+@pytest.mark.parametrize("name", ONE_DATAGRAM)
+def test_motion_goes_on_whatever_false_datagram_arrives(name: str) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    planned, before = loop.robot.arm.planned, len(loop.cycles)
+    ONE_DATAGRAM[name](loop)
+    loop.move(2)
+    assert max(abs(new - old) for new, old in zip(loop.robot.arm.planned, planned, strict=True)) < 0.05
+    loop.move(60)
+    assert_within_limits(loop)
+    assert loop.snapshot.session == 1
+    assert len(loop.cycles) - before >= 61  # this end looks once a cycle, and may find the false one
+    assert loop.snapshot.is_commanded == (name != "motors off")
+
+
+@pytest.mark.parametrize("cycles", [20, 30, 120, 2500])
+def test_lead_is_taken_back_within_the_limits_after_a_silence(cycles: int) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.go(YUMI_LIMITS.upper)
+    for _ in range(60):
+        loop.cycle()
+    loop.is_silent = True
+    for _ in range(cycles):
+        loop.cycle()
+    loop.is_silent = False
+    for _ in range(300):
+        loop.cycle()
+    assert_within_limits(loop)
+    assert loop.line.is_still
+    assert [event for event in loop.events if isinstance(event, SessionResumed)]
+
+
+def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refused_until_it_does() -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.run(0.5)
+    hears, loop.to_robot = loop.to_robot, lambda datagram: ()
+    loop.go(joints([value + 0.3 for value in loop.home]))
+    loop.run(0.3)
+    (event,) = (event for event in loop.events if isinstance(event, RobotDoesNotFollow))
+    assert event.deactivated == (CONTROLLER,)
+    assert "its replies may be lost; check that this machine's firewall lets UDP out" in str(event)
+    assert loop.snapshot.problem is Problem.NOT_FOLLOWING
+    with pytest.raises(CommandRefused, match="the robot does not follow the references"):
+        loop.line.check_follows()
+    loop.run(1.0)
+    loop.to_robot = hears
+    loop.run(0.3)
+    assert loop.snapshot.problem is Problem.NONE
+    assert loop.events[-1] == ProblemOver(Side.LEFT, Problem.NOT_FOLLOWING)
+    loop.line.check_follows()
+    assert dist(loop.robot.arm.planned, loop.home) < 0.01
+
+
+def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    for_a_while("is_swapped", 500)(loop)
+    assert_within_limits(loop)
+    lost = [event for event in loop.events if isinstance(event, FeedbackDoubted) and event.is_lost]
+    assert [event.deactivated for event in lost] == [(CONTROLLER,)]
+    assert loop.snapshot.problem is Problem.IMPLAUSIBLE
+    assert loop.snapshot.implausible == 500
+    assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
+    assert loop.line.state is not None
+    assert dist(lost[0].position, OTHER_ARM) < 1e-5
