@@ -52,6 +52,7 @@ _MOTION = 1e-4  # [rad] over all joints: a plan that moves
 _DUE = 5e-3  # [rad] a plan that should have moved so far would have
 _SLIGHT = 0.01  # [rad] a lead that a robot may follow at once
 _PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
+_CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever it is told: RAPID may have moved it
 _SLOWEST = min(_SPEEDS)
@@ -366,8 +367,8 @@ class Guard:
         goal = state.position
         if self._doubts:
             self._stop_at = goal = self._stop_at or self._shaper.place_to_stop()
-        position = self._go_to(goal, state, dt)
-        self.is_at_rest = dist(position, goal) < _MARGIN
+        last, position = self._shaper.position, self._go_to(goal, state, dt)
+        self.is_at_rest = dist(position, goal) < _MARGIN and dist(last, position) < _CREEPS
         return ArmCommand(position, self._feed_forward.admit(state.planned, position, ZERO, dt))
 
     def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
