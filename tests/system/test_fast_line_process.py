@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import cos
@@ -266,7 +266,7 @@ def way(side: Side, seconds: float, count: int) -> FollowTrajectory:
 
 @pytest.mark.timeout(120)
 def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_over_to_moving_arms(
-    ports: Mapping[Side, int], fast_lines: FastLines, record_property: Callable[[str, object], None]
+    ports: Mapping[Side, int], fast_lines: FastLines
 ) -> None:
     follow = {Side.RIGHT: way(Side.RIGHT, 80.0, MOST_POINTS), Side.LEFT: way(Side.LEFT, 20.0, 200)}
     robot = ChildProcess("robot", stream_both_arms, ports)
@@ -288,5 +288,6 @@ def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_ove
         assert max(map(abs, fast_lines.snapshot(RIGHT).velocity)) > 0.0
     finally:
         robot.pipe.send(None)
-        record_property("longest answer [ms]", robot.pipe.receive() * 1e3)
+        longest = robot.pipe.receive()
         robot.join(5.0)
+    assert longest < 5.0 * CYCLE  # feedback would be interrupted
