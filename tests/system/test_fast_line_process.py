@@ -255,11 +255,11 @@ def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
 
 
 def way(side: Side, seconds: float, count: int) -> FollowTrajectory:
-    """Back and forth by a tenth of a radian."""
+    """Back and forth by a tenth of a radian, with a second to get there from wherever the arm moves."""
     start, step = home(side), seconds / count
     times = [step * (number + 1) for number in range(count)]
-    points = [TrajectoryPoint(time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]
-    points[-1] = TrajectoryPoint(times[-1], points[-2].position)
+    points = [TrajectoryPoint(1.0 + time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]
+    points[-1] = TrajectoryPoint(1.0 + times[-1], points[-2].position)
     plan = plan_trajectory(JointTrajectory(joint_names(side), tuple(points)), (side,), YUMI_LIMITS)[side]
     return FollowTrajectory(plan, 1)
 
