@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import cos
@@ -255,18 +255,18 @@ def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
 
 
 def way(side: Side, seconds: float, count: int) -> FollowTrajectory:
-    """Back and forth by a tenth of a radian."""
+    """Back and forth by a tenth of a radian, with a second to get there from wherever the arm moves."""
     start, step = home(side), seconds / count
     times = [step * (number + 1) for number in range(count)]
-    points = [TrajectoryPoint(time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]
-    points[-1] = TrajectoryPoint(times[-1], points[-2].position)
+    points = [TrajectoryPoint(1.0 + time, (*start[:6], start[6] + 0.05 * (1.0 - cos(time)))) for time in times]
+    points[-1] = TrajectoryPoint(1.0 + times[-1], points[-2].position)
     plan = plan_trajectory(JointTrajectory(joint_names(side), tuple(points)), (side,), YUMI_LIMITS)[side]
     return FollowTrajectory(plan, 1)
 
 
 @pytest.mark.timeout(120)
 def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_over_to_moving_arms(
-    ports: Mapping[Side, int], fast_lines: FastLines, record_property: Callable[[str, object], None]
+    ports: Mapping[Side, int], fast_lines: FastLines
 ) -> None:
     follow = {Side.RIGHT: way(Side.RIGHT, 80.0, MOST_POINTS), Side.LEFT: way(Side.LEFT, 20.0, 200)}
     robot = ChildProcess("robot", stream_both_arms, ports)
@@ -288,5 +288,6 @@ def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_ove
         assert max(map(abs, fast_lines.snapshot(RIGHT).velocity)) > 0.0
     finally:
         robot.pipe.send(None)
-        record_property("longest answer [ms]", robot.pipe.receive() * 1e3)
+        longest = robot.pipe.receive()
         robot.join(5.0)
+    assert longest < 5.0 * CYCLE  # feedback would be interrupted
