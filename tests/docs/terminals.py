@@ -15,7 +15,7 @@ from pathlib import Path
 
 from doc_pages import ROOT, Fence, read
 
-from yumi.links.command import READY
+from yumi.links.command import CONTROLLER_READY, DRIVER_READY
 from yumi.links.udp import free_port
 
 SERVER = re.compile(r"^(\.venv/bin/)?yumi (controller|up)\b")
@@ -155,7 +155,8 @@ class Terminals:
             if command.startswith(PREAMBLE):
                 preamble += f"{command}\n"
             elif SERVER.match(command):
-                self._start(command, preamble, fails=False).wait_for(READY, _STARTED)
+                ready = DRIVER_READY if " up" in command else CONTROLLER_READY
+                self._start(command, preamble, fails=False).wait_for(ready, _STARTED)
             elif fence.mark.startswith("test: background"):
                 started = self._start(command, preamble, fails=", fails" in fence.mark)
                 _, _, shown = fence.mark.partition(", shows ")

@@ -91,7 +91,7 @@ def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
         for _ in range(random.randint(0, 5)):
             loop.cycle()
         loop.send_goal(random)
-        for _ in range(random.choice([1, 5, 20, 60])):
+        for _ in range(random.choice([5, 20, 60, 120])):
             loop.cycle()
 
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from yumi.cli import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
 from yumi.hardware.rws_client import RwsClient
-from yumi.links.command import Command
+from yumi.links.command import CONTROLLER_READY, Command
 from yumi.rws.states import ControllerState
 from yumi.rws.subscriptions import CONTROLLER_STATE, Change
 
@@ -130,7 +130,7 @@ def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
             client.pulse_signal("RUN_RAPID_ROUTINE")
             asked_until(lambda: client.joint_target("ROB_R") != before)
     assert command.exit_code == 0
-    assert log.read_text().splitlines() == [f"yumi is up: http://{address}"]
+    assert log.read_text().splitlines() == [f"{CONTROLLER_READY}http://{address}"]
 
 
 BENT = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"

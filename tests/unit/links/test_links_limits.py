@@ -19,7 +19,7 @@ import pytest
 
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.links import command as command_module
-from yumi.links.command import Command
+from yumi.links.command import DRIVER_READY, Command
 from yumi.links.http import HttpLink, HttpRequest, Listener
 from yumi.links.pipe import ChildProcess, PipeEnd
 from yumi.links.shared_memory import PROCESSES, new_bell, shared_numbers
@@ -99,7 +99,7 @@ def test_web_socket_looks_for_its_descriptors_before_it_begins() -> None:
 def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
     """A child whose output nobody reads stands still; /dev/full is a disk that is always full."""
     lines = 20_000  # more than a pipe holds
-    script = f"import sys; [print('line', n) for n in range({lines})]; print('yumi is up: there'); sys.stdin.read()"
+    script = f"import sys; [print('line', n) for n in range({lines})]; print('{DRIVER_READY}there'); sys.stdin.read()"
     start = subprocess.Popen
     monkeypatch.setattr(
         command_module.subprocess,

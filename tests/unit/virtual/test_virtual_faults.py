@@ -300,7 +300,7 @@ def test_web_page_lets_no_fault_happen(idle_desk: FaultDesk, method: str, header
     ],
 )
 def test_program_of_this_machine_lets_faults_happen(idle_desk: FaultDesk, headers: tuple[tuple[str, str], ...]) -> None:
-    assert post(idle_desk, "motors-off", headers=headers).status == 204
+    assert post(idle_desk, "egm-repair", headers=headers).status == 204
 
 
 @pytest.mark.parametrize("fault", Fault)
