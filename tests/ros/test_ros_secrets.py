@@ -14,6 +14,7 @@ from yumi import demo, wire_evaluation
 from yumi.cli import main
 from yumi.evaluation.experiment import Mode
 from yumi.evaluation.robot_place import RobotPlace
+from yumi.ros.move_and_grab import GOALS
 from yumi.wire_evaluation import WirePlan
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
@@ -64,7 +65,8 @@ def test_evaluation_hands_the_password_on_by_the_environment_alone(
 def test_demonstration_hands_robot_and_password_on_to_its_driver(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(demo, "_run_application", lambda progress, check: {})
+    monkeypatch.setattr(demo, "_run_application", lambda progress, check, confirm: {})
+    monkeypatch.setattr(demo, "read_positions", lambda robot: GOALS)
     monkeypatch.setattr("yumi.evaluation.joint_paths.draw_joint_paths", lambda paths, picture: None)
     secret = tmp_path / "password"
     secret.write_text(SECRET)

@@ -85,6 +85,10 @@ def test_driver_says_what_bringup_will_do_before_it_does_the_first_of_it(tmp_pat
         "the right gripper (its fingers close), calibrate the left gripper (its fingers close)."
     )
     assert announced in log
-    done = ("Bring-up: motors on", "Bring-up: program pointer to main", "The right gripper was calibrated.")
+    done = (
+        "Bring-up: motors on",
+        "Bring-up: program pointer to main",
+        "Bring-up: calibrate the right and left grippers",
+    )
     places = [log.index(words) for words in (announced, *done)]
     assert places == sorted(places)

@@ -16,6 +16,7 @@ import yumi
 from yumi.api.arm import ArmMode
 from yumi.api.robot import Robot
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
@@ -197,6 +198,7 @@ def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) 
         "    motion.wait()\n"
     )
     assert script.stdout is not None
+    assert script.stdout.readline().startswith(ANNOUNCEMENT)
     assert script.stdout.readline() == "moving\n"
     script.send_signal(signal.SIGINT)
     output, _ = script.communicate(timeout=TIMEOUT)
@@ -211,7 +213,8 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_v
         "robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
     )
     output, _ = script.communicate(timeout=TIMEOUT)
-    assert (script.returncode, output) == (0, "")
+    assert (script.returncode, len(output.splitlines())) == (0, 1)
+    assert output.startswith(ANNOUNCEMENT)
     assert not own_virtual.is_guided(Side.RIGHT)
 
 
