@@ -26,6 +26,7 @@ from yumi.hardware.event_texts import (
     AUTO_CONFIRMED,
     NOT_TELLING,
     STARTED,
+    are_without_person,
     cause_among,
     explain,
     is_guard_stop,
@@ -148,11 +149,14 @@ class StopLog:
 
     @property
     def is_without_person(self) -> bool:
-        """Whether it is certain that no person was involved in what stopped the robot: all events since are known."""
-        known = self._known
-        if known.stop is not None or not self.is_complete:
-            return False
-        return known.cause is None or is_without_person(known.cause)
+        """Whether it is certain that no person was involved in what stopped the robot, nor in any event since."""
+        with self._lock:
+            known = self._known
+            if known.stop is not None or not self.is_complete:
+                return False
+            if not are_without_person(event for event, _ in self._recent):
+                return False
+            return known.cause is None or is_without_person(known.cause)
 
     def look(self, client: EventSource) -> tuple[ControllerState, Event | None]:
         """Read state and event log; returns the state and the newest event.
