@@ -18,6 +18,7 @@ from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
 from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
 from yumi.hardware.stops import Cause
+from yumi.robot.gripper import TRAVEL, HandCommand, HandState
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 from yumi.rws.subscriptions import Change, Resource
@@ -101,6 +102,42 @@ def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(watched: W
     watched.system.faults.happen(Fault.EGM_CONVERGENCE)
     watched.wait_for_idle_programs()
     assert watched.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
+
+
+@pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
+@pytest.mark.parametrize(
+    "jog",
+    [
+        lambda system: system.grippers[Side.RIGHT].jog(opens=True),
+        lambda system: system.manager.write_signal("hand_CmdGripper_R", HandCommand.JOG_OPEN),
+    ],
+    ids=["jog", "write_signal"],
+)
+def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
+    watched: Watched, fault: Fault, jog: Callable[[MovingSystem], None]
+) -> None:
+    system, right = watched.system, watched.system.grippers[Side.RIGHT]
+    jog(system)
+    watched.wait(0.2)
+    assert right.reading().state is HandState.JOG_OPEN
+    system.faults.happen(fault)
+    watched.wait(0.3)
+    assert right.reading().state is HandState.READY
+    assert 0.0 < right.position() < TRAVEL
+
+
+def test_stop_that_needs_no_confirmation_ends_no_jog(watched: Watched) -> None:
+    right = watched.system.grippers[Side.RIGHT]
+    right.jog(opens=True)
+    watched.system.faults.happen(Fault.PROGRAM_STOP)
+    watched.wait(0.3)
+    assert right.reading().state is HandState.JOG_OPEN
+
+
+def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(watched: Watched) -> None:
+    watched.system.faults.happen(Fault.COLLISION)
+    watched.wait(0.3)
+    watched.system.manager.write_signal("hand_CmdGripper_R", str(int(HandCommand.GO_TO_READY)))
 
 
 def test_start_signal_of_another_client_is_known(watched: Watched) -> None:

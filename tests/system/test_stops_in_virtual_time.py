@@ -28,6 +28,9 @@ REQUESTS: dict[str, Callable[[System], object]] = {
     "motors_on": lambda system: system.manager.motors_on(),
     "start_rapid": lambda system: system.manager.start_rapid(),
     "write_signal": lambda system: system.manager.write_signal("EGM_START_JOINT", 1),
+    "write_signal of a routine": lambda system: system.manager.write_signal("EtherNetIP/local/Run_RAPID_routine", 1),
+    "write_signal of fingers": lambda system: system.manager.write_signal("hand_CmdGripper_R", 2),
+    "write_signal of fingers on a device": lambda system: system.manager.write_signal("a/b/HAND_CmdGripper_L", "1"),
     "run_routine": lambda system: system.manager.run_routine(Side.LEFT, "runMoveJ"),
 }
 

@@ -37,6 +37,7 @@ _MOMENT = 1.0  # [s] for the hand to obey a signal
 # Not READY: the robot's routine brings the hand to READY before it sends each command.
 _AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
 _STANDING = _AT_REST | {HandState.READY, HandState.ERROR}
+_JOGGING = {HandState.JOG_OPEN, HandState.JOG_CLOSE}
 
 
 Check = Callable[[], None]
@@ -80,7 +81,7 @@ class Gripper:
         self._timeout = timeout
         self._usual_speed = usual_speed
         self._looked_at = self._stands_since = self._stood = 0.0  # the fingers, as far as they were looked at
-        self._is_stopped = False
+        self._is_stopped = self._is_jogging = False
 
     def reading(self) -> HandReading:
         """Everything it shows now.
@@ -146,7 +147,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
-        self._is_stopped = False
+        self._is_stopped = self._is_jogging = False
         check()
         self._check_ready()
         # Each time: whatever was written before, the controller may have been restarted since.
@@ -228,7 +229,7 @@ class Gripper:
             RobotNotReady: the gripper does not obey.
         """
         self.stop()
-        self._is_stopped = False
+        self._is_stopped, self._is_jogging = False, True
         check()
         self._io.write("hand_CmdGripper", HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
         if self._is_stopped:  # while the command was on its way
@@ -240,7 +241,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper does not obey.
         """
-        self._is_stopped = True
+        self._is_stopped, self._is_jogging = True, False
         self._io.write("hand_CmdGripper", HandCommand.GO_TO_READY)
         self._wait(
             lambda: hand_state(self._io.ask("hand_SysState")) is HandState.READY,
@@ -257,6 +258,15 @@ class Gripper:
         self._is_stopped = True
         if hand_state(self._io.ask("hand_SysState")) not in _STANDING:
             self.stop()
+
+    def end_jog(self) -> None:
+        """Stop a jog, which would go on although the robot was stopped: it needs neither program nor motors.
+
+        Raises:
+            RobotNotReady: the gripper does not obey.
+        """
+        if self._is_jogging or hand_state(self._io.ask("hand_SysState")) in _JOGGING:
+            self.hold()
 
     def clear_error(self) -> None:
         """Acknowledge the hand's error; nothing where there is none.
