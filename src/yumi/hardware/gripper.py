@@ -37,7 +37,7 @@ _MOMENT = 1.0  # [s] for the hand to obey a signal
 # Not READY: the robot's routine brings the hand to READY before it sends each command.
 _AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
 _STANDING = _AT_REST | {HandState.READY, HandState.ERROR}
-_JOGGING = {HandState.JOG_OPEN, HandState.JOG_CLOSE}
+_JOGGING = {HandState.JOG_OPEN, HandState.JOG_CLOSE, HandState.CALIBRATION}
 
 
 Check = Callable[[], None]
@@ -119,17 +119,18 @@ class Gripper:
             return "it presses on something"
         return None if state in _STANDING else "its fingers move"
 
-    def calibrate(self, *others: Gripper) -> None:
-        """Close the fingers and call that zero.
+    def calibrate(self, *others: Gripper, check: Check = _always) -> None:
+        """Close the fingers and call that zero; see also :meth:`RobotManager.calibrate`, which sees that they may.
 
         Args:
             others: hands of the same robot that are calibrated at the same time.
+            check: raises when the hands may not move any more.
 
         Raises:
             RobotNotReady: the controller has no such gripper, its arm is guided, or it did not become calibrated.
         """
         hands = (self, *others)
-        self._routines.calibrate([hand.side for hand in hands], self._timeout)
+        self._routines.calibrate([hand.side for hand in hands], self._timeout, check)
         for hand in hands:
             self._wait(
                 hand.is_calibrated,
@@ -260,7 +261,7 @@ class Gripper:
             self.stop()
 
     def end_jog(self) -> None:
-        """Stop a jog, which would go on although the robot was stopped: it needs neither program nor motors.
+        """Stop a jog or a calibration, which would go on although the robot was stopped: it needs no motors.
 
         Raises:
             RobotNotReady: the gripper does not obey.

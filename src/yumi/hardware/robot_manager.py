@@ -99,6 +99,14 @@ class RobotManager:
             self.stop()
             raise
 
+    def report_step(self, step: str) -> None:
+        """Report what is done to the robot next, within :meth:`when_ready`.
+
+        Raises:
+            YumiError: it must not be done any more: a stop was asked for, or has come, or the request was cancelled.
+        """
+        self._bringup.report(step)
+
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
         self._bringup.when_ready = prepare
@@ -361,6 +369,22 @@ class RobotManager:
         """Load a module and run one of its routines; both may raise."""
         self.load_module(side, file_name, text)
         return self.run_routine(side, routine)
+
+    def calibrate(self, *grippers: Gripper) -> None:
+        """Close the fingers of these grippers and call that zero, at the same time.
+
+        Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation.
+            RobotNotReady: an arm is guided, a stop was asked for meanwhile, or one did not become calibrated.
+        """
+        with self._moving():
+            stops = self._stops
+
+            def check() -> None:
+                self._check_not_stopped(stops)
+                self.check_not_stopped()
+
+            grippers[0].calibrate(*grippers[1:], check=check)
 
     # Data
 
