@@ -10,8 +10,10 @@ from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
 from yumi.errors import RobotNotReady, StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
+from yumi.hardware.stops import HISTORY
 from yumi.robot.joints import Joints, Side
 from yumi.rws.states import ControllerState, ExecutionState
+from yumi.virtual.events import EventType
 from yumi.virtual.fault_names import Fault
 
 NO_JUMP = 1.001
@@ -217,6 +219,43 @@ def test_state_alone_is_a_stop_where_the_event_log_was_cleared(system: MovingSys
         system.manager.motors_on()
     system.recover_by_person()
     assert system.is_moving_again()
+
+
+def state_only(system: MovingSystem) -> str:
+    """An emergency stop whose event nobody can read any more; its id."""
+    stop(system, Fault.EMERGENCY_STOP)
+    system.client.clear_events()
+    identity = system.stop_id()
+    assert identity.startswith("10013-0-")
+    return identity
+
+
+def test_event_that_follows_its_state_soon_keeps_the_id_of_the_stop(system: MovingSystem) -> None:
+    identity = state_only(system)
+    system.world.controller.events.append(10013, "Emergency stop", "Late.", EventType.ERROR)
+    system.wait(0.2)
+    assert system.manager.state().stop == identity
+
+
+def test_emergency_stop_that_comes_later_than_one_known_by_the_state_has_another_id(system: MovingSystem) -> None:
+    identity = state_only(system)
+    system.wait(HISTORY)
+    stop(system, Fault.EMERGENCY_STOP)
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.recover(identity)
+
+
+def test_emergency_stop_while_one_known_by_the_state_is_recovered_ends_that(system: MovingSystem) -> None:
+    identity = state_only(system)
+
+    def report(step: str) -> None:
+        if step.startswith("The robot was stopped by"):
+            system.faults.happen(Fault.EMERGENCY_STOP)
+            system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.manager.recover(report, confirmed=identity)
+    assert system.client.controller_state() is not ControllerState.MOTORS_ON
 
 
 def test_driver_that_starts_at_a_stopped_robot_waits_for_confirmation(system: MovingSystem) -> None:
