@@ -8,7 +8,7 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
-from yumi.errors import RobotNotReady, StopNotConfirmed, YumiError
+from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.stops import HISTORY
 from yumi.robot.joints import Joints, Side
@@ -149,6 +149,64 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
         system.manager.recover(report, confirmed=identity)
     assert system.client.execution() is ExecutionState.STOPPED
     assert system.stop_id() != identity
+
+
+@pytest.mark.parametrize("is_asked", [True, False], ids=["asked", "controller does not answer"])
+def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch, is_asked: bool
+) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    identity = system.stop_id()
+
+    def lose_connection(**_: object) -> None:
+        raise NoConnection("No answer.")
+
+    def collide(_: float) -> None:
+        system.faults.happen(Fault.COLLISION)
+        if not is_asked:
+            system.manager.watch.look()
+            monkeypatch.setattr(system.client, "events", lose_connection)
+        raise RobotNotReady("The left arm did not become idle.")
+
+    monkeypatch.setattr(system.bringup.machines, "wait_for_idle", collide)
+    with pytest.raises(RobotNotReady, match=r"The robot was stopped by .*50204 Motion supervision") as refusal:
+        system.recover(identity)
+    assert refusal.value.stop not in ("", identity)
+    assert refusal.value.stop in str(refusal.value)
+    assert isinstance(refusal.value, StopNotConfirmed) is is_asked
+
+
+def test_step_that_fails_without_another_stop_is_told_with_the_id_that_is_still_open(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    identity = system.stop_id()
+
+    def fail(_: float) -> None:
+        raise RobotNotReady("The left arm did not become idle.")
+
+    monkeypatch.setattr(system.bringup.machines, "wait_for_idle", fail)
+    with pytest.raises(RobotNotReady, match=f"10013.*did not become idle.*confirms the stop {identity}") as refusal:
+        system.recover(identity)
+    assert refusal.value.stop == identity
+
+
+@pytest.mark.parametrize("is_pressed", [True, False])
+def test_every_refusal_with_the_id_of_a_stop_names_it(system: MovingSystem, is_pressed: bool) -> None:
+    system.faults.happen(Fault.EMERGENCY_STOP)
+    system.wait(0.3)
+    if not is_pressed:
+        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+        system.wait(0.3)
+    requests = [*REQUESTS.values(), lambda system: system.manager.check_not_stopped()]
+    if is_pressed:
+        identity = system.stop_id()
+        requests.append(lambda system: system.recover(identity))
+    for request in requests:
+        with pytest.raises(RobotNotReady) as refusal:
+            request(system)
+        assert refusal.value.stop
+        assert refusal.value.stop in str(refusal.value)
 
 
 def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: MovingSystem) -> None:

@@ -204,7 +204,7 @@ class StopLog:
                 )
             if state in STOPPED_FOR_GOOD:
                 raise StopNotConfirmed(
-                    f"The stop cannot be confirmed yet: {STOPPED_FOR_GOOD[state]}, then confirm it again. "
+                    f"The stop {stop.id} cannot be confirmed yet: {STOPPED_FOR_GOOD[state]}, then confirm it again. "
                     f"The robot was stopped by {stop.cause}.",
                     stop.id,
                 )
