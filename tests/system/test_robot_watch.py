@@ -157,6 +157,41 @@ def test_watch_knows_the_robot_again_after_a_restart(watched: Watched) -> None:
     assert watched.watch.state().reason == "the motors are off"
 
 
+def fail_to_look(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The look after a request meets a controller that is busy for a moment."""
+
+    def refuse() -> OperatingMode:
+        raise ControllerRefused("The controller is busy.", status=503)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(watched.system.client, "operating_mode", refuse)
+        watched.watch.refresh()
+
+
+def test_robot_is_known_again_soon_after_one_look_that_failed(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watched.watch, "_thread", object())  # its steps are made by this test
+    fail_to_look(watched, monkeypatch)
+    assert not watched.watch.state().is_connected
+    assert watched.until(lambda state: state.is_connected) <= 1.0
+
+
+def test_stop_is_explained_although_a_look_has_failed(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watched.watch, "_thread", object())
+    causes: list[Cause] = []
+    watched.system.faults.happen(Fault.COLLISION)
+    watched.system.wait(0.02)
+    fail_to_look(watched, monkeypatch)
+    watched.watch.explain(causes.append)
+    watched.watch._answer_unexplained()
+    assert not causes
+    while not causes:
+        watched.wait(0.004)
+    assert causes[0].text.startswith("50204 Motion supervision")
+    assert causes[0].stop
+
+
 def test_watch_goes_on_after_its_web_socket_broke(watched: Watched) -> None:
     watched.system.faults.happen(Fault.WEB_SOCKET_DROP)
     watched.wait(0.5)

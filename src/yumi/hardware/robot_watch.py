@@ -148,6 +148,9 @@ class RobotWatch:
             self._read_whole()
         except YumiError:
             self._forget()
+            if self.is_running:  # it connects anew at once: this may have been one request that failed
+                self._is_lost = True
+                self._bell.set()
         return self.state()
 
     def refresh(self) -> None:
@@ -409,7 +412,7 @@ class RobotWatch:
 
     def _answer_unexplained(self, *, is_over: bool = False) -> None:
         now, state = self._clock.now(), self.state()
-        is_known = not state.is_connected or (state.is_stopped and self.stops.is_certain)
+        is_known = state.is_connected and state.is_stopped and self.stops.is_certain
         with self._lock:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]
