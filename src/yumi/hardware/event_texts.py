@@ -39,7 +39,7 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     20192: EventText("the controller got an EGM reference that is no number", "restart the controller"),
     20193: EventText("the controller got an EGM reference that is no number", "restart the controller"),
     40160: EventText("a RAPID instruction got an argument it does not know", "load the modules of this version"),
-    40228: EventText("a RAPID error was handled by nobody and stopped the program", "see the event before it"),
+    40228: EventText("a RAPID error was not handled and stopped the program", "see the event before it"),
     41438: EventText("the tool's load is undefined", "define mass and centre of gravity of the tool in use"),
     41822: EventText(
         "no EGM answer reached the robot in time",
