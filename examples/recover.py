@@ -1,6 +1,7 @@
 """Bring the robot back to ready after a stop, then guide the left arm alone; needs `yumi up` in another terminal."""
 
 import sys
+import termios
 
 from yumi.errors import StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
@@ -15,6 +16,8 @@ def main() -> None:
             print(manager.recover(on_step=show))
         except StopNotConfirmed as error:  # an emergency stop, a guard stop or a collision: a person decides
             print(error)
+            if sys.stdin.isatty():
+                termios.tcflush(sys.stdin, termios.TCIFLUSH)  # what was typed before the question is no answer
             if input("Look at the robot. Type yes when it may move again: ") != "yes":
                 raise
             print(manager.recover(on_step=show, confirm=error.stop))

@@ -314,6 +314,7 @@ def make_parts(
     manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops, settings.recovery)
     signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
+    manager.grippers = tuple(grippers.values())
     return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)
 
 

@@ -102,5 +102,5 @@ def _show(findings: Sequence[Finding]) -> None:
     console.print(table)
     counts = Counter(each.verdict for each in findings)
     problems, notes = counts[Verdict.PROBLEM], counts[Verdict.NOTE]
-    said = f"{problems} problem{'s' * (problems != 1)}" if problems else "Nothing stands against driving this robot"
+    said = f"{problems} problem{'s' * (problems != 1)}" if problems else "No problems found"
     console.print(f"{said}, {notes} note{'s' * (notes != 1)}.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import termios
 from collections.abc import Callable, Mapping
 from math import degrees
 from select import select
@@ -71,6 +72,7 @@ class DemoScreen:
         self._bars.stop()
         try:
             self._console.print(f"[bold yellow]{escape(sentence)}[/]")
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # an answer to what was not yet on the screen is none
             self._console.print("Type yes when the robot may move, anything else ends the demonstration: ", end="")
             while not select([sys.stdin], [], [], _GLANCE)[0]:  # Ctrl-C must end it, which a plain read would not see
                 check()

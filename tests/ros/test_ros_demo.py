@@ -61,9 +61,13 @@ def screen_on(output: io.StringIO) -> DemoScreen:
 @pytest.mark.parametrize(("line", "is_confirmed"), [("yes", True), ("no", False), ("", False), ("y", False)])
 def test_person_at_the_terminal_decides(terminal: Callable[[str], None], line: str, is_confirmed: bool) -> None:
     output = io.StringIO()
-    terminal(line)
-    assert screen_on(output).confirm("It stands [50204].", lambda: None) is is_confirmed
+    assert screen_on(output).confirm("It stands [50204].", lambda: terminal(line)) is is_confirmed
     assert "It stands [50204]." in output.getvalue()
+
+
+def test_yes_that_was_typed_before_the_question_confirms_nothing(terminal: Callable[[str], None]) -> None:
+    terminal("yes")
+    assert screen_on(io.StringIO()).confirm("It stands.", lambda: terminal("no")) is False
 
 
 def test_nobody_is_asked_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

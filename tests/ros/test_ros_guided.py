@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import pytest
 
-from yumi.errors import GoalNotReached, RobotNotReady
+from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.ros.robot_manager_client import RobotManagerClient
 
 pytestmark = pytest.mark.ros
@@ -58,3 +61,33 @@ def test_egm_that_did_not_start_is_not_ended() -> None:
     with pytest.raises(RobotNotReady, match="MANR"), client.guided():
         pytest.fail("it did not start")
     assert client.asked == ["start"]
+
+
+class Ended:
+    """A future that is done."""
+
+    def __init__(self, value: object) -> None:
+        self.result = lambda: value
+
+    def done(self) -> bool:
+        return True
+
+
+class FailedRecovery(RobotManagerClient):
+    """A client whose action "recover" fails with a message, and with the state that was read after it."""
+
+    def __init__(self, message: str, stop: str) -> None:
+        result = SimpleNamespace(success=False, message=message, state=SimpleNamespace(stop=stop))
+        handle = SimpleNamespace(get_result_async=lambda: Ended(SimpleNamespace(result=result)))
+        action = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=lambda *_, **__: Ended(handle))
+        self._actions = {"recover": action}
+        self._spinner = cast("Any", SimpleNamespace(until=lambda *_: None))
+
+
+def test_client_offers_the_id_of_a_stop_only_with_its_own_text() -> None:
+    with pytest.raises(RobotNotReady, match="10013-1-aaaaaa") as failed:
+        FailedRecovery("The stop 10013-1-aaaaaa is open. It did not become idle.", "50204-3-bbbbbb").recover()
+    assert failed.value.stop == ""
+    with pytest.raises(StopNotConfirmed, match="50204-3-bbbbbb") as refused:
+        FailedRecovery("Call recover with the id 50204-3-bbbbbb.", "50204-3-bbbbbb").recover()
+    assert refused.value.stop == "50204-3-bbbbbb"

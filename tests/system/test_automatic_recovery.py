@@ -8,6 +8,7 @@ from system.recovery_bench import MovingSystem
 from yumi.hardware.automatic_recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.settings import read_settings
+from yumi.virtual.events import EventType as VirtualEventType
 from yumi.virtual.fault_names import Fault
 
 
@@ -108,6 +109,33 @@ def test_restart_that_follows_a_persons_stop_is_left_to_a_person() -> None:
     system.faults.happen(Fault.WARM_RESTART, duration=3.0)
     system.live(8.0)
     assert not system.is_guided
+
+
+@pytest.mark.parametrize(
+    "deed",
+    [
+        (Fault.MANUAL_MODE, 10010, 10012, 10016, Fault.AUTO_MODE),
+        (Fault.MOTORS_OFF,),
+        (50375, 10010),
+        (Fault.MANUAL_MODE, Fault.AUTO_MODE),
+        (10017,),
+    ],
+    ids=["mode switch with guard stop", "motors off", "drives tripped", "mode switch", "AUTO confirmed"],
+)
+def test_time_out_of_egm_with_a_persons_deed_after_it_is_left_to_a_person(deed: tuple[Fault | int, ...]) -> None:
+    system = SelfRecovering(EgmMotionSettings(comm_timeout=1.0))
+    system.be_silent(1.5)
+    system.wait(0.5)
+    for each in deed:
+        if isinstance(each, Fault):
+            system.faults.happen(each)
+        else:
+            kind = VirtualEventType.ERROR if each == 50375 else VirtualEventType.INFORMATION
+            system.world.controller.events.append(each, "Deed", "At the robot.", kind)
+    system.live(4.0)
+    assert not system.is_guided
+    system.manager.recover(print)
+    assert system.is_guided
 
 
 def test_event_log_that_was_cleared_meanwhile_is_left_to_a_person() -> None:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from math import nan, radians
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
+from yumi.api.connection import Connection
+from yumi.api.guidance import Guidance
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.hardware.gripper import Gripper
 from yumi.hardware.hand_setup import GripperSetup, close_as_test
+from yumi.hardware.manager_state import Mode
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, THINNEST, TRAVEL, Direction, GripperModules, HandState, Outcome
 from yumi.robot.hand import HandOrder, go_to, grip
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
+from yumi.rws.states import ExecutionState
+from yumi.settings import read_settings
 from yumi.virtual.fault_names import Fault
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.vacuum_cup import CupObject
@@ -77,10 +82,10 @@ def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
 class Preparing:
     """A system whose grippers are set up each time it becomes ready, as the driver has it."""
 
-    def __init__(self, system: System, **options: Any) -> None:
+    def __init__(self, system: System, report: Callable[[str], None] | None = None, **options: Any) -> None:
         self.said: list[str] = []
         self.complaints: list[str] = []
-        setup = GripperSetup(system.grippers, self.said.append, self.complaints.append, **options)
+        setup = GripperSetup(system.grippers, report or self.said.append, self.complaints.append, **options)
         system.manager.when_ready(setup.run)
 
 
@@ -95,6 +100,102 @@ def test_grippers_are_calibrated_only_where_it_is_needed(system: System) -> None
     assert prepared.said == ["calibrate the right and left grippers: the fingers close"]
     gripper.calibrate()
     assert (gripper.is_calibrated(), gripper.position()) == (True, 0.0)
+
+
+@pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
+def test_manager_calibrates_nothing_while_a_stop_is_open_that_was_not_seen_yet(system: System, fault: Fault) -> None:
+    system.faults.happen(fault)
+    with pytest.raises(StopNotConfirmed, match="call recover with the id"):
+        system.manager.calibrate(system.grippers[Side.RIGHT])
+    assert not system.grippers[Side.RIGHT].is_calibrated()
+
+
+def test_egm_does_not_start_while_a_gripper_is_being_calibrated(system: System) -> None:
+    taken: list[bool] = []
+    original = system.client.pulse_signal
+
+    def pulse(name: str) -> None:
+        taken.append(system.manager._lock.locked())
+        original(name)
+
+    system.client.pulse_signal = pulse  # type: ignore[method-assign]
+    system.manager.calibrate(*system.grippers.values())
+    assert taken == [True]
+    assert are_calibrated(system) == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("happen", "sentence"),
+    [
+        (lambda system: system.manager.give_way(), "A stop was asked for meanwhile"),
+        (lambda system: (system.faults.happen(Fault.COLLISION), system.manager.watch.look()), "was stopped by 50204"),
+    ],
+    ids=["stop", "collision"],
+)
+def test_calibration_waits_no_longer_when_a_stop_comes(
+    system: System, happen: Callable[[System], object], sentence: str
+) -> None:
+    original = system.client.pulse_signal
+
+    def pulse(name: str) -> None:
+        original(name)
+        happen(system)
+
+    system.client.pulse_signal = pulse  # type: ignore[method-assign]
+    with pytest.raises(RobotNotReady, match=sentence):
+        system.manager.calibrate(system.grippers[Side.RIGHT])
+
+
+def test_stop_that_is_asked_for_while_the_program_starts_closes_no_fingers() -> None:
+    system = System()
+    Preparing(system, system.manager.report_step)
+
+    def report(step: str) -> None:
+        if step == "start the RAPID program":
+            system.manager.give_way()
+
+    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+        system.manager.go_to(Mode.READY, report)
+    assert are_calibrated(system) == [False, False]
+
+
+def test_steps_of_a_mode_have_the_calibration_of_grippers() -> None:
+    system, steps = System(), []
+    Preparing(system, system.manager.report_step)
+    system.manager.go_to(Mode.READY, steps.append)
+    assert steps[-1] == "calibrate the right and left grippers: the fingers close"
+
+
+class NothingMoves:
+    """Guidance of arms that stand."""
+
+    def stop(self, arms: tuple[Side, ...]) -> list[object]:
+        return []
+
+
+@pytest.fixture
+def script(system: System) -> Connection:
+    """A script's connection to the virtual robot, with EGM on both arms."""
+    connection = Connection(read_settings(), {}, tuple(Side))
+    connection.manager, connection.grippers = system.manager, system.grippers
+    connection.guidance = cast("Guidance", NothingMoves())
+    system.manager.start_egm()
+    return connection
+
+
+def test_calibration_by_a_script_pauses_egm(system: System, script: Connection) -> None:
+    script.calibrate(Side.LEFT)
+    assert are_calibrated(system) == [False, True]
+    assert system.manager.wanted == tuple(Side)
+    assert system.manager.check_ready() == "ready, EGM runs"
+
+
+def test_calibration_by_a_script_that_fails_starts_nothing(system: System, script: Connection) -> None:
+    system.client.stop_rapid()
+    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated while its arm is guided"):
+        script.calibrate(Side.LEFT)
+    assert system.client.execution() is ExecutionState.STOPPED
+    assert system.manager.wanted == ()
 
 
 def test_both_grippers_are_calibrated_in_the_time_of_one(system: System) -> None:

@@ -18,6 +18,7 @@ from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
 from yumi.hardware.state_machine import START_JOINT, MachineState
 from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
 from yumi.hardware.stops import Cause
+from yumi.robot.gripper import TRAVEL, HandCommand, HandState
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
 from yumi.rws.subscriptions import Change, Resource
@@ -103,6 +104,42 @@ def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(watched: W
     assert watched.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
 
 
+@pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
+@pytest.mark.parametrize(
+    "jog",
+    [
+        lambda system: system.grippers[Side.RIGHT].jog(opens=True),
+        lambda system: system.manager.write_signal("hand_CmdGripper_R", HandCommand.JOG_OPEN),
+    ],
+    ids=["jog", "write_signal"],
+)
+def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
+    watched: Watched, fault: Fault, jog: Callable[[MovingSystem], None]
+) -> None:
+    system, right = watched.system, watched.system.grippers[Side.RIGHT]
+    jog(system)
+    watched.wait(0.2)
+    assert right.reading().state is HandState.JOG_OPEN
+    system.faults.happen(fault)
+    watched.wait(0.3)
+    assert right.reading().state is HandState.READY
+    assert 0.0 < right.position() < TRAVEL
+
+
+def test_stop_that_needs_no_confirmation_ends_no_jog(watched: Watched) -> None:
+    right = watched.system.grippers[Side.RIGHT]
+    right.jog(opens=True)
+    watched.system.faults.happen(Fault.PROGRAM_STOP)
+    watched.wait(0.3)
+    assert right.reading().state is HandState.JOG_OPEN
+
+
+def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(watched: Watched) -> None:
+    watched.system.faults.happen(Fault.COLLISION)
+    watched.wait(0.3)
+    watched.system.manager.write_signal("hand_CmdGripper_R", str(int(HandCommand.GO_TO_READY)))
+
+
 def test_start_signal_of_another_client_is_known(watched: Watched) -> None:
     system = watched.system
     system.manager.stop_egm()
@@ -118,6 +155,41 @@ def test_watch_knows_the_robot_again_after_a_restart(watched: Watched) -> None:
     watched.until(lambda state: not state.is_connected)
     assert watched.until(lambda state: state.is_connected, 25.0) > 19.0
     assert watched.watch.state().reason == "the motors are off"
+
+
+def fail_to_look(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The look after a request meets a controller that is busy for a moment."""
+
+    def refuse() -> OperatingMode:
+        raise ControllerRefused("The controller is busy.", status=503)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(watched.system.client, "operating_mode", refuse)
+        watched.watch.refresh()
+
+
+def test_robot_is_known_again_soon_after_one_look_that_failed(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watched.watch, "_thread", object())  # its steps are made by this test
+    fail_to_look(watched, monkeypatch)
+    assert not watched.watch.state().is_connected
+    assert watched.until(lambda state: state.is_connected) <= 1.0
+
+
+def test_stop_is_explained_although_a_look_has_failed(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watched.watch, "_thread", object())
+    causes: list[Cause] = []
+    watched.system.faults.happen(Fault.COLLISION)
+    watched.system.wait(0.02)
+    fail_to_look(watched, monkeypatch)
+    watched.watch.explain(causes.append)
+    watched.watch._answer_unexplained()
+    assert not causes
+    while not causes:
+        watched.wait(0.004)
+    assert causes[0].text.startswith("50204 Motion supervision")
+    assert causes[0].stop
 
 
 def test_watch_goes_on_after_its_web_socket_broke(watched: Watched) -> None:

@@ -8,10 +8,12 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
-from yumi.errors import RobotNotReady, StopNotConfirmed, YumiError
+from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.hardware.manager_state import Mode
+from yumi.hardware.stops import HISTORY
 from yumi.robot.joints import Joints, Side
 from yumi.rws.states import ControllerState, ExecutionState
+from yumi.virtual.events import EventType
 from yumi.virtual.fault_names import Fault
 
 NO_JUMP = 1.001
@@ -28,6 +30,9 @@ REQUESTS: dict[str, Callable[[System], object]] = {
     "motors_on": lambda system: system.manager.motors_on(),
     "start_rapid": lambda system: system.manager.start_rapid(),
     "write_signal": lambda system: system.manager.write_signal("EGM_START_JOINT", 1),
+    "write_signal of a routine": lambda system: system.manager.write_signal("EtherNetIP/local/Run_RAPID_routine", 1),
+    "write_signal of fingers": lambda system: system.manager.write_signal("hand_CmdGripper_R", 2),
+    "write_signal of fingers on a device": lambda system: system.manager.write_signal("a/b/HAND_CmdGripper_L", "1"),
     "run_routine": lambda system: system.manager.run_routine(Side.LEFT, "runMoveJ"),
 }
 
@@ -146,6 +151,64 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
     assert system.stop_id() != identity
 
 
+@pytest.mark.parametrize("is_asked", [True, False], ids=["asked", "controller does not answer"])
+def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch, is_asked: bool
+) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    identity = system.stop_id()
+
+    def lose_connection(**_: object) -> None:
+        raise NoConnection("No answer.")
+
+    def collide(_: float) -> None:
+        system.faults.happen(Fault.COLLISION)
+        if not is_asked:
+            system.manager.watch.look()
+            monkeypatch.setattr(system.client, "events", lose_connection)
+        raise RobotNotReady("The left arm did not become idle.")
+
+    monkeypatch.setattr(system.bringup.machines, "wait_for_idle", collide)
+    with pytest.raises(RobotNotReady, match=r"The robot was stopped by .*50204 Motion supervision") as refusal:
+        system.recover(identity)
+    assert refusal.value.stop not in ("", identity)
+    assert refusal.value.stop in str(refusal.value)
+    assert isinstance(refusal.value, StopNotConfirmed) is is_asked
+
+
+def test_step_that_fails_without_another_stop_is_told_with_the_id_that_is_still_open(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop(system, Fault.EMERGENCY_STOP)
+    identity = system.stop_id()
+
+    def fail(_: float) -> None:
+        raise RobotNotReady("The left arm did not become idle.")
+
+    monkeypatch.setattr(system.bringup.machines, "wait_for_idle", fail)
+    with pytest.raises(RobotNotReady, match=f"10013.*did not become idle.*confirms the stop {identity}") as refusal:
+        system.recover(identity)
+    assert refusal.value.stop == identity
+
+
+@pytest.mark.parametrize("is_pressed", [True, False])
+def test_every_refusal_with_the_id_of_a_stop_names_it(system: MovingSystem, is_pressed: bool) -> None:
+    system.faults.happen(Fault.EMERGENCY_STOP)
+    system.wait(0.3)
+    if not is_pressed:
+        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+        system.wait(0.3)
+    requests = [*REQUESTS.values(), lambda system: system.manager.check_not_stopped()]
+    if is_pressed:
+        identity = system.stop_id()
+        requests.append(lambda system: system.recover(identity))
+    for request in requests:
+        with pytest.raises(RobotNotReady) as refusal:
+            request(system)
+        assert refusal.value.stop
+        assert refusal.value.stop in str(refusal.value)
+
+
 def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: MovingSystem) -> None:
     stop(system, Fault.COLLISION)
     identity = system.stop_id()
@@ -214,6 +277,43 @@ def test_state_alone_is_a_stop_where_the_event_log_was_cleared(system: MovingSys
         system.manager.motors_on()
     system.recover_by_person()
     assert system.is_moving_again()
+
+
+def state_only(system: MovingSystem) -> str:
+    """An emergency stop whose event nobody can read any more; its id."""
+    stop(system, Fault.EMERGENCY_STOP)
+    system.client.clear_events()
+    identity = system.stop_id()
+    assert identity.startswith("10013-0-")
+    return identity
+
+
+def test_event_that_follows_its_state_soon_keeps_the_id_of_the_stop(system: MovingSystem) -> None:
+    identity = state_only(system)
+    system.world.controller.events.append(10013, "Emergency stop", "Late.", EventType.ERROR)
+    system.wait(0.2)
+    assert system.manager.state().stop == identity
+
+
+def test_emergency_stop_that_comes_later_than_one_known_by_the_state_has_another_id(system: MovingSystem) -> None:
+    identity = state_only(system)
+    system.wait(HISTORY)
+    stop(system, Fault.EMERGENCY_STOP)
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.recover(identity)
+
+
+def test_emergency_stop_while_one_known_by_the_state_is_recovered_ends_that(system: MovingSystem) -> None:
+    identity = state_only(system)
+
+    def report(step: str) -> None:
+        if step.startswith("The robot was stopped by"):
+            system.faults.happen(Fault.EMERGENCY_STOP)
+            system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+
+    with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
+        system.manager.recover(report, confirmed=identity)
+    assert system.client.controller_state() is not ControllerState.MOTORS_ON
 
 
 def test_driver_that_starts_at_a_stopped_robot_waits_for_confirmation(system: MovingSystem) -> None:

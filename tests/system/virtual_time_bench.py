@@ -152,12 +152,14 @@ class System(ManualClock):
         self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self._motion = motion or EgmMotionSettings()
+        self.grippers: dict[Side, Gripper] = {}
         self.start_driver()
         routines = GripperRoutines(self.client, self)
         self.signals = HandSignals(self.client, both)
         self.grippers = {
             side: Gripper(HandIo(side, self.client, self.signals, modules), routines, self, 10.0) for side in Side
         }
+        self.manager.grippers = tuple(self.grippers.values())
 
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
@@ -167,6 +169,7 @@ class System(ManualClock):
         speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
         self.manager = RobotManager(self.bringup, self.fast_lines, self)
+        self.manager.grippers = tuple(self.grippers.values())
 
     def wait(self, seconds: float) -> None:
         """Let the world go on, a cycle at a time."""

@@ -121,16 +121,16 @@ class Connection:
     def calibrate(self, side: Side) -> None:
         """Close the fingers of a hand and call that zero; EGM on its arm, during which that is impossible, is paused.
 
+        It stays so where that fails: what made it fail may have stopped the robot, and :meth:`recover` is the way back.
+
         Raises:
             RobotNotReady: the hand did not become calibrated, or EGM did not start again.
         """
-        if side not in self.manager.wanted:
-            self.grippers[side].calibrate()
-            return
-        self._end_motion()
-        try:
-            self.grippers[side].calibrate()
-        finally:
+        is_guided = side in self.manager.wanted
+        if is_guided:
+            self._end_motion()
+        self.manager.calibrate(self.grippers[side])
+        if is_guided:
             self.manager.start_egm()
 
     def _test_grippers(self) -> None:
@@ -147,7 +147,7 @@ class Connection:
         is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
         self._gripper_setup = GripperSetup(
             parts.grippers,
-            report,
+            parts.manager.report_step,
             log.warning,
             is_wanted=is_wanted,
             is_confirmed=lambda: not parts.manager.is_unattended,

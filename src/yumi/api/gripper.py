@@ -157,7 +157,7 @@ class Gripper:
     def calibrate(self) -> None:
         """Close the fingers and call that zero; connecting and recovering do it where it is needed.
 
-        The arm comes to rest, and EGM on it pauses meanwhile.
+        The arm comes to rest, and EGM on it pauses meanwhile; ``robot.recover()`` starts it again where this fails.
 
         Raises:
             RobotNotReady: the gripper did not become calibrated.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 
 from yumi.rws.replies import Event
 from yumi.rws.states import EventType
@@ -38,7 +39,7 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     20192: EventText("the controller got an EGM reference that is no number", "restart the controller"),
     20193: EventText("the controller got an EGM reference that is no number", "restart the controller"),
     40160: EventText("a RAPID instruction got an argument it does not know", "load the modules of this version"),
-    40228: EventText("a RAPID error was handled by nobody and stopped the program", "see the event before it"),
+    40228: EventText("a RAPID error was not handled and stopped the program", "see the event before it"),
     41438: EventText("the tool's load is undefined", "define mass and centre of gravity of the tool in use"),
     41822: EventText(
         "no EGM answer reached the robot in time",
@@ -93,6 +94,14 @@ NOT_TELLING = (10010, 10125)
 AUTO_CONFIRMED = 10017
 """Somebody has confirmed AUTO at the FlexPendant."""
 
+MOTORS_OFF, RESTARTED = 10010, 10045
+
+UNHANDLED = 40228
+"""An error that the program does not handle: it follows the event of that error, EGM's time-out too."""
+
+_PERSONS_DEEDS = {10014, 10015, 10016, AUTO_CONFIRMED}
+"""Mode switch, and system failure, which somebody has to look at."""
+
 _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
 _PERSONS_STOPS = (10012, 10013, *_COLLISIONS)
@@ -120,6 +129,20 @@ def is_without_person(event: Event) -> bool:
     return event.code in {41822, 10045} or (event.code == 80001 and "watchdog" in event.title.lower())
 
 
+def are_without_person(events: Iterable[Event]) -> bool:
+    """Whether none of the events since the program was started tells of a person at the robot, or of another fault.
+
+    Args:
+        events: newest first, as the controller lists them.
+    """
+    recent = _since_start(events)
+    codes = {event.code for event in recent}
+    if codes & _PERSONS_DEEDS or any(map(needs_person, codes)) or (MOTORS_OFF in codes and RESTARTED not in codes):
+        return False
+    errors = [event for event in recent if event.type is EventType.ERROR and event.code != UNHANDLED]
+    return all(map(is_without_person, errors)) and (bool(errors) or UNHANDLED not in codes)
+
+
 def explain(event: Event) -> str:
     """An event in a sentence, without its full stop: number, cause and remedy; ABB's words where we have none."""
     text = EVENT_TEXTS.get(event.code)
@@ -136,13 +159,14 @@ def cause_among(events: Iterable[Event]) -> Event | None:
     Args:
         events: newest first, as the controller lists them.
     """
-    recent: list[Event] = []
-    for event in events:
-        if event.code in STARTED:
-            break
-        recent.append(event)
+    recent = _since_start(events)
     errors = [event for event in recent if event.type is EventType.ERROR]
     if errors:
         return errors[-1]
     stops = [event for event in recent if event.code in _LESS_AND_LESS_TELLING]
     return min(stops, key=lambda event: _LESS_AND_LESS_TELLING.index(event.code), default=None)
+
+
+def _since_start(events: Iterable[Event]) -> list[Event]:
+    """Those after the program was last started; ``events`` are newest first."""
+    return list(takewhile(lambda event: event.code not in STARTED, events))

@@ -37,6 +37,7 @@ _MOMENT = 1.0  # [s] for the hand to obey a signal
 # Not READY: the robot's routine brings the hand to READY before it sends each command.
 _AT_REST = {HandState.ACTION_COMPLETED, HandState.KEEP_OBJECT}
 _STANDING = _AT_REST | {HandState.READY, HandState.ERROR}
+_JOGGING = {HandState.JOG_OPEN, HandState.JOG_CLOSE, HandState.CALIBRATION}
 
 
 Check = Callable[[], None]
@@ -80,7 +81,7 @@ class Gripper:
         self._timeout = timeout
         self._usual_speed = usual_speed
         self._looked_at = self._stands_since = self._stood = 0.0  # the fingers, as far as they were looked at
-        self._is_stopped = False
+        self._is_stopped = self._is_jogging = False
 
     def reading(self) -> HandReading:
         """Everything it shows now.
@@ -118,17 +119,18 @@ class Gripper:
             return "it presses on something"
         return None if state in _STANDING else "its fingers move"
 
-    def calibrate(self, *others: Gripper) -> None:
-        """Close the fingers and call that zero.
+    def calibrate(self, *others: Gripper, check: Check = _always) -> None:
+        """Close the fingers and call that zero; see also :meth:`RobotManager.calibrate`, which sees that they may.
 
         Args:
             others: hands of the same robot that are calibrated at the same time.
+            check: raises when the hands may not move any more.
 
         Raises:
             RobotNotReady: the controller has no such gripper, its arm is guided, or it did not become calibrated.
         """
         hands = (self, *others)
-        self._routines.calibrate([hand.side for hand in hands], self._timeout)
+        self._routines.calibrate([hand.side for hand in hands], self._timeout, check)
         for hand in hands:
             self._wait(
                 hand.is_calibrated,
@@ -146,7 +148,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
         """
-        self._is_stopped = False
+        self._is_stopped = self._is_jogging = False
         check()
         self._check_ready()
         # Each time: whatever was written before, the controller may have been restarted since.
@@ -228,7 +230,7 @@ class Gripper:
             RobotNotReady: the gripper does not obey.
         """
         self.stop()
-        self._is_stopped = False
+        self._is_stopped, self._is_jogging = False, True
         check()
         self._io.write("hand_CmdGripper", HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
         if self._is_stopped:  # while the command was on its way
@@ -240,7 +242,7 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper does not obey.
         """
-        self._is_stopped = True
+        self._is_stopped, self._is_jogging = True, False
         self._io.write("hand_CmdGripper", HandCommand.GO_TO_READY)
         self._wait(
             lambda: hand_state(self._io.ask("hand_SysState")) is HandState.READY,
@@ -257,6 +259,15 @@ class Gripper:
         self._is_stopped = True
         if hand_state(self._io.ask("hand_SysState")) not in _STANDING:
             self.stop()
+
+    def end_jog(self) -> None:
+        """Stop a jog or a calibration, which would go on although the robot was stopped: it needs no motors.
+
+        Raises:
+            RobotNotReady: the gripper does not obey.
+        """
+        if self._is_jogging or hand_state(self._io.ask("hand_SysState")) in _JOGGING:
+            self.hold()
 
     def clear_error(self) -> None:
         """Acknowledge the hand's error; nothing where there is none.

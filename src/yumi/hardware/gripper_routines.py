@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from threading import Lock
 
 from yumi.clock import Clock
@@ -67,12 +67,13 @@ class GripperRoutines:
             self._wait_until_taken(side, timeout)
             self._are_empty = True
 
-    def calibrate(self, sides: Sequence[Side], timeout: float) -> None:
+    def calibrate(self, sides: Sequence[Side], timeout: float, check: Callable[[], None] = lambda: None) -> None:
         """Have the tasks of these arms calibrate their hands at the same time: one edge reaches both.
 
         Args:
             sides: which arms.
             timeout: longest wait for the tasks, which take the command when they have carried it out [s].
+            check: raises when the hands may not move any more, or nobody waits any more.
 
         Raises:
             RobotNotReady: a task did not take the command, or its arm is guided or runs a routine.
@@ -84,9 +85,10 @@ class GripperRoutines:
                 command = SgCommand.CALIBRATE if each in sides else SgCommand.NONE
                 self._write(each, "command_input", float(command))
             self._are_empty = False
+            check()
             self._client.pulse_signal(RUN_GRIPPER)
             for side in sides:
-                self._wait_until_taken(side, timeout)
+                self._wait_until_taken(side, timeout, check)
             self._are_empty = True
 
     def _check_idle(self, side: Side) -> None:
@@ -97,9 +99,10 @@ class GripperRoutines:
                 f"The {side.word} gripper is not calibrated while its arm is guided or runs a routine; stop that first."
             )
 
-    def _wait_until_taken(self, side: Side, timeout: float) -> None:
+    def _wait_until_taken(self, side: Side, timeout: float, check: Callable[[], None] = lambda: None) -> None:
         end = self._clock.now() + timeout
         while not self._is_taken(side):
+            check()
             if self._clock.now() >= end:
                 raise RobotNotReady(
                     f"The {side.word} arm took no gripper command within {timeout:g} s; see that the RAPID program "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
@@ -10,7 +11,7 @@ from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.event_texts import explain
 from yumi.hardware.manager_state import Report
-from yumi.hardware.stops import StopLog
+from yumi.hardware.stops import StopLog, demand_confirmation
 from yumi.hardware.waiting import GLANCE
 from yumi.links.http import AnswerTimeout
 
@@ -112,8 +113,14 @@ class Recovery:
         except StopNotConfirmed:
             raise
         except YumiError as error:
+            with suppress(NoConnection, ControllerRefused, ProtocolError):  # it cannot be asked: what is known counts
+                self._stops.check_unchanged(self._client, confirmed)
             stop = self._stops.stop
-            raise RobotNotReady(f"{why}. {error}", stop.id if stop else "") from error
+            if stop is None:
+                raise RobotNotReady(f"{why}. {error}") from error
+            if stop.id != confirmed:
+                why = f"The robot was stopped by {stop.cause}"
+            raise RobotNotReady(f"{why}. {error}{demand_confirmation(stop.id)}", stop.id) from error
         self._stops.close(confirmed)
         return f"{why}. {told}."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
@@ -13,6 +14,7 @@ from yumi.hardware.arm_guidance import ArmGuidance, FastLines
 from yumi.hardware.automatic_recovery import AutomaticRecovery, RecoverySettings
 from yumi.hardware.bringup import STOP_PROGRAM, Bringup
 from yumi.hardware.controller_data import ControllerData
+from yumi.hardware.gripper import Gripper
 from yumi.hardware.manager_state import Mode, Report, RobotState
 from yumi.hardware.rapid_routines import RapidRoutines
 from yumi.hardware.recovery import Recovery
@@ -20,6 +22,7 @@ from yumi.hardware.robot_watch import RobotWatch
 from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
 from yumi.hardware.stops import StopLog, check_not_stopped
 from yumi.hardware.watchdog import Watchdog, WatchdogSettings
+from yumi.robot.gripper import HandCommand
 from yumi.robot.joints import Side
 from yumi.rws.states import ControllerState
 
@@ -51,6 +54,7 @@ class RobotManager:
         watchdog: on the robot, and our signs of life to it.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
+        grippers: its hands; their jogs end when a stop comes.
         speed: the factor on the speed of every controller, see :mod:`yumi.hardware.speed_setting`.
     """
 
@@ -82,6 +86,8 @@ class RobotManager:
         self._lock = Lock()  # one at a time; the robot has one state
         self._stops = 0  # how many were asked for
         self.has_acted = self.is_unattended = False
+        self.grippers: tuple[Gripper, ...] = ()
+        self.watch.on_stop = self._end_jogs
 
     def start(self) -> None:
         """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
@@ -92,6 +98,14 @@ class RobotManager:
         except YumiError:  # the operating system permits no thread for it
             self.stop()
             raise
+
+    def report_step(self, step: str) -> None:
+        """Report what is done to the robot next, within :meth:`when_ready`.
+
+        Raises:
+            YumiError: it must not be done any more: a stop was asked for, or has come, or the request was cancelled.
+        """
+        self._bringup.report(step)
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
@@ -356,6 +370,22 @@ class RobotManager:
         self.load_module(side, file_name, text)
         return self.run_routine(side, routine)
 
+    def calibrate(self, *grippers: Gripper) -> None:
+        """Close the fingers of these grippers and call that zero, at the same time.
+
+        Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation.
+            RobotNotReady: an arm is guided, a stop was asked for meanwhile, or one did not become calibrated.
+        """
+        with self._moving():
+            stops = self._stops
+
+            def check() -> None:
+                self._check_not_stopped(stops)
+                self.check_not_stopped()
+
+            grippers[0].calibrate(*grippers[1:], check=check)
+
     # Data
 
     def read_signal(self, name: str) -> str:
@@ -365,9 +395,12 @@ class RobotManager:
     def write_signal(self, name: str, value: str | float) -> None:
         """Set an I/O signal. Raises YumiError; nothing was changed then.
 
-        What starts a motion of the robot's program is refused while a stop waits for a person's confirmation.
+        What starts a motion of the robot's program, or moves fingers, is refused while a stop waits for a person's
+        confirmation. Stopping fingers is not.
         """
-        if name.upper().startswith(("EGM_START", "RUN_")):  # RAPID's names know no case
+        signal = name.rpartition("/")[2].upper()  # also written as network/device/signal; RAPID's names know no case
+        is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(HandCommand.GO_TO_READY))
+        if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
             self._stop_log.check_confirmed(self._bringup.client, "")
         self._data.write_signal(name, value)
 
@@ -441,6 +474,13 @@ class RobotManager:
     def _check_not_stopped(self, stops: int) -> None:
         if self._stops != stops:
             raise RobotNotReady("A stop was asked for meanwhile; ask again if it shall be done all the same.")
+
+    def _end_jogs(self) -> None:
+        for gripper in self.grippers:
+            try:
+                gripper.end_jog()
+            except YumiError as error:  # not every robot has two hands
+                self._report(logging.INFO, f"A jog of the {gripper.side.word} gripper could not be ended: {error}")
 
     def _report(self, level: int, sentence: str) -> None:
         self.watch.reports.report(level, sentence)

@@ -29,7 +29,7 @@ from yumi.hardware.speed_setting import SpeedSetting
 from yumi.hardware.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState
 from yumi.hardware.state_machines import read_machine_state
 from yumi.hardware.state_reports import StateReports
-from yumi.hardware.stops import Cause, StopLog
+from yumi.hardware.stops import Cause, Stop, StopLog
 from yumi.links.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws.replies import Event
@@ -97,6 +97,7 @@ class RobotWatch:
 
     Attributes:
         on_change: told each change.
+        on_stop: called when a stop has come that a person must confirm, on the watch's thread.
         stops: as above.
         reports: what of it is logged.
         speed: the factor on all speeds, told with the rest.
@@ -104,6 +105,8 @@ class RobotWatch:
 
     def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock, stops: StopLog) -> None:
         self.on_change: Listener = lambda _: None
+        self.on_stop: Callable[[], None] = lambda: None
+        self._seen_stop: Stop | None = None
         self.stops = stops
         self.reports = StateReports(stops, clock)
         self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
@@ -145,6 +148,9 @@ class RobotWatch:
             self._read_whole()
         except YumiError:
             self._forget()
+            if self.is_running:  # it connects anew at once: this may have been one request that failed
+                self._is_lost = True
+                self._bell.set()
         return self.state()
 
     def refresh(self) -> None:
@@ -189,6 +195,7 @@ class RobotWatch:
         """Keep it fresh from now on; what is known at first is read here."""
         self._is_over.clear()
         self.look()
+        self._seen_stop = self.stops.stop  # one that was there before we did anything
         thread = SupervisedThread("robot-watch", self._run, self._is_over, self._fail)
         thread.start()
         self._thread = thread
@@ -213,6 +220,9 @@ class RobotWatch:
             self._lose()
         self._tell()
         self._answer_unexplained()
+        stop, self._seen_stop = self._seen_stop, self.stops.stop
+        if self._seen_stop is not None and self._seen_stop != stop:
+            self.on_stop()
         return self.reports.next_due(min(delay, EXPLAIN_LOOK) if self._unexplained else delay)
 
     @property
@@ -402,7 +412,7 @@ class RobotWatch:
 
     def _answer_unexplained(self, *, is_over: bool = False) -> None:
         now, state = self._clock.now(), self.state()
-        is_known = not state.is_connected or (state.is_stopped and self.stops.is_certain)
+        is_known = state.is_connected and state.is_stopped and self.stops.is_certain
         with self._lock:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]

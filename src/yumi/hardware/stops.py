@@ -14,6 +14,7 @@ import secrets
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from threading import RLock
 from typing import Protocol
 
@@ -26,6 +27,7 @@ from yumi.hardware.event_texts import (
     AUTO_CONFIRMED,
     NOT_TELLING,
     STARTED,
+    are_without_person,
     cause_among,
     explain,
     is_guard_stop,
@@ -125,6 +127,7 @@ class StopLog:
         self._known = _Known()
         self._newest = -1  # number of the newest event that was looked at; -1 before the first look
         self._stop_events: tuple[Event, ...] = ()
+        self._awaits_event_until = -inf  # the event of a stop that is known by the state alone comes by then [s]
         self._recent: deque[tuple[Event, float]] = deque(maxlen=PAGES[-1])  # newest first, and when it was seen
         self._news: deque[Event] = deque(maxlen=PAGES[-1])
         self.is_complete = True
@@ -148,11 +151,14 @@ class StopLog:
 
     @property
     def is_without_person(self) -> bool:
-        """Whether it is certain that no person was involved in what stopped the robot: all events since are known."""
-        known = self._known
-        if known.stop is not None or not self.is_complete:
-            return False
-        return known.cause is None or is_without_person(known.cause)
+        """Whether it is certain that no person was involved in what stopped the robot, nor in any event since."""
+        with self._lock:
+            known = self._known
+            if known.stop is not None or not self.is_complete:
+                return False
+            if not are_without_person(event for event, _ in self._recent):
+                return False
+            return known.cause is None or is_without_person(known.cause)
 
     def look(self, client: EventSource) -> tuple[ControllerState, Event | None]:
         """Read state and event log; returns the state and the newest event.
@@ -169,6 +175,7 @@ class StopLog:
             self._take(events)
             if state in _STATES and self._known.stop is None:
                 self._known = replace(self._known, stop=Stop.of((), _STATES[state]))
+                self._awaits_event_until = self._clock.now() + HISTORY
             return state, events[0] if events else None
 
     def check_confirmed(self, client: EventSource, confirmed: str) -> None:
@@ -183,6 +190,8 @@ class StopLog:
             YumiError: the controller does not answer.
         """
         with self._lock:
+            if self.stop is not None and confirmed == self.stop.id:
+                self._awaits_event_until = -inf  # what comes from now on is another stop than the confirmed one
             state, _ = self.look(client)
             stop = self.stop
             if stop is None:
@@ -195,7 +204,7 @@ class StopLog:
                 )
             if state in STOPPED_FOR_GOOD:
                 raise StopNotConfirmed(
-                    f"The stop cannot be confirmed yet: {STOPPED_FOR_GOOD[state]}, then confirm it again. "
+                    f"The stop {stop.id} cannot be confirmed yet: {STOPPED_FOR_GOOD[state]}, then confirm it again. "
                     f"The robot was stopped by {stop.cause}.",
                     stop.id,
                 )
@@ -270,7 +279,8 @@ class StopLog:
             for index, event in reversed(list(enumerate(fresh)))
             if needs_person(event.code) and (index < confirmed or not is_guard_stop(event.code))
         )
-        if stops and stop is not None and not self._stop_events and stop.codes == (stops[-1].code,):
+        is_awaited = not self._stop_events and now <= self._awaits_event_until
+        if stops and stop is not None and is_awaited and stop.codes == (stops[-1].code,):
             # The event of a stop that was known by the state alone; a person may know its id already.
             self._stop_events = stops
             stop = replace(Stop.of(stops), id=stop.id)

@@ -162,10 +162,11 @@ class RosDriver:
             self._ticker,
             self._why_no_grip,
             self._managed.may_ask_hand,
+            manager.calibrate,
         )
         self._gripper_setup = GripperSetup(
             hands.grippers,
-            lambda step: self.say(f"Bring-up: {step}"),
+            manager.report_step,
             nodes.manager.get_logger().error,
             is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
             why_not=self._managed.why_no_grip,  # a stop is confirmed before the robot becomes ready, but not closed yet

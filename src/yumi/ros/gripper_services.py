@@ -27,15 +27,23 @@ class GripperServices:
         group: callback group for what takes seconds.
         why_not: why nothing may move now; None when it may.
         turn: shared by all that moves the fingers.
+        calibrate: calibrates the hand.
     """
 
     def __init__(
-        self, node: Any, gripper: Gripper, group: Any, why_not: Callable[[], str | None], turn: HandTurn
+        self,
+        node: Any,
+        gripper: Gripper,
+        group: Any,
+        why_not: Callable[[], str | None],
+        turn: HandTurn,
+        calibrate: Callable[[Gripper], None],
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._why_not_now = why_not
         self._turn = turn
+        self._calibrate_hand = calibrate
         triggers: Mapping[str, Action] = {
             "calibrate": lambda: self._moving(self._calibrate),
             "jog_open": lambda: self._moving(partial(self._jog, opens=True)),
@@ -81,7 +89,7 @@ class GripperServices:
             raise RobotNotReady(reason)
 
     def _calibrate(self) -> str:
-        self._gripper.calibrate()
+        self._calibrate_hand(self._gripper)
         return "The gripper is calibrated: closed is 0."
 
     def _jog(self, *, opens: bool) -> str:

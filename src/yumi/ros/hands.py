@@ -62,6 +62,7 @@ class Hands:
         ticker: keeps the topics' rates.
         why_not: why a hand may not move now; None when it may.
         may_ask: whether the robot may be asked.
+        calibrate: calibrates a hand.
     """
 
     def __init__(
@@ -73,10 +74,12 @@ class Hands:
         ticker: Ticker,
         why_not: Callable[[Side], str | None] = lambda side: None,
         may_ask: Callable[[Side], bool] = lambda side: True,
+        calibrate: Callable[[Gripper], None] = Gripper.calibrate,
     ) -> None:
         self._parts = parts
         self._say = say
         self._may_ask = may_ask
+        self._calibrate = calibrate
         self._reason = ""
         self._asked: dict[Side, FingerState] = {}
         self._is_over = Flag()
@@ -125,7 +128,7 @@ class Hands:
 
     def _serve(self, side: Side, node: Any, why_not: Callable[[], str | None]) -> tuple[Any, ...]:
         gripper, group, turn = self._parts.grippers[side], ReentrantCallbackGroup(), self._turns[side]
-        GripperServices(node, gripper, group, why_not, turn)
+        GripperServices(node, gripper, group, why_not, turn, self._calibrate)
         return hand_actions(node, gripper, self._parts.settings.force, group, why_not, turn)
 
     def _reading(self, side: Side) -> HandReading | None:

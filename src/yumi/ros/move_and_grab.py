@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeVar
 import rclpy
 
 from yumi.errors import GoalNotReached, RobotNotReady, YumiError
+from yumi.hardware.stops import demand_confirmation
 from yumi.robot.joints import Joints, Side, joints
 from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
 
@@ -168,9 +169,9 @@ class MoveAndGrab:
         state, stop = self._stop_state(), ""
         if state is not None:
             stop = str(state.stop)
-            sentence = f"The robot stands. Cause: {state.cause}."
+            sentence = f"The robot stands. Cause: {state.cause}.{demand_confirmation(stop)}"
             if not self._confirm(sentence):
-                raise RobotNotReady(f"{error} {sentence} Nobody has confirmed that it may go on.", stop) from error
+                raise RobotNotReady(f"{error} {sentence} Not confirmed by a person.", stop) from error
         while True:
             try:
                 self._progress.note(self._manager.recover(self._progress.note, stop))

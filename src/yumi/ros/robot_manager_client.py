@@ -203,11 +203,12 @@ class RobotManagerClient:
         sent = action.send_goal_async(goal, feedback_callback=lambda message: on_step(str(message.feedback.step)))
         self._spinner.until(sent.done, _READ, f"The answer of {name}")
         result = self._result(sent.result(), name)
-        if not result.success and result.state.stop:
-            raise StopNotConfirmed(str(result.message), str(result.state.stop))
+        message, stop = str(result.message), str(result.state.stop)
+        if not result.success and stop and stop in message:  # the state is newer: a stop it alone knows was not shown
+            raise StopNotConfirmed(message, stop)
         if not result.success:
-            raise RobotNotReady(str(result.message))
-        return str(result.message)
+            raise RobotNotReady(message)
+        return message
 
     def _result(self, handle: Any, name: str) -> Any:
         ended = handle.get_result_async()
