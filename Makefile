@@ -13,7 +13,7 @@ help:
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
 	@echo 'make test          the whole check: format, lint, types, layers, spelling, then all tests'
 	@echo 'make check         the same without the tests'
-	@echo 'make soak          what takes long: ten minutes of motion, 200 starts of EGM, 2000 examples; see docs/how-to/soak.md'
+	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
@@ -38,9 +38,7 @@ test: check
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
 # The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.
-soak: export YUMI_RECEIVE_EXAMPLES ?= 2000
 soak: setup
-	.venv/bin/python -m pytest --timeout 1800 tests/property/test_receive_path.py
 	.venv/bin/python -m pytest -m soak --capture=no $(ARGS)
 
 constraints: setup

@@ -20,7 +20,7 @@ def main() -> None:
                 refusals.append(line.msg)
 
         spinner.node.create_subscription(Log, "/rosout", take, 100)
-        with manager.guided(print):
+        with manager.egm_running(print):
             start = arm.wait_for_state(5.0)
             bad = joints([start[0], 4.0, *start[2:]])  # yumi_joint_2_r goes from -2.5 to 0.76 rad
 

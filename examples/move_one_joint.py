@@ -13,7 +13,7 @@ def main() -> None:
         manager = RobotManagerClient(spinner)
         arm = ArmClient(spinner, Side.RIGHT, on_state=lambda time, position: None)
 
-        with manager.guided(print):
+        with manager.egm_running(print):
             start = arm.wait_for_state(5.0)
             for goal in (joints([*start[:6], start[6] + radians(10.0)]), start):
                 arm.reach(goal, tolerance=radians(0.1), timeout=10.0)

@@ -1,4 +1,4 @@
-"""Move the right arm, then grip with the left hand: a script without ROS.
+"""Move the right arm, then grip with the left gripper: a script without ROS.
 
 Start `yumi controller --left-object 0.02` in another terminal, or give a robot's address:
 `python examples/script_move_and_grip.py [address]`.

@@ -13,6 +13,15 @@ MINUTES = float(os.environ.get("YUMI_SOAK_MINUTES", "10"))
 CYCLES = int(os.environ.get("YUMI_SOAK_CYCLES", "200"))
 """Starts and stops of EGM."""
 
+RECEIVE_EXAMPLES = int(os.environ.get("YUMI_RECEIVE_EXAMPLES", "2000"))
+"""Of what may happen to datagrams."""
+
+FUZZ_PROGRAMS = int(os.environ.get("YUMI_FUZZ_PROGRAMS", "600"))
+"""Mutated RAPID programs."""
+
+FUZZ_REQUESTS = int(os.environ.get("YUMI_FUZZ_REQUESTS", "20000"))
+"""Of a client that sends nonsense."""
+
 
 def short(value: float, *marks: pytest.MarkDecorator) -> object:
     """The form of a test that runs with all others."""

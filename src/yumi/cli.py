@@ -28,7 +28,7 @@ from yumi.cli_fault import fault
 from yumi.cli_options import limit_discovery, password_options
 from yumi.cli_record import record as record_commands
 from yumi.errors import CommandRefused, MissingPrerequisite, SettingsError, YumiError
-from yumi.links.command import CONTROLLER_READY, DRIVER_READY
+from yumi.links.command import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
 from yumi.settings import (
@@ -244,8 +244,10 @@ def up(
     end_by_force(is_over)
 
     def report_ready(reason: str) -> None:
-        what = f"not ready: {reason} When that is done, call recover." if reason else f"serving the robot at {address}"
-        click.echo(f"{DRIVER_READY}{what}")
+        if reason:
+            click.echo(f"{DRIVER_RUNNING}{reason} When that is done, call recover.")
+        else:
+            click.echo(f"{DRIVER_READY}serving the robot at {address}")
 
     run_driver(settings, chosen, is_over, report_ready, record)
 

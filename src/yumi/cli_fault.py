@@ -48,8 +48,10 @@ _LIST = _table([fault.value for fault in Fault])
 @click.option("--rws-port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="Its HTTP port.")
 @click.option("--side", type=click.Choice([side.word for side in Side]), help="One arm; both without it.")
 @click.option("--duration", type=float, help="How long it lasts [s].")
-@click.option("--by", type=float, help="How strong it is, in the unit that the list below gives.")
-@click.option("--way", type=click.Choice([way.value for way in Way]), help="One direction; both without it.")
+@click.option("--by", type=float, help="Its strength, in the unit that the list below gives.")
+@click.option(
+    "--way", type=click.Choice([way.value for way in Way]), help="Direction of the datagrams; both without it."
+)
 def fault(
     name: str | None, rws_port: int, side: str | None, duration: float | None, by: float | None, way: str | None
 ) -> None:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from math import isclose
 from pathlib import Path
 
 from doc_pages import ROOT, Fence, read
@@ -23,7 +24,9 @@ PREAMBLE = ("source ", "cd ", "export ")
 _STARTED = 60.0
 _DONE = 90.0
 _ENDED = 30.0
-_NUMBER = re.compile(r"-?\d+(\\\.\d+)?")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_TIME = re.compile(r"\s?(s|ms|µs|min)\b")
+_TOLERANCE = 0.2  # of what was measured, as a share of what the page shows
 
 
 class Clone:
@@ -133,6 +136,8 @@ class Terminals:
             self._check_output(fence)
         elif fence.language == "bash" and fence.reason:
             self.left_out += [(command, fence.reason) for command in fence.commands]
+        elif fence.language == "python" and fence.reason:
+            self.left_out.append((f"the script in {fence.page}:{fence.line}", fence.reason))
         elif fence.language == "bash":
             self._type(fence)
         elif fence.language == "python":
@@ -194,17 +199,14 @@ class Terminals:
         self.ran.append(f"the script in {fence.page}:{fence.line}")
 
     def _check_output(self, fence: Fence) -> None:
-        """Every line of the fence, in this order; numbers that were measured may differ, and … stands for anything."""
-        lines = [
-            _NUMBER.sub(r"-?[\\d.]+", re.escape(line.strip())).replace("…", ".*") for line in fence.text.splitlines()
-        ]
-        wanted = re.compile("(.|\n)*".join(line for line in lines if line))
+        """Every line of the fence, in this order."""
         _, _, command = fence.mark.partition(" of ")
         if not command:
-            assert wanted.search(self._printed), f"{fence.page}:{fence.line}: not in the output:\n{self._printed}"
+            is_printed = has_lines(self._printed, fence.text)
+            assert is_printed, f"{fence.page}:{fence.line}: not in the output:\n{self._printed}"
             return
         shown = self._of(command)
-        until(lambda: bool(wanted.search(shown.output)), _ENDED, f"{fence.text!r} in the output of {command}")
+        until(lambda: has_lines(shown.output, fence.text), _ENDED, f"{fence.text!r} in the output of {command}")
 
     def _of(self, beginning: str) -> Background:
         return next(each for each in reversed(self._background) if each.command.startswith(beginning))
@@ -222,6 +224,32 @@ def run_page(page: str, clone: Clone, folder: Path) -> Terminals:
     finally:
         terminals.close()
     return terminals
+
+
+def has_lines(output: str, wanted: str) -> bool:
+    """Whether ``output`` has all lines of ``wanted``, in this order; see :func:`_has_line`."""
+    printed = iter(output.splitlines())
+    return all(any(_has_line(line, text.strip()) for line in printed) for text in wanted.splitlines() if text.strip())
+
+
+def _has_line(printed: str, wanted: str) -> bool:
+    """Whether a line has the text ``wanted``, where … stands for anything.
+
+    Whole numbers and zeros are the same, times may differ, and other numbers differ by :data:`_TOLERANCE` at most.
+    """
+    numbers = list(_NUMBER.finditer(wanted))
+    literals = [re.escape(text).replace("…", ".*") for text in _NUMBER.split(wanted)]
+    found = re.search(r"(?<![\d.])(-?\d+(?:\.\d+)?)(?!\d)".join(literals), printed)
+    return found is not None and all(
+        _TIME.match(wanted, number.end()) or _is_close(measured, number[0])
+        for number, measured in zip(numbers, found.groups(), strict=True)
+    )
+
+
+def _is_close(measured: str, shown: str) -> bool:
+    if "." not in shown:
+        return measured == shown
+    return isclose(float(measured), float(shown), rel_tol=0.0, abs_tol=_TOLERANCE * abs(float(shown)))
 
 
 RESULTS: dict[str, Terminals] = {}

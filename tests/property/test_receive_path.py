@@ -1,12 +1,11 @@
 """Whatever arrives from the network: what leaves for the robot keeps the limits, and never departs from where it is.
 
 The real classes (session, arm, controllers, guard) behind a wire that may do anything, and a virtual robot.
-``YUMI_RECEIVE_EXAMPLES=2000 pytest tests/property/test_receive_path.py`` tries more of it.
+``pytest -m soak tests/property/test_receive_path.py`` tries more of it.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from math import dist, sin
@@ -17,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
+from soak import RECEIVE_EXAMPLES
 from yumi.control.guard import FOLLOWING, LATE_CYCLE
 from yumi.control.lifecycle import State
 from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
@@ -28,7 +28,6 @@ from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
 from yumi.virtual.arm_model import ArmModel
 
-EXAMPLES = int(os.environ.get("YUMI_RECEIVE_EXAMPLES", "50"))
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
 RECENT = FOLLOWING / 5.0
 
@@ -240,10 +239,8 @@ def assert_within_limits(loop: Attacked) -> None:
         last = cycle
 
 
-@pytest.mark.timeout(7200)
-@settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck))
-@given(st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6))
-def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]]) -> None:
+def check_what_leaves(script: list[tuple[int, Action]]) -> None:
+    """Let what the script says happen to datagrams of a motion, each action after a pause [cycles]."""
     loop = Attacked()
     loop.begin()
     loop.begun.append(loop.clock.now())
@@ -254,6 +251,23 @@ def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, A
     loop.move(40)
     assert_within_limits(loop)
     assert loop.sent == [pytest.approx(cycle.admitted.position, abs=1e-6) for cycle in loop.cycles[: len(loop.sent)]]
+
+
+scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6)
+
+
+@settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@given(scripts)
+def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]]) -> None:
+    check_what_leaves(script)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+@settings(max_examples=RECEIVE_EXAMPLES, suppress_health_check=list(HealthCheck))
+@given(scripts)
+def test_what_leaves_keeps_the_limits_whatever_arrives_for_long(script: list[tuple[int, Action]]) -> None:
+    check_what_leaves(script)
 
 
 ONE_DATAGRAM = {

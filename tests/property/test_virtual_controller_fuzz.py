@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import yumi.controller_files
+from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.rapid.host import Execution
@@ -116,8 +117,8 @@ def test_mutated_program_only_gives_typed_errors(program: tuple[str, Sequence[Mu
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(600)
-@settings(max_examples=600)
+@pytest.mark.timeout(7200)
+@settings(max_examples=FUZZ_PROGRAMS)
 @given(programs)
 def test_many_mutated_programs_only_give_typed_errors(program: tuple[str, Sequence[Mutation]]) -> None:
     check_program(program)
@@ -235,8 +236,8 @@ def test_nonsense_of_a_client_is_refused(client: Client, call: HttpRequest) -> N
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(600)
-@settings(max_examples=20_000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.timeout(7200)
+@settings(max_examples=FUZZ_REQUESTS, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(calls)
 def test_much_nonsense_of_a_client_is_refused(client: Client, call: HttpRequest) -> None:
     check_request(client, call)

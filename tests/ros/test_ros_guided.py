@@ -36,7 +36,7 @@ class Client(RobotManagerClient):
 
 def test_egm_ends_with_the_block() -> None:
     client, told = Client(), []
-    with client.guided(told.append):
+    with client.egm_running(told.append):
         assert client.asked == ["start"]
     assert client.asked == told == ["start", "stop"]
 
@@ -44,21 +44,21 @@ def test_egm_ends_with_the_block() -> None:
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), GoalNotReached("It was stopped.")])
 def test_egm_ends_when_the_block_fails_and_its_error_stays(error: BaseException) -> None:
     client = Client(stop=RobotNotReady("The controller does not answer."))
-    with pytest.raises(type(error)), client.guided():
+    with pytest.raises(type(error)), client.egm_running():
         raise error
     assert client.asked == ["start", "stop"]
 
 
 def test_egm_ends_when_ctrl_c_comes_while_it_starts() -> None:
     client = Client(start=KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt), client.guided():
+    with pytest.raises(KeyboardInterrupt), client.egm_running():
         pytest.fail("it did not start")
     assert client.asked == ["start", "stop"]
 
 
 def test_egm_that_did_not_start_is_not_ended() -> None:
     client = Client(start=RobotNotReady("The controller is in MANR."))
-    with pytest.raises(RobotNotReady, match="MANR"), client.guided():
+    with pytest.raises(RobotNotReady, match="MANR"), client.egm_running():
         pytest.fail("it did not start")
     assert client.asked == ["start"]
 

@@ -16,7 +16,8 @@ from yumi.errors import RobotNotReady, SettingsError
 
 CONTROLLER_READY = "Virtual controller ready: "
 DRIVER_READY = "Driver ready: "
-"""How the line begins that either command prints when it serves."""
+DRIVER_RUNNING = "Driver running, robot not ready: "
+"""How the line begins that either command prints when it serves; the last one when the robot is not ready."""
 
 _STOP_TIMEOUT = 20.0
 _GLANCE = 0.1  # [s]
@@ -102,7 +103,7 @@ class Command:
                 continue
             if line is None:
                 raise RobotNotReady(last or f"The {self.name} ended without a word; see {self.log}.")
-            for ready in (CONTROLLER_READY, DRIVER_READY):
+            for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING):
                 if line.startswith(ready):
                     return line.removeprefix(ready).strip()
             on_line(line)

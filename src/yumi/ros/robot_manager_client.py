@@ -92,8 +92,8 @@ class RobotManagerClient:
         return self._demand(Trigger, "stop_egm")
 
     @contextmanager
-    def guided(self, report: OnStep = _ignore) -> Iterator[None]:
-        """EGM on both arms for the time of a block, ended on every way out: ``with manager.guided():``.
+    def egm_running(self, report: OnStep = _ignore) -> Iterator[None]:
+        """EGM on both arms for the time of a block, ended on every way out: ``with manager.egm_running():``.
 
         Args:
             report: told what the driver says when EGM has started, and when it has ended.

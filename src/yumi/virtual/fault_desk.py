@@ -183,15 +183,15 @@ def _check_choice(kind: FaultKind, side: Side | None, duration: float | None) ->
 
 def _check_strength(kind: FaultKind, amount: float | None, way: Way | None) -> None:
     if way is not None and not kind.has_way:
-        raise CommandRefused(f"{kind.name} has no direction; leave the way out.")
+        raise CommandRefused(f"{kind.name} has no direction; leave 'way' out.")
     if amount is None:
         return
     if kind.amount is None:
-        raise CommandRefused(f"{kind.name} is not stronger or weaker; leave 'by' out.")
+        raise CommandRefused(f"{kind.name} has no strength; leave 'by' out.")
     is_in_range = kind.amount.lowest <= amount <= kind.amount.highest
     if not is_in_range or (kind.amount.is_whole and amount != int(amount)):
-        whole = ", a whole number" if kind.amount.is_whole else ""
-        raise CommandRefused(f"{kind.name} goes by {kind.amount.range}{whole}, not by {amount:g}.")
+        whole = "a whole number from " if kind.amount.is_whole else ""
+        raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
 
 
 def _strength(kind: FaultKind, amount: float | None) -> float:
@@ -207,7 +207,7 @@ def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None,
     if side is not None and side not in sides:
         raise CommandRefused(f"A side is left or right, not {side!r}.")
     if way is not None and way not in ways:
-        raise CommandRefused(f"A way is {', '.join(ways)}, not {way!r}.")
+        raise CommandRefused(f"The direction ('way') is to-robot, from-robot or both, not {way!r}.")
     return (
         None if side is None else sides[side],
         None if duration is None else _number(duration, "A duration is a number of seconds"),

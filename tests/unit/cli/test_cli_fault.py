@@ -48,7 +48,7 @@ def test_fault_command_passes_strength_and_direction_on(world: World, port: int)
     assert world.lines.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
     assert run("egm-loss", "--by", 200, "--rws-port", port) == (
         1,
-        "Error: egm-loss goes by 0 to 100 %, not by 200.\n",
+        "Error: The strength ('by') of egm-loss is 0 to 100 %, not 200.\n",
     )
 
 

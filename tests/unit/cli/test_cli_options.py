@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+from threading import Event
 from typing import NoReturn
 
 import pytest
@@ -89,3 +90,25 @@ def test_driver_that_does_not_end_is_ended_by_force_and_says_what_hung() -> None
     assert done.stderr == (
         "Error: the driver did not end within 0.1 s and is ended by force; these threads had not ended: answers-pool.\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("reason", "line"),
+    [
+        ("", "Driver ready: serving the robot at 127.0.0.1:8080"),
+        (
+            "Motors are off.",
+            "Driver running, robot not ready: Motors are off. When that is done, call recover.",
+        ),
+    ],
+)
+def test_driver_says_that_it_is_ready_only_when_the_robot_is(
+    monkeypatch: pytest.MonkeyPatch, reason: str, line: str
+) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr("yumi.cli._demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli._end_flag", lambda until_stdin_closes: Event())
+    monkeypatch.setattr("yumi.app.end_by_force", lambda is_over: None)
+    monkeypatch.setattr("yumi.app.run_driver", lambda settings, chosen, is_over, on_ready, record: on_ready(reason))
+    result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
+    assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from yumi.links import command
-from yumi.links.command import CONTROLLER_READY, DRIVER_READY, Command
+from yumi.links.command import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
 
 class Child:
@@ -51,7 +51,7 @@ def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
     assert "s3cret" not in (tmp_path / "log").read_text()
 
 
-@pytest.mark.parametrize("ready", [CONTROLLER_READY, DRIVER_READY])
+@pytest.mark.parametrize("ready", [CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING])
 def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Path, ready: str) -> None:
     OUTPUT[:] = ["first", "second", f"{ready}http://127.0.0.1:1", "after"]
     lines: list[str] = []

@@ -202,10 +202,15 @@ def test_fault_that_makes_no_sense_is_refused(
 @pytest.mark.parametrize(
     ("fault", "amount", "way", "sentence"),
     [
-        (Fault.EGM_LOSS, 101.0, None, "egm-loss goes by 0 to 100 %, not by 101."),
-        (Fault.EGM_STALE, 2.5, None, "egm-stale goes by 1 to 999 datagrams, a whole number, not by 2.5."),
-        (Fault.EGM_SWAP_ARMS, 1.0, None, "egm-swap-arms is not stronger or weaker; leave 'by' out."),
-        (Fault.EGM_STALE, None, Way.TO_ROBOT, "egm-stale has no direction; leave the way out."),
+        (Fault.EGM_LOSS, 101.0, None, "The strength ('by') of egm-loss is 0 to 100 %, not 101."),
+        (
+            Fault.EGM_STALE,
+            2.5,
+            None,
+            "The strength ('by') of egm-stale is a whole number from 1 to 999 datagrams, not 2.5.",
+        ),
+        (Fault.EGM_SWAP_ARMS, 1.0, None, "egm-swap-arms has no strength; leave 'by' out."),
+        (Fault.EGM_STALE, None, Way.TO_ROBOT, "egm-stale has no direction; leave 'way' out."),
     ],
 )
 def test_strength_that_makes_no_sense_is_refused(
@@ -256,7 +261,7 @@ def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
         ("egm-silence", "duration=nan", LOCAL, 409, "A duration is a number of seconds, not 'nan'."),
         ("egm-silence", "duration=long", LOCAL, 409, "A duration is a number of seconds, not 'long'."),
         ("egm-loss", "by=half", LOCAL, 409, "'by' is a number, not 'half'."),
-        ("egm-loss", "way=back", LOCAL, 409, "A way is to-robot, from-robot, both, not 'back'."),
+        ("egm-loss", "way=back", LOCAL, 409, "The direction ('way') is to-robot, from-robot or both, not 'back'."),
     ],
 )
 def test_posted_nonsense_is_refused(
