@@ -110,7 +110,6 @@ _SLICE = 1e-3  # [s] the world stands still so long for work in the background, 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each look at everything; 10 by default
-_LONG_WORK = 0.1  # [s] of work in the background, after which there is so much new that the collector leaves it alone
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
 
@@ -144,16 +143,12 @@ class Background:
 def _done(work: Callable[[], T], result: Future[T]) -> None:
     if not result.set_running_or_notify_cancel():  # the client is gone
         return
-    begin = time.monotonic()
-    gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
     try:
         result.set_result(work())
     except Exception as error:  # whoever waits for it gets it
         result.set_exception(error)
     finally:
-        if time.monotonic() - begin > _LONG_WORK:
-            gc.freeze()
-        gc.enable()
+        del work, result  # the error's traceback leads here, and from here a result would lead back to it
 
 
 class VirtualController:
