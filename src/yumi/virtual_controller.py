@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -19,6 +19,7 @@ from threading import Lock, Thread
 from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
+from yumi.errors import RapidError
 from yumi.links.channel import Channel, Upgrade
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.links.http_server import HttpServer
@@ -26,6 +27,7 @@ from yumi.links.realtime import brisk_threads, prefer_process, release_process
 from yumi.links.udp import UdpClient
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_expression, parse_module
+from yumi.rapid.task import Task
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
@@ -108,7 +110,6 @@ _SLICE = 1e-3  # [s] the world stands still so long for work in the background, 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each look at everything; 10 by default
-_LONG_WORK = 0.1  # [s] of work in the background, after which there is so much new that the collector leaves it alone
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
 
@@ -142,16 +143,12 @@ class Background:
 def _done(work: Callable[[], T], result: Future[T]) -> None:
     if not result.set_running_or_notify_cancel():  # the client is gone
         return
-    begin = time.monotonic()
-    gc.disable()  # among a million new nodes, looking for garbage takes longer than a cycle
     try:
         result.set_result(work())
     except Exception as error:  # whoever waits for it gets it
         result.set_exception(error)
     finally:
-        if time.monotonic() - begin > _LONG_WORK:
-            gc.freeze()
-        gc.enable()
+        del work, result  # the error's traceback leads here, and from here a result would lead back to it
 
 
 class VirtualController:
@@ -255,21 +252,33 @@ class VirtualController:
         if _LOAD_MODULE in query:
             path = forms.first(form, "modulepath") or ""
             text = self.world.controller.files.get(path)
-            return None if text is None else self._background.submit(partial(_tried, parse_module, text, path))
+            task = self.world.controller.tasks.get(request.target.partition("?")[0].rpartition("/")[2].upper())
+            if text is None or task is None:
+                return None
+            return self._background.submit(partial(self._link, task, text, path))
         if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
             value = forms.first(form, "value") or ""
             return self._background.submit(partial(_tried, parse_expression, value))
         return self._background.submit(self._compile) if _RESET_PP in query else None
 
+    def _link(self, task: Task, text: str, path: str) -> None:
+        """Parse and link a module that is about to be loaded; an error they will get again."""
+        with suppress(RapidError):
+            self._in_slices(task.preparing(parse_module(text, path)))
+
     def _compile(self) -> None:
-        """Compile the programs as they stand, a millisecond at a time."""
+        """Compile the programs as they stand."""
         for task in self.world.controller.tasks.values():
-            steps, is_done = task.compiling(), False
-            while not is_done:
-                with self._lock:
-                    end = self._clock.now() + _SLICE
-                    is_done = all(self._clock.now() < end for _ in steps)
-                self._clock.wait(_SLICE)
+            self._in_slices(task.compiling())
+
+    def _in_slices(self, steps: Iterator[None]) -> None:
+        """Long work on the world, which stands still for a millisecond at a time."""
+        is_done = False
+        while not is_done:
+            with self._lock:
+                end = self._clock.now() + _SLICE
+                is_done = all(self._clock.now() < end for _ in steps)
+            self._clock.wait(_SLICE)
 
     def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
         def attach_locked(channel: Channel) -> None:

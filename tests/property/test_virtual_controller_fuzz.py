@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -17,7 +18,9 @@ from yumi.errors import RapidError, RobotNotReady
 from yumi.links.http import HttpReply, HttpRequest
 from yumi.rapid.host import Execution
 from yumi.rws import digest, forms
+from yumi.virtual import rws_adapter
 from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.rws_routes import Route
 from yumi.virtual.world import World
 
 # Programs
@@ -151,6 +154,7 @@ VALUES = (
     "[" * 3000,
     "TRUE",
     "motoron",
+    "HOME:",
     "HOME:/yumi/TRobMain.mod",
 )
 odd = st.text(st.characters(codec="latin-1"), max_size=20) | st.sampled_from(
@@ -189,6 +193,7 @@ calls = st.builds(
 )
 
 
+FORM = ("Content-Type", forms.CONTENT_TYPE)
 DIGEST = (
     'Digest username="{user}", realm="validusers@robapi.abb", nonce="{nonce}", uri="/rw", response="x", opaque="x", '
     'qop="auth", nc=00000001, cnonce="x"'
@@ -214,9 +219,10 @@ class Client:
 
 def check_request(client: Client, call: HttpRequest) -> None:
     """With a session and without one."""
-    reply = client.asked(replace(call, headers=(*call.headers, client.cookie)))
+    with patch.object(rws_adapter.log, "exception", side_effect=AssertionError("a fault of ours")):
+        reply = client.asked(replace(call, headers=(*call.headers, client.cookie)))
+        assert client.asked(call).status in {401, 403, 503}
     assert reply.status in {*range(200, 300), *range(400, 500), 101, 503, 507}, reply
-    assert client.asked(call).status in {401, 403, 503}
 
 
 @pytest.fixture(scope="module")
@@ -227,6 +233,7 @@ def client() -> Client:
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(calls)
 @example(HttpRequest("GET", "/rw/\udcff"))
+@example(HttpRequest("POST", "/rw/rapid/tasks/T_ROB_L?action=loadmod", (FORM,), b"modulepath=HOME:"))
 @example(HttpRequest("GET", "/rw/elog/0?limit=" + "9" * 5000))
 @example(HttpRequest("GET", "/rw", (("Authorization", DIGEST.format(user="\udcff", nonce="x")),)))
 @example(HttpRequest("GET", "/rw", (("Authorization", DIGEST.format(user="Default User", nonce="\xff")),)))
@@ -241,3 +248,14 @@ def test_nonsense_of_a_client_is_refused(client: Client, call: HttpRequest) -> N
 @given(calls)
 def test_much_nonsense_of_a_client_is_refused(client: Client, call: HttpRequest) -> None:
     check_request(client, call)
+
+
+def test_fault_of_ours_is_refused_and_logged(
+    client: Client, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken(controller: object, call: object) -> None:
+        raise ZeroDivisionError("of ours")
+
+    monkeypatch.setattr(client.adapter, "_routes", (Route("GET", "/rw/broken", broken),))
+    assert client.asked(HttpRequest("GET", "/rw/broken", (client.cookie,))).status == 400
+    assert [record.exc_info is not None for record in caplog.records] == [True]

@@ -69,6 +69,11 @@ BOMBS = """MODULE bombs
 ENDMODULE
 """
 ARRAY = "MODULE arr VAR num a{30000,30000}; ENDMODULE"
+TARGET = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+TARGETS = {
+    "array": f"MODULE targets CONST robtarget p{{1000}}:=[{','.join([TARGET] * 1000)}]; ENDMODULE",
+    "lines": f"MODULE targets {''.join(f'CONST robtarget p{n}:={TARGET};' for n in range(4000))} ENDMODULE",
+}
 LONG = "MODULE long\nVAR num x;\nPROC long()\n" + "x := x + 1.0;\n" * 20_000 + "ENDPROC\nENDMODULE\n"
 
 
@@ -257,6 +262,20 @@ def test_http_goes_on_while_a_client_loads_a_long_module_and_compiles_it(robot: 
     Latencies([0.0], latencies.http).check()
     assert "long" in names(robot, Side.RIGHT)
     robot.client.unload_module("T_ROB_R", "long")
+
+
+@pytest.mark.parametrize("text", TARGETS.values(), ids=TARGETS)
+def test_http_goes_on_while_a_client_loads_many_targets(robot: Robot, text: str) -> None:
+    robot.client.stop_rapid()
+    robot.client.upload("HOME:/targets.mod", text)
+    with ThreadPoolExecutor(1) as others:
+        loading = others.submit(robot.client.load_module, "T_ROB_R", "HOME:/targets.mod")
+        latencies = robot.watch(3.0)
+        while not loading.done():
+            latencies.http.extend(robot.watch(0.2).http)
+        loading.result()
+    Latencies([0.0], latencies.http).check()
+    robot.client.unload_module("T_ROB_R", "targets")
 
 
 def names(robot: Robot, side: Side) -> list[str]:

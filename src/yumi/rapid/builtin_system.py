@@ -10,7 +10,9 @@ from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntime
 from yumi.rapid.host import EventKind, Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.linker import LINKED_AT_ONCE
 from yumi.rapid.literals import format_value
+from yumi.rapid.machine import in_shares
 
 SYSTEM = Library(DATA)
 SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
@@ -222,8 +224,7 @@ def load(call: Call) -> Wait:
     while not parsed.done():
         yield None
     try:
-        for _ in task.loading(parsed.result()):
-            yield None
+        yield from in_shares(task.loading(parsed.result()), task.clock, LINKED_AT_ONCE)
     except RapidSyntaxError as error:
         raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
     except ProgramTooLarge as error:

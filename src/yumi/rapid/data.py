@@ -28,7 +28,7 @@ class Variable:
     """A named datum; `value` is always a converted value of `type`.
 
     Attributes:
-        initial: what a VAR begins with at each PP to main.
+        initial: what a VAR begins with at each PP to main, UNSET for objects, which are made anew.
     """
 
     __slots__ = ("initial", "is_local", "is_task", "name", "storage", "type", "value")
@@ -49,7 +49,7 @@ class Variable:
         self.storage = storage
         self.is_local = is_local
         self.is_task = is_task
-        self.initial: Any = None
+        self.initial: Any = UNSET
 
     @property
     def is_constant(self) -> bool:

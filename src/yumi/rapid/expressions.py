@@ -70,11 +70,19 @@ class Scope:
         raise blamed(self.module, line, sentence)
 
 
+MOST_IN_STATEMENT = 2000  # names, numbers and operators: they are compiled, and executed, without a pause
+
+
 class Expressions:
-    """Compiles the expressions of one scope."""
+    """Compiles the expressions of one scope.
+
+    Attributes:
+        count: names, numbers and operators compiled since the statement began.
+    """
 
     def __init__(self, scope: Scope) -> None:
         self.scope = scope
+        self.count = 0
 
     # What a place asks for ----------------------------------------------------------------------------------------
 
@@ -100,15 +108,22 @@ class Expressions:
 
     def any(self, node: s.Expression, wanted: Type | None = None) -> Compiled:
         """The expression with whatever type it has; aggregates take theirs from `wanted`."""
+        self.count += 1
+        if self.count > MOST_IN_STATEMENT and self.scope.builder is not None:
+            sentence = f"a statement has up to {MOST_IN_STATEMENT} names, numbers and operators"
+            self.scope.blame(node.line, f"{sentence}: divide it, or declare its values as a constant of the module")
         compiled: Compiled = _COMPILERS[type(node)](self, node, wanted)
         return compiled
 
     def in_order(self, nodes: Sequence[tuple[s.Expression, Type]]) -> list[Compiled]:
         """Several expressions, evaluated from left to right even where a later one calls a routine."""
+        last = -1
+        if not self.scope.is_declaration:  # which calls no routines
+            last = max((i for i, (node, _) in enumerate(nodes) if self.runs_routine(node)), default=-1)
         compiled = []
         for index, (node, wanted) in enumerate(nodes):
             item = self.value(node, wanted)
-            compiled.append(self._kept(item) if any(self.runs_routine(n) for n, _ in nodes[index + 1 :]) else item)
+            compiled.append(self._kept(item) if index < last else item)
         return compiled
 
     # Leaves -------------------------------------------------------------------------------------------------------
@@ -239,19 +254,22 @@ class Expressions:
         return Compiled(lambda frame: frame.slots[slot], BOOL)
 
     def _aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
+        whole, parts = self.parts(node, wanted)
+        items = self.in_order(list(zip(node.items, parts, strict=True)))
+        evaluates, convert = [item.evaluate for item in items], whole.convert
+        return Compiled(lambda frame: convert([evaluate(frame) for evaluate in evaluates]), whole)
+
+    def parts(self, node: s.Aggregate, wanted: Type | None) -> tuple[RecordType | ArrayType, Sequence[Type]]:
+        """What an aggregate is where `wanted` is needed, and the type of each of its items."""
         record = resolved(wanted) if wanted is not None else None
         if isinstance(record, RecordType) and len(record.components) == len(node.items):
-            items = self.in_order([(n, t) for n, (_, t) in zip(node.items, record.components, strict=True)])
-        elif isinstance(record, ArrayType) and record.sizes[0] in (0, len(node.items)):
+            return record, [type_ for _, type_ in record.components]
+        if isinstance(record, ArrayType) and record.sizes[0] in (0, len(node.items)):
             row = ArrayType(record.element, record.sizes[1:]) if len(record.sizes) > 1 else record.element
-            items = self.in_order([(n, row) for n in node.items])
-            record = ArrayType(record.element, (len(node.items), *record.sizes[1:]))
-        else:
-            is_unknown = record is None or isinstance(record, OpenType)
-            what = "nothing tells its type" if record is None or is_unknown else f"{one(record)} is needed"
-            self.scope.blame(node.line, f"an aggregate of {len(node.items)} is found where {what}")
-        evaluates, convert = [item.evaluate for item in items], record.convert
-        return Compiled(lambda frame: convert([evaluate(frame) for evaluate in evaluates]), record)
+            return ArrayType(record.element, (len(node.items), *record.sizes[1:])), [row] * len(node.items)
+        is_unknown = record is None or isinstance(record, OpenType)
+        what = "nothing tells its type" if record is None or is_unknown else f"{one(record)} is needed"
+        self.scope.blame(node.line, f"an aggregate of {len(node.items)} is found where {what}")
 
     # Calls --------------------------------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ def late_call(calls: Calls, name: Evaluate, node: s.LateCall) -> Step:
         found = scope.program.find(called, scope.module)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{called}' to call.")
-        scope.locals = known
+        scope.locals, calls.expressions.count = known, 0
         try:
             arguments = calls.arguments(found, node.arguments, node.line)
         except RapidReferenceError as error:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from typing import Any
 
 from yumi.errors import RapidError
 from yumi.rapid import syntax as s
@@ -10,11 +11,11 @@ from yumi.rapid.data import UNSET, Variable
 from yumi.rapid.errors import ProgramTooLarge
 from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.scope import LoadedModule, Program, UserRoutine, UserType, blamed
-from yumi.rapid.statements import CONSTANT_FRAME, compile_routine, declared_value
-from yumi.rapid.types import Type, value_count
+from yumi.rapid.statements import CONSTANT_FRAME, compile_routine, declared_type
+from yumi.rapid.types import RecordType, Type, holds_objects, value_count
 
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
-LINKED_AT_ONCE = 20  # about a millisecond
+LINKED_AT_ONCE = 200  # values, of a task whose clock stands still
 
 
 def loaded(module: s.Module) -> LoadedModule:
@@ -43,7 +44,6 @@ class Linker:
 
     def __init__(self, program: Program) -> None:
         self.program = program
-        self._under_way: set[Variable] = set()
 
     def link_data(self) -> None:
         for module in self.program.modules.values():
@@ -52,10 +52,9 @@ class Linker:
 
     def linking(self, module: LoadedModule) -> Iterator[None]:
         """Link the data of a module that is not part of the program yet, with pauses; raises RapidReferenceError."""
-        for index, variable in enumerate(module.data):
-            self.link(variable, module)
-            if index % LINKED_AT_ONCE == LINKED_AT_ONCE - 1:
-                yield
+        for variable in tuple(module.data):
+            yield from self._linking(variable, module, frozenset())
+            yield
 
     def check_routines(self) -> None:
         """Compile every routine; raises RapidReferenceError for the first thing that does not fit."""
@@ -65,34 +64,57 @@ class Linker:
 
     def link(self, variable: Variable, module: LoadedModule) -> None:
         """Type and first value of a datum, and before that of the constants it is made from."""
-        if variable.value is not UNSET:
+        for _ in self._linking(variable, module, frozenset()):
+            pass
+
+    def _linking(
+        self, variable: Variable, module: LoadedModule, users: frozenset[Variable]
+    ) -> Generator[None, None, None]:
+        """Link a datum that `users` are made from, with a pause after each value."""
+        datum = module.data.get(variable)  # none of a module that was unloaded in a pause
+        if variable.value is not UNSET or datum is None:
             return
-        datum = module.data[variable]
-        if variable in self._under_way:
+        if variable in users:
             raise blamed(module, datum.line, f"the value of '{datum.name}' depends on itself")
-        self._under_way.add(variable)
+        users |= {variable}
+        expressions = Expressions(Scope(self.program, module))
         try:
-            self._link(variable, datum, module)
+            for dimension in datum.dimensions:
+                yield from self._linking_named(dimension, module, users)
+            type_ = declared_type(expressions, datum)
+            self._check_memory(type_, datum, module)
+            if datum.initial is None:
+                value = type_.default()
+            else:
+                value = yield from self._value(expressions, datum, datum.initial, type_, users)
         except RecursionError:
             raise blamed(module, datum.line, f"the value of '{datum.name}' is nested too deeply") from None
-        finally:
-            self._under_way.discard(variable)
+        if variable.value is UNSET:  # nobody needed it in a pause
+            variable.type, variable.value = type_, value
+            variable.initial = UNSET if holds_objects(type_) else value
+            module.value_count += value_count(type_)
 
-    def _link(self, variable: Variable, datum: s.Data, module: LoadedModule) -> None:
-        for name in (n for e in (*datum.dimensions, datum.initial) if e is not None for n in _names(e)):
-            self._link_named(name, module)
-        type_, initial = declared_value(Expressions(Scope(self.program, module)), datum)
-        self._check_memory(type_, datum, module)
-        variable.type = type_
+    def _value(
+        self, expressions: Expressions, datum: s.Data, node: s.Expression, type_: Type, users: frozenset[Variable]
+    ) -> Generator[None, None, Any]:
+        """The value of a constant expression, with a pause after each item of an aggregate."""
+        if isinstance(node, s.Aggregate):
+            whole, parts = expressions.parts(node, type_)
+            items = []
+            for item, part in zip(node.items, parts, strict=True):
+                items.append((yield from self._value(expressions, datum, item, part, users)))
+                yield
+            return whole.value_class._make(items) if isinstance(whole, RecordType) else tuple(items)
+        module = expressions.scope.module
+        yield from self._linking_named(node, module, users)
+        evaluate = expressions.value(node, type_).evaluate
         try:
-            variable.value = initial(CONSTANT_FRAME)
+            return type_.convert(evaluate(CONSTANT_FRAME))
         except (RapidError, ArithmeticError) as error:
             raise blamed(module, datum.line, f"the value of '{datum.name}' cannot be computed: {error}") from error
-        variable.initial = initial
-        module.value_count += value_count(type_)
 
     def _check_memory(self, type_: Type, datum: s.Data, module: LoadedModule) -> None:
-        others = (m for m in self.program.modules.values() if m is not module)
+        others = (m for name, m in self.program.modules.items() if name != module.name.lower())
         wanted = sum(m.value_count for m in others) + module.value_count + value_count(type_)
         if wanted > MOST_VALUES:
             raise ProgramTooLarge(
@@ -100,19 +122,22 @@ class Linker:
                 f"values, there is memory for {MOST_VALUES}."
             )
 
-    def _link_named(self, name: str, module: LoadedModule) -> None:
-        found = self.program.find(name, module)
-        if not isinstance(found, Variable) or found.value is not UNSET:
-            return
-        owner = next(m for m in (module, *self.program.modules.values()) if found in m.data)
-        self.link(found, owner)
+    def _linking_named(
+        self, node: s.Expression, module: LoadedModule, users: frozenset[Variable]
+    ) -> Generator[None, None, None]:
+        """Link the data that a constant expression refers to."""
+        for name in _names(node):
+            found = self.program.find(name, module)
+            if isinstance(found, Variable) and found.value is UNSET:
+                owner = next(m for m in (module, *self.program.modules.values()) if found in m.data)
+                yield from self._linking(found, owner, users)
 
     def initialise_variables(self) -> None:
         """Give each VAR its first value again, as PP to main does."""
         for module in self.program.modules.values():
             for variable in module.data:
                 if variable.storage is s.Storage.VAR:
-                    variable.value = variable.initial(CONSTANT_FRAME)
+                    variable.value = variable.type.default() if variable.initial is UNSET else variable.initial
 
 
 def _names(node: s.Expression) -> Iterator[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.code import Code
 from yumi.rapid.data import Place
@@ -23,8 +23,10 @@ from yumi.rapid.statements import Compilation, advanced, compiling
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
 
+T = TypeVar("T")
 DEEPEST_STACK = 250
-COMPILED_AT_ONCE = 40  # statements, about 2 ms; what is left of a longer routine is compiled in the following cycles
+COMPILED_AT_ONCE = 40  # statements; what is left of a longer routine is compiled in the following cycles
+TIME_AT_ONCE = 1e-3  # [s] of the task's clock for compiling or linking in a cycle
 STEPS_BETWEEN_LOOKS = 8  # at the clock, which takes as long as a step; after an instruction it is looked at at once
 
 
@@ -108,7 +110,7 @@ class Machine:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
         frame = Frame(self.task, routine, arguments, result_slot)
         if routine.code is None:
-            compilation = compiling(self.task.program, routine)
+            compilation = in_shares(compiling(self.task.program, routine), self.task.clock, COMPILED_AT_ONCE)
             routine.code = _some_compiled(compilation)
             if routine.code is None:
                 frame.begin_wait(_rest_compiled(compilation, frame), None, None)
@@ -210,11 +212,25 @@ class Machine:
         return 0
 
 
+def in_shares(work: Generator[None, None, T], clock: Callable[[], float], most: int) -> Generator[None, None, T]:
+    """Long work with pauses where a cycle has had its share: so much time, or `most` pauses of the work."""
+    end, left = clock() + TIME_AT_ONCE, most
+    while True:
+        try:
+            next(work)
+        except StopIteration as done:
+            result: T = done.value
+            return result
+        left -= 1
+        if left <= 0 or clock() >= end:
+            yield
+            end, left = clock() + TIME_AT_ONCE, most
+
+
 def _some_compiled(compilation: Compilation) -> Code | None:
     """Go on compiling for a while; the code once it is complete."""
     try:
-        codes = (advanced(compilation) for _ in range(COMPILED_AT_ONCE))
-        return next((code for code in codes if code is not None), None)
+        return advanced(compilation)
     except RapidReferenceError as error:
         raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
 

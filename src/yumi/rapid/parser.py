@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from typing import Any
 
 from lark import Lark, UnexpectedToken
@@ -77,7 +78,7 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
     r"""Parse a parameter list as it stands between the parentheses of a routine: `num x, \switch a | \switch b`."""
     if not text.strip():
         return ()
-    parameters: tuple[Parameter, ...] = _parse(text, "parameters", "<parameters>")
+    parameters: tuple[Parameter, ...] = _checked(_parse(text, "parameters"), "<parameters>")
     return parameters
 
 
@@ -94,8 +95,17 @@ def parse_expression(text: str, filename: str = "<value>") -> Expression:
 
 def parse_reference(text: str) -> Reference:
     """Parse the path to a datum: `name`, `name{1}`, `name.component`."""
-    reference: Reference = _parse(text, "reference", "<symbol>")
+    reference: Reference = _checked(_parse(text, "reference"), "<symbol>")
     return reference
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """Why a text is not RAPID; it keeps nothing of the parser alive, as an exception with its traceback would."""
+
+    sentence: str
+    line: int
+    column: int
 
 
 @functools.cache
@@ -113,53 +123,54 @@ def _language() -> Lark:
 
 def _remembered(text: str, start: str, filename: str) -> Any:
     """What the text was parsed to before, a syntax error too: who asks again does not wait again."""
-    key = (text, start, filename)
+    key = (text, start)
     result = _results.get(key)
     if result is None:
-        try:
-            result = _parse(text, start, filename)
-        except RapidSyntaxError as error:
-            result = error.with_traceback(None)
+        result = _parse(text, start)
         _make_room(len(text))
         _results[key] = result
-    if isinstance(result, RapidSyntaxError):
-        raise result.with_traceback(None)
+    return _checked(result, filename)
+
+
+def _checked(result: Any, filename: str) -> Any:
+    if isinstance(result, Mistake):
+        raise RapidSyntaxError(result.sentence, filename=filename, line=result.line, column=result.column)
     return result
 
 
-_results: dict[tuple[str, str, str], Any] = {}
+_results: dict[tuple[str, str], Any] = {}
 MOST_RESULTS, LONGEST_RESULTS = 64, 1_000_000  # texts, characters; a tree takes a hundred times as much memory
 
 
 def _make_room(length: int) -> None:
     keys = list(_results)  # other threads parse, too
-    total = length + sum(len(text) for text, _, _ in keys)
+    total = length + sum(len(text) for text, _ in keys)
     while keys and (len(keys) >= MOST_RESULTS or total > LONGEST_RESULTS):
         oldest = keys.pop(0)
         total -= len(oldest[0])
         _results.pop(oldest, None)
 
 
-def _parse(text: str, start: str, filename: str) -> Any:
+def _parse(text: str, start: str) -> Any:
+    """The tree of a text, or the mistake in it."""
     try:
         return TreeBuilder().transform(_language().parse(text, start=start))
     except UnexpectedInput as error:
-        raise _syntax_error(error, text, filename) from error
+        return _mistake(error, text)
     except (VisitError, RecursionError) as error:
         if isinstance(getattr(error, "orig_exc", error), RecursionError):
-            raise RapidSyntaxError(TOO_DEEP, filename=filename, line=1, column=1) from None
+            return Mistake(TOO_DEEP, 1, 1)
         if not isinstance(error, VisitError) or not isinstance(error.orig_exc, NotAllowed):
             raise
-        line, column = error.orig_exc.line, error.orig_exc.column
-        raise RapidSyntaxError(str(error.orig_exc), filename=filename, line=line, column=column) from error
+        return Mistake(str(error.orig_exc), error.orig_exc.line, error.orig_exc.column)
 
 
-def _syntax_error(error: UnexpectedInput, text: str, filename: str) -> RapidSyntaxError:
+def _mistake(error: UnexpectedInput, text: str) -> Mistake:
     line, column = error.line, error.column
     if isinstance(error, UnexpectedToken) and error.token.type == "$END":
         lines = text.splitlines() or [""]
         line, column = len(lines), len(lines[-1]) + 1
-    return RapidSyntaxError(_sentence(error, text), filename=filename, line=line, column=column)
+    return Mistake(_sentence(error, text), line, column)
 
 
 def _sentence(error: UnexpectedInput, text: str) -> str:

@@ -113,10 +113,12 @@ class Program:
         """What `name` means in `module`; None stands for outside of all modules."""
         key = name.lower()
         found = module.symbols.get(key) if module else None
-        return found or self._exported(key) or self._predefined(key)
+        return found or self._exported(key, module) or self._predefined(key)
 
-    def _exported(self, key: str) -> Symbol | None:
-        exports = (module.exports(key) for module in self.modules.values())
+    def _exported(self, key: str, asking: LoadedModule | None) -> Symbol | None:
+        """What other modules export; the one in whose place a module is about to be loaded does not count."""
+        own = asking.name.lower() if asking else None
+        exports = (module.exports(key) for name, module in self.modules.items() if name != own)
         return next((symbol for symbol in exports if symbol is not None), None)
 
     def _predefined(self, key: str) -> Found | None:

@@ -37,7 +37,7 @@ def compile_routine(program: Program, routine: UserRoutine) -> Code:
 
 
 def advanced(compilation: Compilation) -> Code | None:
-    """Compile one more statement; the code once it is complete."""
+    """Compile until the next pause; the code once it is complete."""
     try:
         next(compilation)
     except StopIteration as end:
@@ -77,6 +77,7 @@ class Statements:
         self._declare_parameters()
         for datum in declared.locals:
             self._declare(datum)
+            yield
         yield from self._block(declared.body)
         self._end()
         if declared.handler is not None:
@@ -98,6 +99,7 @@ class Statements:
         self.scope.locals[name.lower()] = local
 
     def _declare(self, datum: s.Data) -> None:
+        self.expressions.count = 0
         self.scope.is_declaration = True
         type_, initial = declared_value(self.expressions, datum)
         self.scope.is_declaration = False
@@ -118,6 +120,7 @@ class Statements:
         found = {n.name.lower(): Target() for n in block if isinstance(n, s.Label)}
         self.labels = {**outer, **found}
         for statement in block:
+            self.expressions.count = 0
             with self.builder.statement(statement.line):
                 inner = _COMPILERS[type(statement)](self, statement)
                 if inner is not None:
@@ -301,15 +304,21 @@ def _loop_advance(counter: int, step: int) -> Step:
     return advance
 
 
-def declared_value(expressions: Expressions, datum: s.Data) -> tuple[Type, Evaluate]:
-    """The type of a declared datum and how its first value is computed."""
+def declared_type(expressions: Expressions, datum: s.Data) -> Type:
+    """The type of a declared datum."""
     scope = expressions.scope
     type_ = scope.program.type_named(datum.type_name, scope.module, datum.line)
     if datum.dimensions:
         type_ = ArrayType(type_, _sizes(expressions, datum))
+    if datum.initial is None and datum.storage is s.Storage.CONST:
+        scope.blame(datum.line, f"the constant '{datum.name}' needs a value")
+    return type_
+
+
+def declared_value(expressions: Expressions, datum: s.Data) -> tuple[Type, Evaluate]:
+    """The type of a declared datum and how its first value is computed."""
+    type_ = declared_type(expressions, datum)
     if datum.initial is None:
-        if datum.storage is s.Storage.CONST:
-            scope.blame(datum.line, f"the constant '{datum.name}' needs a value")
         return type_, lambda frame: type_.default()
     evaluate, convert = expressions.value(datum.initial, type_).evaluate, type_.convert
     return type_, lambda frame: convert(evaluate(frame))

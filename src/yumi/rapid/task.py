@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
@@ -107,6 +107,7 @@ class Task:
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
         self._discarded: list[list[Step]] = []
+        self._prepared: tuple[LoadedModule, int] | None = None
         for system_name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum")):
             variable = Variable(system_name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
             self.program.system_data[system_name.lower()] = variable
@@ -141,7 +142,15 @@ class Task:
             pass
         return module.name
 
-    def loading(self, module: s.Module, *, replace: bool = False) -> Iterator[None]:
+    def preparing(self, module: s.Module) -> Generator[None, None, None]:
+        """Link a module that is about to be loaded, bit by bit, so that `load` finds it done; raises as `load`."""
+        self._check_memory(module)
+        new = loaded(module)
+        self._prepared = new, self.program.version
+        if self._machine.frames:
+            yield from self._linker.linking(new)
+
+    def loading(self, module: s.Module, *, replace: bool = False) -> Generator[None, None, None]:
         """Load a parsed module bit by bit; one that does not fit leaves the program as it was. Raises as `load`."""
         key, filename = module.name.lower(), module.filename
         old = self.program.modules.get(key)
@@ -150,17 +159,19 @@ class Task:
         if old is not None and not replace:
             raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
         self._check_memory(module)
-        new = loaded(module)
-        self.program.modules.pop(key, None)
-        try:
-            if self._machine.frames:
-                yield from self._linker.linking(new)
-        except RapidReferenceError:
-            if old is not None:
-                self.program.modules[key] = old
-            raise
+        new = self._taken(module) or loaded(module)
+        if self._machine.frames:
+            yield from self._linker.linking(new)
         self.program.modules[key] = new
         self._forget_code(old)
+
+    def _taken(self, module: s.Module) -> LoadedModule | None:
+        """The module as it was prepared, if names mean now what they meant then."""
+        prepared, self._prepared = self._prepared, None
+        if prepared is None or prepared[1] != self.program.version:
+            return None
+        syntax = prepared[0].syntax
+        return prepared[0] if (syntax.filename, syntax.text) == (module.filename, module.text) else None
 
     def _check_memory(self, module: s.Module) -> None:
         others = [m.syntax for m in self.program.modules.values() if m.name.lower() != module.name.lower()]
@@ -182,12 +193,15 @@ class Task:
         if any(frame.routine.module is module for frame in self._machine.frames):
             raise RobotNotReady(f"The module '{module.name}' is executing; move PP to main before it is unloaded.")
 
-    def compiling(self) -> Iterator[None]:
+    def compiling(self) -> Generator[None, None, None]:
         """Compile what is not yet, bit by bit, as far as it fits: what it took then is saved at PP to main."""
         version = self.program.version
         try:
             for module in tuple(self.program.modules.values()):
-                yield from self._linker.linking(module)
+                for _ in self._linker.linking(module):
+                    yield
+                    if self.program.version != version:
+                        return
             for routine in [each for each in self.program.routines() if each.code is None]:
                 compilation = compiling(self.program, routine)
                 code = None

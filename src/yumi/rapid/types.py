@@ -98,7 +98,7 @@ class ArrayType:
 
     def default(self) -> Any:
         row = self._row()
-        if _holds_objects(row):
+        if holds_objects(row):
             return tuple(row.default() for _ in range(self.sizes[0]))
         return (row.default(),) * self.sizes[0]  # values do not change, so that all elements may be the same one
 
@@ -202,13 +202,13 @@ def value_count(type_: Type) -> int:
     return 1
 
 
-def _holds_objects(type_: Type) -> bool:
+def holds_objects(type_: Type) -> bool:
     """Whether data of the type are or hold objects that instructions change."""
     type_ = resolved(type_)
     if isinstance(type_, ArrayType):
-        return _holds_objects(type_.element)
+        return holds_objects(type_.element)
     if isinstance(type_, RecordType):
-        return any(_holds_objects(component) for _, component in type_.components)
+        return any(holds_objects(component) for _, component in type_.components)
     return isinstance(type_, ObjectType)
 
 

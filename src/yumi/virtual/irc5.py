@@ -191,7 +191,8 @@ class Irc5:
         Raises:
             Refused: NOT_STOPPED, NO_FILE, BAD_PROGRAM when it is not RAPID or does not fit, NAME_TAKEN.
         """
-        self.files.get_file(path)
+        if self.files.get_file(path).content is None:
+            raise Refused(Refusal.NO_FILE, f"{path} is a directory.")
         self.execution.load_module(task, self.files[path], path, replace=replace)
 
     def unload_module(self, task: str, name: str) -> None:

@@ -6,6 +6,7 @@ behaviour to the controller.
 
 from __future__ import annotations
 
+import logging
 import re
 import secrets
 from collections.abc import Callable
@@ -47,6 +48,8 @@ ROUTES = (
     *rws_elog.ROUTES,
     *rws_files.ROUTES,
 )
+
+log = logging.getLogger(__name__)
 
 _OK = 200
 _NO_CONTENT = 204
@@ -203,6 +206,9 @@ class RwsAdapter:
             return _failed(Failure(400, Code.TASK_STATE, str(error)), call, form, root)
         except Failure as failure:
             return _failed(failure, call, form, root)
+        except Exception:  # whatever a client asks, the controller goes on
+            log.exception("%s %s met a fault of the virtual controller", call.method, path)
+            return _failed(Failure(400, Code.FAIL, "a fault of the virtual controller"), call, form, root)
 
     def _done(self, call: Call, session: Session, form: Form, root: str) -> HttpReply:
         if call.path == ("logout",):

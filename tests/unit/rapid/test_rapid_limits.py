@@ -13,13 +13,15 @@ from rapid_bench import Bench, error_of, evaluated, started
 
 from yumi.rapid import InstructionSet, parser
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
+from yumi.rapid.expressions import Compiled, Expressions
 from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
-from yumi.rapid.machine import COMPILED_AT_ONCE
+from yumi.rapid.machine import COMPILED_AT_ONCE, TIME_AT_ONCE
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
 from yumi.rapid.scope import UserRoutine
-from yumi.rapid.syntax import Module
+from yumi.rapid.syntax import Expression, Module
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
+from yumi.rapid.types import Type
 
 LOOP = "WHILE TRUE DO n := n + 1; ENDWHILE"
 
@@ -344,6 +346,122 @@ def test_routines_compiled_while_the_program_changed_are_compiled_anew() -> None
     bench.task.load("MODULE other ENDMODULE", "other.mod")
     assert list(steps) == []
     assert all(routine.code is None for routine in bench.task.program.routines())
+
+
+TARGET = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+TARGETS = {
+    "array": f"CONST robtarget p{{200}} := [{','.join([TARGET] * 200)}];",
+    "lines": "".join(f"CONST robtarget p{n} := {TARGET};\n" for n in range(200)),
+}
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """The expressions compiled, one after another."""
+    nodes: list[object] = []
+    compile_any = Expressions.any
+
+    def noted(self: Expressions, node: Expression, wanted: Type | None = None) -> Compiled:
+        nodes.append(node)
+        return compile_any(self, node, wanted)
+
+    monkeypatch.setattr(Expressions, "any", noted)
+    return nodes
+
+
+@pytest.mark.parametrize("text", TARGETS.values(), ids=TARGETS)
+def test_long_data_are_linked_with_a_pause_after_each_value(text: str, compiled: list[object]) -> None:
+    bench, longest = started("WaitTime 10;"), 0
+    compiled.clear()
+    for _ in bench.task.loading(parse_module(f"MODULE targets {text} ENDMODULE", "targets.mod")):
+        longest = max(longest, len(compiled))
+        compiled.clear()
+    assert 0 < longest <= 2
+
+
+@pytest.mark.parametrize("text", TARGETS.values(), ids=TARGETS)
+def test_module_that_was_prepared_is_loaded_without_delay(text: str, compiled: list[object]) -> None:
+    bench, module = started("WaitTime 10;"), f"MODULE targets {text} ENDMODULE"
+    assert sum(1 for _ in bench.task.preparing(parse_module(module, "targets.mod"))) > 200
+    compiled.clear()
+    bench.task.load(module, "targets.mod")
+    assert compiled == []
+    assert bench.task.symbols("targets")
+
+
+def test_module_is_linked_anew_when_the_program_changed_since_it_was_prepared() -> None:
+    bench, module = started("WaitTime 10;"), "MODULE late VAR num x := N; ENDMODULE"
+    bench.task.load("MODULE other CONST num N := 1; ENDMODULE", "other.mod")
+    list(bench.task.preparing(parse_module(module, "late.mod")))
+    bench.task.load("MODULE other CONST num N := 2; ENDMODULE", "other.mod", replace=True)
+    bench.task.load(module, "late.mod")
+    assert bench.task.read("late", "x") == "2"
+
+
+def test_other_text_than_was_prepared_is_what_is_loaded() -> None:
+    bench = started("WaitTime 10;")
+    list(bench.task.preparing(parse_module("MODULE late VAR num x := 1; ENDMODULE", "late.mod")))
+    bench.task.load("MODULE late VAR num x := 2; ENDMODULE", "late.mod")
+    assert bench.task.read("late", "x") == "2"
+
+
+def test_names_of_a_module_do_not_count_for_the_one_that_takes_its_place() -> None:
+    bench = started("WaitTime 10;")
+    bench.task.load("MODULE late CONST num N := 1; ENDMODULE", "late.mod")
+    with pytest.raises(RapidReferenceError, match="'N' is not declared"):
+        bench.task.load("MODULE late VAR num x := N; ENDMODULE", "late.mod", replace=True)
+    assert bench.task.read("late", "N") == "1"
+
+
+def test_datum_that_is_read_in_a_pause_of_its_linking_has_its_value() -> None:
+    bench = Bench("", "VAR num a{3} := [1,2,3];")
+    work = bench.task.compiling()
+    next(work)
+    assert bench.read("a") == "[1,2,3]"
+    bench.task.write("M", "a{2}", "7")
+    list(work)
+    assert bench.read("a") == "[1,7,3]"
+
+
+def test_module_unloaded_in_a_pause_of_its_linking_ends_it() -> None:
+    bench = Bench()
+    bench.task.load(f"MODULE targets {TARGETS['lines']} ENDMODULE", "targets.mod")
+    work = bench.task.compiling()
+    for _ in range(100):
+        next(work)
+    bench.task.unload("targets")
+    assert list(work) == []
+
+
+def test_calls_in_an_aggregate_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not once for each item before them, which takes seconds."""
+    nodes: list[object] = []
+    runs_routine = Expressions.runs_routine
+    monkeypatch.setattr(Expressions, "runs_routine", lambda self, n: nodes.append(n) or runs_routine(self, n))
+    started(f"x := [{','.join(['y'] * 1500)}];", "VAR num x{1500}; VAR num y;")
+    assert len(nodes) == 1500
+
+
+def test_statement_that_is_very_long_is_refused() -> None:
+    with pytest.raises(RapidReferenceError, match="M, line 5: a statement has up to 2000 names, numbers and operators"):
+        started(f"x{{1}} := 1;\nx := [{','.join(['y'] * 2000)}];", "VAR num x{2000}; VAR num y;")
+
+
+def test_late_calls_do_not_make_a_statement_longer() -> None:
+    bench = started('FOR i FROM 1 TO 3000 DO %"p"% 1; ENDFOR TPWrite "done"; WaitTime 10;', "PROC p(num n) ENDPROC")
+    bench.run(0.1)
+    assert bench.lines == ["done"]
+
+
+def test_linking_takes_its_share_of_time_only() -> None:
+    bench = Bench('Load "targets.mod"; TPWrite "done"; WaitTime 10;')
+    bench.host.files["targets.mod"] = f"MODULE targets {TARGETS['array']} ENDMODULE"
+    bench.task.clock = StepClock(TIME_AT_ONCE / 10.0)
+    bench.start()
+    bench.run(0.4)
+    assert bench.lines == []
+    bench.run(2.0)
+    assert bench.lines == ["done"]
 
 
 # Faults that RAPID has no error for

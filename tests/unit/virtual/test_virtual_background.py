@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
+from functools import partial
 from threading import Event
 
 import pytest
+from lark import UnexpectedInput
 
+from yumi.rapid.errors import RapidSyntaxError
+from yumi.rapid.parser import parse_module
 from yumi.virtual_controller import Background
 
 
@@ -22,6 +27,25 @@ def test_work_gives_what_it_returns_or_raises(background: Background) -> None:
     assert background.submit(lambda: 1 + 1).result(5.0) == 2
     with pytest.raises(ZeroDivisionError):
         background.submit(lambda: 1 / 0).result(5.0)
+
+
+def test_collector_goes_on_beside_long_work(background: Background) -> None:
+    """And nothing is hidden from it for ever, however long the work took."""
+    before = gc.get_freeze_count()
+    assert background.submit(lambda: (Event().wait(0.15), gc.isenabled())[1]).result(5.0)
+    background.submit(lambda: None).result(5.0)
+    assert gc.get_freeze_count() == before
+
+
+def test_module_that_is_no_rapid_keeps_nothing_of_the_parser(background: Background) -> None:
+    """Who asks again gets the same sentence; the parser's state takes a hundred times as much memory."""
+    work = partial(parse_module, "MODULE broken\n" + "VAR num x;\n" * 100 + "VAR;\nENDMODULE", "broken.mod")
+    for _ in range(2):
+        with pytest.raises(RapidSyntaxError, match=r"broken\.mod:102:4: found ';' where a name is allowed"):
+            background.submit(work).result(5.0)
+    background.submit(lambda: None).result(5.0)
+    gc.collect()
+    assert [each for each in gc.get_objects() if isinstance(each, UnexpectedInput)] == []
 
 
 def test_work_that_nobody_waits_for_is_not_begun_and_others_are(background: Background) -> None:

@@ -291,6 +291,13 @@ def test_module_that_does_not_fit_is_found_when_the_pointer_moves(controller: Ir
     assert refused.value.reason is Refusal.NO_PROGRAM_POINTER
 
 
+@pytest.mark.parametrize("path", ["HOME:", "HOME:/yumi"])
+def test_directory_is_no_module(controller: Irc5, path: str) -> None:
+    with pytest.raises(Refused, match=f"{path} is a directory") as refused:
+        controller.load_module("T_ROB_L", path, replace=False)
+    assert refused.value.reason is Refusal.NO_FILE
+
+
 def test_world_moves_nothing_while_the_motors_are_off(world: World) -> None:
     for _ in range(100):
         assert world.cycle({}) == {}
