@@ -162,6 +162,8 @@ class Guard:
         """The next command after the last one."""
         if state.dt <= 0.0:
             self._shaper.rest_at(self._shaper.position)  # in a silence the command has stood still
+        if not 0.0 < state.dt <= self.longest_step:
+            self._feed_forward.resume(state.planned, self._shaper.position)
         if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if self._doubts >= DOUBTED or not state.is_running:
@@ -217,15 +219,16 @@ class Guard:
         if not self._is_plausible(state):
             self._note_doubt(state)
             return None
-        lead = self._largest_lead(state)
         before, self._entering = self._entering, state
+        position, velocity = self._shaper.position, self._feed_forward.velocity
         self._is_new = False
-        if abs(lead) < _SLIGHT:
+        if velocity is ZERO and dist(position, state.planned) < _SLIGHT:
             return self._accept_session(state)
         if before is None or before.session != state.session or state.dt <= 0.0:
             return None  # the next state tells
-        moved = max(abs(new - old) for old, new in zip(before.planned, state.planned, strict=True))
-        self._is_new = moved < 0.1 * self._gain * abs(lead) * state.dt
+        led = self._led(state, position, velocity)
+        self._is_new = dist(before.planned, state.planned) <= 0.1 * led * state.dt
+        self._feed_forward.resume(state.planned, position)
         return self._accept_session(state)
 
     def _accept_session(self, state: ArmState) -> ArmState:
@@ -234,8 +237,10 @@ class Guard:
         self.problem = Problem.NONE
         return self._trust(state)
 
-    def _largest_lead(self, state: ArmState) -> float:
-        return max((ahead - now for ahead, now in zip(self._shaper.position, state.planned, strict=True)), key=abs)
+    def _led(self, state: ArmState, position: Joints, velocity: Joints) -> float:
+        """How fast a robot moves that follows these references [rad/s], over all joints."""
+        rows = zip(position, state.planned, velocity, strict=True)
+        return hypot(*[self._gain * (ahead - now) + speed for ahead, now, speed in rows])
 
     def _is_start(self, state: ArmState) -> bool:
         """Whether an arm that has not been told anything for a while can be there."""
@@ -276,6 +281,7 @@ class Guard:
     def _trust(self, state: ArmState) -> ArmState:
         if self._doubts and self._believed is not None:
             state = _since(self._believed, state)  # its speed was that from or to a false position
+            self._feed_forward.resume(state.planned, self._shaper.position)
         self._doubts, self._doubt, self._stop_at = 0, None, None
         if self.problem is Problem.IMPLAUSIBLE:
             self.problem = Problem.NONE
@@ -325,8 +331,7 @@ class Guard:
                 self.problem = Problem.NONE
             return
         dt = min(state.dt, _LONGEST)
-        rows = zip(told.position, state.planned, told.velocity, strict=True)
-        self._due += hypot(*[self._gain * (ahead - now) + speed for ahead, now, speed in rows]) * dt
+        self._due += self._led(state, told.position, told.velocity) * dt
         self._due_for += dt
         if self._due_for >= NOT_FOLLOWING and self._due >= _DUE:
             self.problem = Problem.NOT_FOLLOWING

@@ -468,3 +468,24 @@ def test_guard_limits_fed_forward_speeds_and_their_change(guard: Guard, middle: 
     steps = [(new[0] - old[0]) / DT for old, new in pairwise(speeds)]
     assert max(steps) == pytest.approx(YUMI_LIMITS.acceleration[0], rel=0.05)
     assert speeds[-1][:2] == pytest.approx((YUMI_LIMITS.velocity[0], -YUMI_LIMITS.velocity[1]), rel=0.03)
+
+
+@pytest.mark.parametrize("gain", [0.0, EGM_GAIN])
+def test_guard_does_not_feed_the_old_speed_to_an_arm_that_stands_in_a_new_session(middle: Joints, gain: float) -> None:
+    guard = Guard(YUMI_LIMITS, gain=gain)
+    planned, speed, command = middle, 0.0, None
+    for count in range(150):
+        now = ArmState(count * DT, DT * bool(count), 1, planned, ZERO, planned, is_running=True)
+        believed = guard.believe(now)
+        assert believed is not None
+        speed = min(1.0, speed + 0.05)
+        command = guard.admit(believed, ArmCommand(planned, moved(ZERO, 0, speed)))
+        guard.settle(believed)
+        planned = moved(planned, 0, DT * command.velocity[0])
+    assert command is not None
+    assert command.velocity[0] == pytest.approx(1.0, abs=0.1)
+    first = ArmState(0.9, 0.0, 2, planned, ZERO, planned, is_running=True)
+    assert guard.believe(first) is None  # whether it stands the next state tells
+    second = first._replace(time=0.9 + DT, dt=DT)
+    assert guard.believe(second) is second
+    assert guard.admit(second, None) == ArmCommand(planned)
