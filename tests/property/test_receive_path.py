@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import dist, sin
+from math import cos, dist, inf, sin
 from random import Random
+from typing import NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,32 +18,61 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
 from soak import RECEIVE_EXAMPLES
+from yumi.control.feed_forward import EGM_GAIN
+from yumi.control.goals import put_speeds
 from yumi.control.guard import FOLLOWING, LATE_CYCLE
 from yumi.control.lifecycle import State
+from yumi.control.mailbox import MemoryMailbox
 from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
 from yumi.control.snapshot import Problem
+from yumi.controllers.joint_velocity import JointVelocityController
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MotorState, RobotMessage
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.values import ZERO
 from yumi.virtual.arm_model import ArmModel
 
+VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
 RECENT = FOLLOWING / 5.0
+
+
+class Led(NamedTuple):
+    """How fast the robot's references lead it, by its own law; nothing where they did not change.
+
+    Attributes:
+        is_excused: whether what we knew of the robot was false a moment ago.
+        speed: ``gain · (position reference - planned position) + speed reference`` [rad/s], (7,).
+        before: the same a cycle before [rad/s], (7,).
+    """
+
+    is_excused: bool
+    speed: Joints
+    before: Joints
 
 
 class Attacked(EgmLoop):
     """A loop with a wire on which anything may be done, in motion all the while.
 
+    Args:
+        feeds_speed: move by a controller that feeds speeds forward.
+
     Attributes:
         extra: datagrams that arrive besides the next true one, before or after it.
         true: everything the robot has sent.
         begun: when the robot began its sessions, by our clock [s].
+        led: what each reply made of the robot's motion.
+        deceived_at: when replies were lost, or a datagram forged that may not be known as false, last [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, feeds_speed: bool = False) -> None:
         super().__init__(model=ArmModel(supervises_load=False))
+        self._speeds = MemoryMailbox() if feeds_speed else None
+        if self._speeds is not None:
+            self.manager.load(VELOCITY_CONTROLLER, JointVelocityController(self._speeds))
+            self.manager.configure(VELOCITY_CONTROLLER)
         self.true: list[bytes] = []
         self.before: list[bytes] = []
         self.after: list[bytes] = []
@@ -50,6 +80,9 @@ class Attacked(EgmLoop):
         self.clock_offset = 0.0
         self.begun: list[float] = []
         self.home = self.robot.arm.position
+        self.led: list[Led] = []
+        self._lead = ZERO
+        self.deceived_at = -inf
         self.sent: list[Joints] = []
         self._codec, self._reader = RobotCodec(), SensorCodec(axes=7)
         self.to_us = self._arriving
@@ -66,10 +99,33 @@ class Attacked(EgmLoop):
     def move(self, cycles: int) -> None:
         """Follow a sine, as far as anything is followed."""
         for _ in range(cycles):
-            swing = 0.4 * sin(4.0 * self.clock.now())
-            if self.line.state is not None:
-                self.go(joints([value + swing for value in self.home]))
+            angle = 4.0 * self.clock.now()
+            if self.line.state is None:
+                pass
+            elif self._speeds is not None:
+                put_speeds(self._speeds, self.snapshot.session, joints([1.6 * cos(angle)] * 7))
+            else:
+                self.go(joints([value + 0.4 * sin(angle) for value in self.home]))
             self.cycle()
+
+    def cycle(self) -> None:
+        motion, planned = self.robot.arm.egm, self.robot.arm.planned
+        before = (motion.reference, motion.reference_velocity) if motion else None
+        super().cycle()
+        if motion is None or motion is not self.robot.arm.egm:
+            self._lead = ZERO
+            return
+        rows = zip(motion.reference, planned, motion.reference_velocity, strict=True)
+        lead = joints([EGM_GAIN * (ahead - now) + speed for ahead, now, speed in rows])
+        if (motion.reference, motion.reference_velocity) != before:
+            self.led.append(Led(self.clock.now() - self.deceived_at < 6.5 * CYCLE, lead, self._lead))
+        self._lead = lead
+
+    def activate(self) -> None:
+        if self._speeds is None:
+            super().activate()
+        else:
+            self.switch_to(VELOCITY_CONTROLLER)
 
     def restart(self) -> None:
         """The robot begins a session where it stands, as EGM does: from a fine point."""
@@ -114,6 +170,7 @@ def forged(joint: int, by: float, number: int, later: float) -> Action:
         newest = loop.newest
         false = joints([value + by * (index == joint) for index, value in enumerate(newest.measured)])
         where = loop.before if number % 2 else loop.after
+        loop.deceived_at = loop.clock.now()
         seqno, time = (newest.seqno + number) % 2**32, max(0.0, newest.measured_time + later)
         where.append(loop.forged(measured=false, planned=false, seqno=seqno, measured_time=time))
 
@@ -157,7 +214,7 @@ def deaf(cycles: int) -> Action:
     def act(loop: Attacked) -> None:
         to_robot, loop.to_robot = loop.to_robot, lambda datagram: (loop._leaving(datagram), ())[1]
         loop.move(cycles)
-        loop.to_robot = to_robot
+        loop.to_robot, loop.deceived_at = to_robot, loop.clock.now()
 
     return act
 
@@ -171,8 +228,11 @@ def set_clock(by: float) -> Action:
 
 def take_over(loop: Attacked) -> None:
     """As recover does."""
-    (info,) = loop.manager.controllers()
-    if info.state is not State.ACTIVE and loop.line.state is not None and loop.line.state.is_running:
+    if (
+        all(info.state is not State.ACTIVE for info in loop.manager.controllers())
+        and loop.line.state is not None
+        and loop.line.state.is_running
+    ):
         loop.activate()
 
 
@@ -239,9 +299,22 @@ def assert_within_limits(loop: Attacked) -> None:
         last = cycle
 
 
-def check_what_leaves(script: list[tuple[int, Action]]) -> None:
+def assert_led_within_limits(loop: Attacked) -> None:
+    """What position and speed reference together make of the robot's motion: speed always, acceleration as a rule.
+
+    - When the robot hears us again, what it has missed arrives at once.
+    - A planned position that is false by less than can be known is taken for the robot's lag.
+    """
+    for led in loop.led:
+        rows = zip(led.speed, led.before, YUMI_LIMITS.velocity, YUMI_LIMITS.acceleration, strict=True)
+        for speed, before, fastest, strongest in rows:
+            assert abs(speed) <= 1.001 * fastest
+            assert led.is_excused or abs(speed - before) <= strongest * LATE_CYCLE * CYCLE
+
+
+def check_what_leaves(script: list[tuple[int, Action]], *, feeds_speed: bool) -> None:
     """Let what the script says happen to datagrams of a motion, each action after a pause [cycles]."""
-    loop = Attacked()
+    loop = Attacked(feeds_speed=feeds_speed)
     loop.begin()
     loop.begun.append(loop.clock.now())
     loop.move(60)
@@ -250,6 +323,7 @@ def check_what_leaves(script: list[tuple[int, Action]]) -> None:
         loop.move(1 + pause)
     loop.move(40)
     assert_within_limits(loop)
+    assert_led_within_limits(loop)
     assert loop.sent == [pytest.approx(cycle.admitted.position, abs=1e-6) for cycle in loop.cycles[: len(loop.sent)]]
 
 
@@ -257,17 +331,19 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 
 
 @settings(max_examples=50, suppress_health_check=list(HealthCheck))
-@given(scripts)
-def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]]) -> None:
-    check_what_leaves(script)
+@given(scripts, st.booleans())
+def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
+    check_what_leaves(script, feeds_speed=feeds_speed)
 
 
 @pytest.mark.soak
 @pytest.mark.timeout(7200)
 @settings(max_examples=RECEIVE_EXAMPLES, suppress_health_check=list(HealthCheck))
-@given(scripts)
-def test_what_leaves_keeps_the_limits_whatever_arrives_for_long(script: list[tuple[int, Action]]) -> None:
-    check_what_leaves(script)
+@given(scripts, st.booleans())
+def test_what_leaves_keeps_the_limits_whatever_arrives_for_long(
+    script: list[tuple[int, Action]], feeds_speed: bool
+) -> None:
+    check_what_leaves(script, feeds_speed=feeds_speed)
 
 
 ONE_DATAGRAM = {
@@ -314,6 +390,33 @@ def test_lead_is_taken_back_within_the_limits_after_a_silence(cycles: int) -> No
     assert_within_limits(loop)
     assert loop.line.is_still
     assert [event for event in loop.events if isinstance(event, SessionResumed)]
+
+
+@pytest.mark.parametrize("cycles", [3, 10, 25, 250, 1250])
+def test_speed_that_was_fed_forward_is_not_resumed_at_once_after_a_silence(cycles: int) -> None:
+    loop = Attacked(feeds_speed=True)
+    loop.begin()
+    loop.move(390)
+    assert abs(loop.cycles[-1].admitted.velocity[0]) > 0.8
+    loop.is_silent = True
+    loop.run(cycles * CYCLE)
+    loop.is_silent = False
+    stood_at = loop.robot.arm.planned
+    loop.move(60)
+    assert_led_within_limits(loop)
+    if cycles > 25:  # its controllers were deactivated
+        assert loop.robot.arm.planned == pytest.approx(stood_at, abs=1e-3)
+
+
+def test_session_that_begins_anew_does_not_feed_the_old_speed_to_a_standing_arm() -> None:
+    loop = Attacked(feeds_speed=True)
+    loop.begin()
+    loop.move(390)
+    loop.restart()
+    stood_at = loop.robot.arm.planned
+    loop.run(0.2)
+    assert_led_within_limits(loop)
+    assert loop.robot.arm.planned == pytest.approx(stood_at, abs=1e-3)
 
 
 def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refused_until_it_does() -> None:

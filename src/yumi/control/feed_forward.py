@@ -53,6 +53,17 @@ class FeedForward:
         """Forget; the robot is told no speed from now on."""
         self.velocity, self._is_feeding, self._planned = ZERO, False, None
 
+    def resume(self, planned: Joints, position: Joints) -> None:
+        """Go on from the motion that a robot has come to which repeated the last command for a while.
+
+        Args:
+            planned: where it plans to be by now [rad], (7,).
+            position: the position reference it was told last [rad], (7,).
+        """
+        if self._is_feeding:
+            speeds = zip(self._led(position, planned), self.velocity, strict=True)
+            self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
+
     def note(self, planned: Joints, position: Joints) -> None:
         """Note where the robot planned to be and the position reference it was told then, both [rad], (7,).
 

@@ -38,8 +38,9 @@ DOUBTED = 5
 LOST = 20
 """After so many in a row the feedback is lost, as after 80 ms of silence."""
 
-NOT_FOLLOWING = 0.15
-"""A robot whose plan stands still for so long, while it is told to move, does not get what we say [s]."""
+NOT_FOLLOWING = 0.12
+"""A robot whose plan stands still for so long, while it is told to move, does not get what we say [s]. Where the motion
+begins in the middle of such a time, the next one shows it."""
 
 OUTSIDE = 0.12
 """How far outside of its range a joint may stand [rad]; further out there is none."""
@@ -49,7 +50,8 @@ _LONGEST = 0.1  # [s] of motion that explains a position while others are not be
 _AGREEING = 3  # so many datagrams that agree with each other outweigh as many of the session before them
 _FEW = 25  # a session that was believed for longer is not outweighed
 _MOTION = 1e-4  # [rad] over all joints: a plan that moves
-_DUE = 5e-3  # [rad] a plan that should have moved so far would have
+_DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is told less, whatever its noise
+_FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
 _SLIGHT = 0.01  # [rad] a lead that a robot may follow at once
 _PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
@@ -120,9 +122,9 @@ class Guard:
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._told = ArmCommand(ZERO)  # the command before the last
-        self._plan: Joints = ZERO  # where the robot planned to be when it was seen moving last
-        self._due = 0.0  # how far it should have come since [rad]
-        self._due_for = 0.0  # and for how long it was told to move [s]
+        self._plan: Joints = ZERO  # where the robot planned to be some time ago
+        self._due: Joints = ZERO  # how far it should have come since [rad]
+        self._due_for = 0.0  # how long ago that was [s]
 
     def believe(self, state: ArmState) -> ArmState | None:
         """What of ``state`` can be relied on; to be called before :meth:`admit`, which takes what it returns.
@@ -162,6 +164,8 @@ class Guard:
         """The next command after the last one."""
         if state.dt <= 0.0:
             self._shaper.rest_at(self._shaper.position)  # in a silence the command has stood still
+        if not 0.0 < state.dt <= self.longest_step:
+            self._feed_forward.resume(state.planned, self._shaper.position)
         if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
         if self._doubts >= DOUBTED or not state.is_running:
@@ -217,25 +221,28 @@ class Guard:
         if not self._is_plausible(state):
             self._note_doubt(state)
             return None
-        lead = self._largest_lead(state)
         before, self._entering = self._entering, state
+        position, velocity = self._shaper.position, self._feed_forward.velocity
         self._is_new = False
-        if abs(lead) < _SLIGHT:
+        if velocity is ZERO and dist(position, state.planned) < _SLIGHT:
             return self._accept_session(state)
         if before is None or before.session != state.session or state.dt <= 0.0:
             return None  # the next state tells
-        moved = max(abs(new - old) for old, new in zip(before.planned, state.planned, strict=True))
-        self._is_new = moved < 0.1 * self._gain * abs(lead) * state.dt
+        led = hypot(*self._led(state, position, velocity))
+        self._is_new = dist(before.planned, state.planned) <= 0.1 * led * state.dt
+        self._feed_forward.resume(state.planned, position)
         return self._accept_session(state)
 
     def _accept_session(self, state: ArmState) -> ArmState:
         self._session, self._support, self._entering = state.session, 0, None
-        self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
+        self._watch_from(state)
         self.problem = Problem.NONE
         return self._trust(state)
 
-    def _largest_lead(self, state: ArmState) -> float:
-        return max((ahead - now for ahead, now in zip(self._shaper.position, state.planned, strict=True)), key=abs)
+    def _led(self, state: ArmState, position: Joints, velocity: Joints) -> list[float]:
+        """How fast a robot moves that follows these references [rad/s]."""
+        rows = zip(position, state.planned, velocity, strict=True)
+        return [self._gain * (ahead - now) + speed for ahead, now, speed in rows]
 
     def _is_start(self, state: ArmState) -> bool:
         """Whether an arm that has not been told anything for a while can be there."""
@@ -276,6 +283,7 @@ class Guard:
     def _trust(self, state: ArmState) -> ArmState:
         if self._doubts and self._believed is not None:
             state = _since(self._believed, state)  # its speed was that from or to a false position
+            self._feed_forward.resume(state.planned, self._shaper.position)
         self._doubts, self._doubt, self._stop_at = 0, None, None
         if self.problem is Problem.IMPLAUSIBLE:
             self.problem = Problem.NONE
@@ -315,21 +323,31 @@ class Guard:
     def _watch_plan(self, state: ArmState) -> None:
         """Notice that the robot plans to stand although it is told to move: it does not hear us."""
         told, self._told = self._told, ArmCommand(self._shaper.position, self._feed_forward.velocity)
-        is_deaf = self.problem is Problem.NOT_FOLLOWING
-        if not state.is_running or self._doubts or (self.is_at_rest and not is_deaf):
-            self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
+        if not state.is_running or self._doubts:
+            self._watch_from(state)
             return
-        if dist(state.planned, self._plan) > _MOTION:
-            self._plan, self._due, self._due_for = state.planned, 0.0, 0.0
-            if is_deaf:
+        if self.problem is Problem.NOT_FOLLOWING:
+            if dist(state.planned, self._plan) > _MOTION:
                 self.problem = Problem.NONE
+                self._watch_from(state)
+            return
+        if self.is_at_rest:
+            self._watch_from(state)
             return
         dt = min(state.dt, _LONGEST)
-        rows = zip(told.position, state.planned, told.velocity, strict=True)
-        self._due += hypot(*[self._gain * (ahead - now) + speed for ahead, now, speed in rows]) * dt
+        speeds = self._led(state, told.position, told.velocity)
+        self._due = joints([due + speed * dt for due, speed in zip(self._due, speeds, strict=True)])
         self._due_for += dt
-        if self._due_for >= NOT_FOLLOWING and self._due >= _DUE:
+        if self._due_for < NOT_FOLLOWING:
+            return
+        due = hypot(*self._due)
+        if due >= _DUE and dist(state.planned, self._plan) < _FOLLOWED * due:
             self.problem = Problem.NOT_FOLLOWING
+        else:
+            self._watch_from(state)
+
+    def _watch_from(self, state: ArmState) -> None:
+        self._plan, self._due, self._due_for = state.planned, ZERO, 0.0
 
     def _begin(self, position: Joints) -> ArmCommand:
         self._shaper.rest_at(position)

@@ -368,6 +368,61 @@ def test_guard_does_not_take_a_robot_for_deaf_that_is_slow(middle: Joints, gain:
         assert guard.problem is Problem.NONE
 
 
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize(("noise", "deadband"), [(0.0, 1e-5), (0.0, 1e-4), (5e-5, 0.0), (2e-4, 0.0)])
+def test_guard_does_not_take_a_robot_that_rests_at_its_goal_for_deaf(
+    guard: Guard, middle: Joints, noise: float, deadband: float
+) -> None:
+    """One that settles a little short, and one whose measured positions a controller turns into noise of its goals."""
+    planned, random, command = middle, Random(1), ArmCommand(middle)
+    for count in range(round(120.0 / DT)):
+        rows = zip(planned, command.position, command.velocity, strict=True)
+        planned = joints(
+            [now + DT * (EGM_GAIN * (to - now) + speed) * (abs(to - now) > deadband) for now, to, speed in rows]
+        )
+        seen = joints([now + random.gauss(0.0, noise) for now in planned]) if noise else planned
+        believed = guard.believe(ArmState(count * DT, DT * bool(count), 1, seen, ZERO, planned, is_running=True))
+        assert believed is not None
+        goal = joints([now + 1.2 * (to + 0.1 - now) for now, to in zip(seen, middle, strict=True)])
+        command = guard.admit(believed, ArmCommand(goal))
+        guard.settle(believed)
+        assert guard.problem is Problem.NONE
+    assert planned == pytest.approx([value + 0.1 for value in middle], abs=2e-3)
+
+
+@pytest.mark.parametrize("distance", [0.008, 0.015, 0.2])
+def test_guard_does_not_take_a_robot_for_deaf_that_ramps_in_slowly(
+    guard: Guard, middle: Joints, distance: float
+) -> None:
+    planned, command = middle, ArmCommand(middle)
+    for count in range(2500):
+        fade = min(1.0, count * DT / 10.0)
+        rows = zip(planned, command.position, command.velocity, strict=True)
+        planned = joints([now + DT * fade * (EGM_GAIN * (to - now) + speed) for now, to, speed in rows])
+        command = guard.admit(state(planned), ArmCommand(moved(middle, 0, distance)) if count > 5 else None)
+        guard.settle(state(planned))
+        assert guard.problem is Problem.NONE
+
+
+@pytest.mark.parametrize("rested_for", [0.0, 0.05, 0.1, 5.0])
+def test_guard_notices_within_300_ms_that_references_are_ignored_when_a_controller_rested_before(
+    guard: Guard, middle: Joints, rested_for: float
+) -> None:
+    """Whenever the motion begins within the time that is looked at."""
+    random, since = Random(1), 0.0
+    goal = middle
+    for count in range(round((rested_for + 0.3) / DT)):
+        if count * DT >= rested_for:
+            goal, since = moved(middle, 0, 0.2), since + DT
+        near = joints([value + random.gauss(0.0, 3e-5) for value in goal])  # never at rest
+        guard.admit(state(middle), ArmCommand(near))
+        guard.settle(state(middle))
+        if guard.problem is Problem.NOT_FOLLOWING:
+            break
+    assert guard.problem is Problem.NOT_FOLLOWING
+    assert 0.05 < since < 0.3
+
+
 @pytest.mark.parametrize("jump", [radians(2.0), radians(5.0), radians(30.0), 10.0, -10.0])
 def test_guard_goes_on_when_one_position_cannot_be_true(guard: Guard, middle: Joints, jump: float) -> None:
     guard.admit(state(middle), None)
@@ -468,3 +523,24 @@ def test_guard_limits_fed_forward_speeds_and_their_change(guard: Guard, middle: 
     steps = [(new[0] - old[0]) / DT for old, new in pairwise(speeds)]
     assert max(steps) == pytest.approx(YUMI_LIMITS.acceleration[0], rel=0.05)
     assert speeds[-1][:2] == pytest.approx((YUMI_LIMITS.velocity[0], -YUMI_LIMITS.velocity[1]), rel=0.03)
+
+
+@pytest.mark.parametrize("gain", [0.0, EGM_GAIN])
+def test_guard_does_not_feed_the_old_speed_to_an_arm_that_stands_in_a_new_session(middle: Joints, gain: float) -> None:
+    guard = Guard(YUMI_LIMITS, gain=gain)
+    planned, speed, command = middle, 0.0, None
+    for count in range(150):
+        now = ArmState(count * DT, DT * bool(count), 1, planned, ZERO, planned, is_running=True)
+        believed = guard.believe(now)
+        assert believed is not None
+        speed = min(1.0, speed + 0.05)
+        command = guard.admit(believed, ArmCommand(planned, moved(ZERO, 0, speed)))
+        guard.settle(believed)
+        planned = moved(planned, 0, DT * command.velocity[0])
+    assert command is not None
+    assert command.velocity[0] == pytest.approx(1.0, abs=0.1)
+    first = ArmState(0.9, 0.0, 2, planned, ZERO, planned, is_running=True)
+    assert guard.believe(first) is None  # whether it stands the next state tells
+    second = first._replace(time=0.9 + DT, dt=DT)
+    assert guard.believe(second) is second
+    assert guard.admit(second, None) == ArmCommand(planned)
