@@ -329,7 +329,7 @@ class Task:
     def failed(self, error: RapidRuntimeError, frame: Frame) -> None:
         """No handler took an error: stop at the statement that failed."""
         where, name = self._where(frame), error.name or f"error {error.number:g}"
-        sentence = f"{self.name} stopped in {where} with {name}: {error}"
+        sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
 
@@ -338,7 +338,7 @@ class Task:
         frame = self._machine.frames[-1] if self._machine.frames else None
         where = "no routine" if frame is None else self._where(frame)
         what = f"{type(error).__name__}: {error}"
-        sentence = f"{self.name} stopped in {where} with a system error, which is the virtual controller's: {what}"
+        sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
         log.error("%s", sentence, exc_info=error)
         self.stop()
         if frame is None:
@@ -371,7 +371,7 @@ class Task:
 
     @staticmethod
     def _where(frame: Frame) -> str:
-        return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line},"
+        return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line}"
 
     # Errors -------------------------------------------------------------------------------------------------------
 
