@@ -29,7 +29,7 @@ from yumi.rapid.frame import Frame
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.library import Call, Library
-from yumi.rapid.linker import Linker, loaded
+from yumi.rapid.linker import MOST_VALUES, Linker, loaded
 from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Machine
 from yumi.rapid.parser import parse_module, parse_reference
@@ -181,6 +181,14 @@ class Task:
                 f"{module.filename}: with '{module.name}' the task {self.name} would have {length} characters of text "
                 f"and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
             )
+
+    def check_memory_for(self, count: int) -> None:
+        """Raise ERR_PRGMEMFULL where a routine's data do not fit beside those of the modules and of its callers."""
+        wanted = count + sum(module.value_count for module in self.program.modules.values())
+        wanted += sum(frame.code.value_count for frame in self._machine.frames)
+        if wanted > MOST_VALUES:
+            sentence = f"the data of the task would hold {wanted} values, there is memory for {MOST_VALUES}."
+            raise RapidRuntimeError("ERR_PRGMEMFULL", f"With those of the routine {sentence}")
 
     def unload(self, module: str) -> None:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
