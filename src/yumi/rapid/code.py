@@ -46,11 +46,13 @@ class Code:
     Attributes:
         spans: for each step, the statement it belongs to.
         slots: how many places a frame needs for parameters, data and intermediate results.
+        value_count: how many values the routine's data hold.
     """
 
     steps: list[Step] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
     slots: int = 0
+    value_count: int = 0
     handler: HandlerCode | None = None
 
 

@@ -81,7 +81,9 @@ class Frame:
         self._convert: Callable[[Any], Any] | None = None
 
     def begin(self, code: Code) -> None:
-        """Let the routine be executed."""
+        """Let the routine be executed; raises ERR_PRGMEMFULL where there is no memory for its data."""
+        if code.value_count:
+            self.task.check_memory_for(code.value_count)
         self.code = code
         self.slots += [None] * (code.slots - len(self.slots))
 

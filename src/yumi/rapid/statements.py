@@ -16,7 +16,18 @@ from yumi.rapid.late_calls import late_call
 from yumi.rapid.library import LibraryRoutine
 from yumi.rapid.operators import binary_operation
 from yumi.rapid.scope import Local, Program, UserRoutine
-from yumi.rapid.types import LARGEST_ARRAY, NUM, STRING, ArrayType, Type, described, one
+from yumi.rapid.types import (
+    LARGEST_ARRAY,
+    MOST_OBJECTS,
+    NUM,
+    STRING,
+    ArrayType,
+    Type,
+    described,
+    holds_objects,
+    one,
+    value_count,
+)
 from yumi.rapid.waits import wait_until
 
 if TYPE_CHECKING:
@@ -104,6 +115,7 @@ class Statements:
         type_, initial = declared_value(self.expressions, datum)
         self.scope.is_declaration = False
         slot, name = self.builder.new_slot(), datum.name
+        self.builder.code.value_count += value_count(type_)
 
         def declare(machine: Machine, frame: Frame) -> None:
             frame.slots[slot] = Variable(name, type_, initial(frame))
@@ -310,6 +322,9 @@ def declared_type(expressions: Expressions, datum: s.Data) -> Type:
     type_ = scope.program.type_named(datum.type_name, scope.module, datum.line)
     if datum.dimensions:
         type_ = ArrayType(type_, _sizes(expressions, datum))
+        if holds_objects(type_) and value_count(type_) > MOST_OBJECTS:
+            sentence = f"the array '{datum.name}' of {type_.name} would hold {value_count(type_)} values"
+            scope.blame(datum.line, f"{sentence}, there is memory for {MOST_OBJECTS}")
     if datum.initial is None and datum.storage is s.Storage.CONST:
         scope.blame(datum.line, f"the constant '{datum.name}' needs a value")
     return type_

@@ -29,7 +29,7 @@ from yumi.rapid.frame import Frame
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.library import Call, Library
-from yumi.rapid.linker import Linker, loaded
+from yumi.rapid.linker import MOST_VALUES, Linker, loaded
 from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Machine
 from yumi.rapid.parser import parse_module, parse_reference
@@ -182,6 +182,14 @@ class Task:
                 f"and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
             )
 
+    def check_memory_for(self, count: int) -> None:
+        """Raise ERR_PRGMEMFULL where a routine's data do not fit beside those of the modules and of its callers."""
+        wanted = count + sum(module.value_count for module in self.program.modules.values())
+        wanted += sum(frame.code.value_count for frame in self._machine.frames)
+        if wanted > MOST_VALUES:
+            sentence = f"the data of the task would hold {wanted} values, there is memory for {MOST_VALUES}."
+            raise RapidRuntimeError("ERR_PRGMEMFULL", f"With those of the routine {sentence}")
+
     def unload(self, module: str) -> None:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
         found = self._module(module)
@@ -329,7 +337,7 @@ class Task:
     def failed(self, error: RapidRuntimeError, frame: Frame) -> None:
         """No handler took an error: stop at the statement that failed."""
         where, name = self._where(frame), error.name or f"error {error.number:g}"
-        sentence = f"{self.name} stopped in {where} with {name}: {error}"
+        sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
 
@@ -338,7 +346,7 @@ class Task:
         frame = self._machine.frames[-1] if self._machine.frames else None
         where = "no routine" if frame is None else self._where(frame)
         what = f"{type(error).__name__}: {error}"
-        sentence = f"{self.name} stopped in {where} with a system error, which is the virtual controller's: {what}"
+        sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
         log.error("%s", sentence, exc_info=error)
         self.stop()
         if frame is None:
@@ -371,7 +379,7 @@ class Task:
 
     @staticmethod
     def _where(frame: Frame) -> str:
-        return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line},"
+        return f"{frame.routine.module.name}/{frame.routine.name}, line {frame.line}"
 
     # Errors -------------------------------------------------------------------------------------------------------
 

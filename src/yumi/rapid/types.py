@@ -19,6 +19,7 @@ from yumi.rapid.errors import RapidRuntimeError
 SINGLE = struct.Struct("f")
 LONGEST_STRING = 80  # characters
 LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not without end
+MOST_OBJECTS = 1000  # values of an array of clocks and the like, each of which is made anew whenever it is declared
 
 
 def single(value: float) -> float:

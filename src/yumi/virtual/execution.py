@@ -62,9 +62,9 @@ class RapidExecution:
             if task.execution is Execution.UNINITIALIZED:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program pointer: move it to main first.")
         self.is_running = True
-        self._each_egm(RapidState.RUNNING)
         for task in self.tasks.values():
             task.start()
+        self._show_in_egm()
         self._events.append(10150, "Program started", "RAPID runs in all tasks.")
 
     def stop(self, reason: str) -> None:
@@ -74,7 +74,7 @@ class RapidExecution:
         self.is_running = False
         for task in self.tasks.values():
             task.stop()
-        self._each_egm(RapidState.STOPPED)
+        self._show_in_egm()
         for station in self._stations:
             _bring_to_rest(station)
         self._events.append(10125, "Program stopped", reason)
@@ -156,6 +156,7 @@ class RapidExecution:
         if event.kind is EventKind.ERROR:
             place = f"{task}/{event.module}/{event.routine}, line {event.line}"
             self._events.append(40228, "Execution error", f"{place}: {event.sentence}", EventType.ERROR)
+        self._show_in_egm()
         reason = f"{task} has stopped: {event.sentence}"
         if event.kind not in _OF_ITS_OWN_TASK or self._none_runs():
             self.stop(reason)
@@ -170,9 +171,11 @@ class RapidExecution:
     def _none_runs(self) -> bool:
         return all(task.execution is not Execution.STARTED for task in self.tasks.values())
 
-    def _each_egm(self, state: RapidState) -> None:
-        for station in self._stations:
-            station.egm.rapid = state
+    def _show_in_egm(self) -> None:
+        """The datagrams of each arm tell whether its own task runs."""
+        for task, station in zip(self.tasks.values(), self._stations, strict=True):
+            is_started = task.execution is Execution.STARTED
+            station.egm.rapid = RapidState.RUNNING if is_started else RapidState.STOPPED
 
 
 def _bring_to_rest(station: Station) -> None:

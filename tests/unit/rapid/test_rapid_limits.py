@@ -93,6 +93,32 @@ def test_data_of_a_task_have_a_limit_together() -> None:
         bench.task.move_pp_to_main()
 
 
+@pytest.mark.parametrize("declared", ["clock a{1001}", "clock a{11,91}", "Pair a{501}"])
+def test_array_of_objects_there_is_no_memory_for_is_refused(declared: str) -> None:
+    pair = "RECORD Pair clock first; clock second; ENDRECORD"
+    for bench in (Bench("", f"{pair} VAR {declared};"), Bench(f"VAR {declared};", pair)):
+        with pytest.raises(RapidReferenceError, match=r"the array 'a' of \w+ would hold 100[12] values"):
+            bench.task.move_pp_to_main()
+
+
+def test_data_of_routines_that_call_each_other_have_a_limit_together() -> None:
+    bench = started("q;", "VAR num depth; PROC q() VAR num a{50000}; depth := depth + 1; q; ENDPROC")
+    assert (bench.stop.error, bench.read("depth")) == ("ERR_PRGMEMFULL", "9")  # depth is a value, too
+
+
+def test_memory_of_a_routine_is_free_again_when_it_has_ended() -> None:
+    bench = started(
+        'FOR i FROM 1 TO 30 DO q; ENDFOR TPWrite "done"; WaitTime 10;', "PROC q() VAR num a{50000}; ENDPROC"
+    )
+    bench.run(0.1)
+    assert bench.lines == ["done"]
+
+
+def test_error_of_full_memory_can_be_handled() -> None:
+    bench = started('q; ERROR TPWrite "full"; TRYNEXT;', "PROC q() VAR num a{50000}; q; ENDPROC")
+    assert bench.lines == ["full"]
+
+
 def test_elements_of_an_array_are_independent_of_each_other() -> None:
     bench = started("a{2,3} := 7; b := a; b{1,1} := 5;", "VAR num a{2,3}; VAR num b{2,3};")
     assert (bench.read("a"), bench.read("b")) == ("[[0,0,0],[0,0,7]]", "[[5,0,0],[0,0,7]]")

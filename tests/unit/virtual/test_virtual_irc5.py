@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from yumi.egm.messages import RapidState
 from yumi.rapid.host import Execution
 from yumi.robot.joints import Side
 from yumi.robot.poses import home
@@ -231,6 +232,24 @@ def test_stop_stops_its_own_task_only(world: World, running: Irc5) -> None:
     states = {name: task.execution for name, task in running.tasks.items()}
     assert states == {"T_ROB_R": Execution.STARTED, "T_ROB_L": Execution.STOPPED}
     assert (codes(running)[0], "T_ROB_L was stopped by" in running.events.entries()[0].description) == (10125, True)
+
+
+def test_datagrams_of_an_arm_show_whether_its_own_task_runs(world: World, running: Irc5) -> None:
+    def shown() -> dict[Side, RapidState]:
+        return {side: egm.rapid for side, egm in world.egm.items()}
+
+    run_by_name(world, stopping("Stop"), "halt")
+    assert shown() == {Side.RIGHT: RapidState.RUNNING, Side.LEFT: RapidState.STOPPED}
+    running.start_rapid()
+    assert set(shown().values()) == {RapidState.RUNNING}
+    running.stop_rapid()
+    assert set(shown().values()) == {RapidState.STOPPED}
+
+
+def test_event_of_a_stop_says_where_the_program_stands(world: World, running: Irc5) -> None:
+    run_by_name(world, stopping("Stop"), "halt")
+    description = running.events.entries()[0].description
+    assert description == "T_ROB_L has stopped: T_ROB_L was stopped by the program in halt/halt0, line 3."
 
 
 def test_task_that_stopped_alone_is_started_again_beside_the_other(world: World, running: Irc5) -> None:
