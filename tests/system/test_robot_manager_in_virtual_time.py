@@ -9,6 +9,7 @@ from threading import Thread
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.control.snapshot import Problem
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.hardware.manager_state import Mode
 from yumi.hardware.state_machine import MachineState
@@ -16,7 +17,7 @@ from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Side, joints
 from yumi.rws import rapid_values
 from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.fault_names import Fault
+from yumi.virtual.fault_names import Fault, Way
 
 
 @pytest.fixture
@@ -253,3 +254,22 @@ def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> No
         system.manager.go_to(Mode.EGM_BOTH, told)
     stops[0].join()
     assert system.client.execution() is ExecutionState.STOPPED
+
+
+def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: System) -> None:
+    arm = system.arms[Side.RIGHT]
+    system.manager.start_egm()
+    session = arm.snapshot.session
+    system.faults.happen(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, Way.TO_ROBOT)
+    arm.go(joints([value + 0.2 for value in arm.snapshot.position]))
+    system.wait(0.5)
+    assert arm.snapshot.problem is Problem.NOT_FOLLOWING
+    assert not arm.snapshot.is_commanded
+    assert "the controllers are active" in system.manager.recover(lambda _: None)
+    assert (arm.snapshot.problem, arm.snapshot.is_commanded) == (Problem.NONE, True)
+    assert arm.snapshot.session > session
+    system.wait(1.0)
+    goal = joints([value + 0.2 for value in arm.snapshot.position])
+    arm.go(goal)
+    system.wait(2.0)
+    assert arm.snapshot.position == pytest.approx(goal, abs=1e-2)

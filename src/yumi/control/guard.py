@@ -54,6 +54,7 @@ _DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is told les
 _FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
 _SLIGHT = 0.01  # [rad] a lead that a robot may follow at once
 _PROBE = 1e-3  # [rad] the lead that shows whether the robot follows again
+_SETTLING = 1.0  # [s] after which a command that is back settles no further
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever it is told: RAPID may have moved it
@@ -121,6 +122,7 @@ class Guard:
         self._entering: ArmState | None = None  # of a new session that was not answered yet
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
+        self._settling_for = 0.0  # [s]
         self._told = ArmCommand(ZERO)  # the command before the last
         self._plan: Joints = ZERO  # where the robot planned to be some time ago
         self._due: Joints = ZERO  # how far it should have come since [rad]
@@ -172,8 +174,12 @@ class Guard:
             return self._come_to(state, dt)
         if wanted is None or self._is_settling or self.problem is not Problem.NONE:
             command = self._hold(state, dt)
-            self._is_settling = not self.is_at_rest  # the arm stands sooner than the command is back
+            self._settling_for += state.dt
+            is_near = dist(command.position, state.planned) < _SLIGHT
+            # The arm stands sooner than the command is back; what keeps shaking does so for its noise.
+            self._is_settling = not (self.is_at_rest or (is_near and self._settling_for >= _SETTLING))
             return command
+        self._settling_for = 0.0
         if not self._may_go_on(state, wanted):
             return self._hold(state, dt)
         self.is_at_rest = False
@@ -367,7 +373,8 @@ class Guard:
         position, planned = self._shaper.position, state.planned
         if self.is_at_rest:
             return ArmCommand(position, self._feed_forward.admit(planned, position, ZERO, dt))
-        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else 0.0  # shows when the robot follows again
+        # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is heard.
+        kept = _PROBE if self.problem is Problem.NOT_FOLLOWING else _NO_LEAD
         goal = joints([now + max(-kept, min(kept, ahead - now)) for ahead, now in zip(position, planned, strict=True)])
         last, position = position, self._go_to(goal, state, dt)
         leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])

@@ -18,7 +18,7 @@ from yumi.control.requests import (
     SessionStarted,
     SwitchControllers,
 )
-from yumi.control.snapshot import Snapshot
+from yumi.control.snapshot import CAUSES, Problem, Snapshot
 from yumi.errors import CommandRefused
 from yumi.hardware.bringup import Bringup
 from yumi.hardware.state_machine import MachineState
@@ -71,8 +71,8 @@ class ArmGuidance:
         self._fallen: dict[Side, tuple[str, ...]] = {}
 
     def are_guided(self, arms: Sequence[Side]) -> bool:
-        """Whether EGM guides all of ``arms``."""
-        return all(self._snapshot(side).is_running for side in arms)
+        """Whether EGM guides all of ``arms``, and nothing makes one hold whatever it is asked to do."""
+        return all(self._snapshot(side).is_running for side in arms) and not self._problems(arms)
 
     def note(self, event: Event) -> None:
         """Remember which controllers EGM's end has deactivated."""
@@ -84,15 +84,21 @@ class ArmGuidance:
         """EGM and controllers on exactly these arms; tells in a sentence what commands them.
 
         EGM that somebody else has begun, an earlier driver or another program, is ended first: it has other settings,
-        and no watchdog that knows us.
+        and no watchdog that knows us. So is EGM on an arm that ignores its references, or is not where it can be: only
+        a new session tells whether that is over. That the references arrive again shows with the first motion.
 
         Raises:
             YumiError: a step failed; the message says which.
         """
         self._fast_lines.check()
         ours = arms if self.wanted else ()
-        if any(self._snapshot(side).is_running for side in Side if side not in ours):
+        problems = self._problems(arms)
+        for side, problem in problems.items():
+            self._bringup.report(f"start EGM again: {side.word} arm: {CAUSES[problem]}")
+        if problems or any(self._snapshot(side).is_running for side in Side if side not in ours):
+            fallen = dict(self._fallen)
             self.end()  # the signal that ends EGM ends it on both
+            self._fallen.update(fallen)
         self.wanted = arms
         if not self.are_guided(arms):
             self._start_egm(arms)
@@ -165,6 +171,8 @@ class ArmGuidance:
 
     def _why_not_guided(self, arms: tuple[Side, ...]) -> str:
         silent = [side for side in arms if not self._snapshot(side).is_streaming]
+        for side, problem in self._problems(arms).items():
+            return f"EGM started but the {side.word} arm holds: {CAUSES[problem]}."
         if not silent:
             words = " and ".join(side.word for side in arms if not self._snapshot(side).is_running)
             return (
@@ -176,6 +184,10 @@ class ArmGuidance:
             f"EGM started on the robot but no datagram came for the {words} arm; check the remote address and port of "
             f"the controller's UDPUC device {devices} and this machine's firewall."
         )
+
+    def _problems(self, arms: Sequence[Side]) -> dict[Side, Problem]:
+        problems = {side: self._snapshot(side).problem for side in arms}
+        return {side: it for side, it in problems.items() if it is not Problem.NONE and self._snapshot(side).is_running}
 
     def _snapshot(self, side: Side) -> Snapshot:
         return self._fast_lines.snapshot(side)

@@ -423,6 +423,25 @@ def test_guard_notices_within_300_ms_that_references_are_ignored_when_a_controll
     assert 0.05 < since < 0.3
 
 
+@pytest.mark.parametrize("noise", [0.0, 3e-6, 1e-5, 1e-4])
+def test_guard_that_held_goes_to_the_next_goal_whatever_the_noise_of_the_plan(
+    guard: Guard, middle: Joints, noise: float
+) -> None:
+    random, planned, command = Random(1), middle, ArmCommand(middle)
+    goal = moved(middle, 0, 0.2)
+    for count in range(1200):
+        planned = hears(planned, command)
+        told = joints([now + random.gauss(0.0, noise) for now in planned])
+        is_held = 80 <= count < 82  # in full motion, and a moment only
+        believed = guard.believe(state(told))
+        assert believed is not None
+        command = guard.admit(believed, None if is_held else ArmCommand(goal))
+        guard.settle(believed)
+        if count == 400:
+            assert not guard._is_settling
+    assert planned == pytest.approx(goal, abs=1e-3)
+
+
 @pytest.mark.parametrize("jump", [radians(2.0), radians(5.0), radians(30.0), 10.0, -10.0])
 def test_guard_goes_on_when_one_position_cannot_be_true(guard: Guard, middle: Joints, jump: float) -> None:
     guard.admit(state(middle), None)
