@@ -27,6 +27,7 @@ from yumi.links.realtime import brisk_threads, prefer_process, release_process
 from yumi.links.udp import UdpClient
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_expression, parse_module
+from yumi.rapid.syntax import Module
 from yumi.rapid.task import Task
 from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
@@ -35,6 +36,7 @@ from yumi.rws import forms
 from yumi.virtual.fault_desk import PATH, FaultDesk
 from yumi.virtual.gripper import Workpiece
 from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.virtual.rws_rapid import quoted
 from yumi.virtual.vacuum_cup import CupObject
 from yumi.virtual.world import World, WorldSettings
 
@@ -184,7 +186,7 @@ class VirtualController:
         self._background = Background()
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # what other threads and processes take is not the program's fault
-            task.parsed = lambda text, path: self._background.submit(partial(parse_module, text, path))
+            task.parsed = lambda text, path: self._background.submit(partial(parsed, text, path))
         self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
         self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
 
@@ -264,7 +266,7 @@ class VirtualController:
     def _link(self, task: Task, text: str, path: str) -> None:
         """Parse and link a module that is about to be loaded; an error they will get again."""
         with suppress(RapidError):
-            self._in_slices(task.preparing(parse_module(text, path)))
+            self._in_slices(task.preparing(parsed(text, path)))
 
     def _compile(self) -> None:
         """Compile the programs as they stand."""
@@ -286,6 +288,12 @@ class VirtualController:
                 attach(channel)
 
         return attach_locked
+
+
+def parsed(text: str, path: str) -> Module:
+    """A module, whose text is at hand for clients that read it."""
+    quoted(text)
+    return parse_module(text, path)
 
 
 def _tried(parse: Callable[..., object], *arguments: str) -> None:

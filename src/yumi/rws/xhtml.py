@@ -23,6 +23,7 @@ _ENTITIES = {
     "\n": "&#10;",
     "\r": "&#13;",
 }
+_SPECIAL = re.compile('[&<>"\t\n\r]')
 _ARGUMENT = re.compile(r"arg\d+")
 _DEEPEST = 32  # lists within lists; a controller's pages have two
 _LARGEST = 16 * 1024 * 1024  # [byte]; a page holds 100 items at most (reference/rws.md §1.1)
@@ -96,7 +97,7 @@ def _span(name: str, text: str) -> str:
 
 def escaped(text: str) -> str:
     """``text`` as it may stand in a document."""
-    return "".join(_ENTITIES.get(character, character) for character in _ILLEGAL.sub("\ufffd", text))
+    return _SPECIAL.sub(lambda match: _ENTITIES[match.group()], _ILLEGAL.sub("\ufffd", text))
 
 
 def _parse(body: bytes) -> Element:

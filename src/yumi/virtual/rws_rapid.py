@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 from urllib.parse import quote
@@ -135,10 +136,16 @@ def _module_text(controller: Controller, call: Call) -> Page:
         raise Failure(404, Code.FAIL, f"the task {task.name} has no module {wanted!r}")
     fields = {
         "change-count": "0",
-        "module-text": quote(module.text, encoding="latin-1"),
+        "module-text": quoted(module.text),
         "module-length": str(len(module.text)),
     }
     return resource("rapid", f"{_BASE}modules/", module.name, State("rap-module-text", module.name, fields))
+
+
+@functools.lru_cache(maxsize=32)
+def quoted(text: str) -> str:
+    """A module's text, URL-encoded; a long one takes longer than a cycle the first time."""
+    return quote(text, encoding="latin-1")
 
 
 def _symbol(controller: Controller, call: Call) -> Page:

@@ -6,13 +6,17 @@ import gc
 from collections.abc import Iterator
 from functools import partial
 from threading import Event
+from urllib.parse import quote
 
 import pytest
 from lark import UnexpectedInput
 
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
-from yumi.virtual_controller import Background
+from yumi.virtual import rws_rapid
+from yumi.virtual.rws_routes import Call, answer
+from yumi.virtual.world import World
+from yumi.virtual_controller import Background, parsed
 
 
 @pytest.fixture
@@ -58,3 +62,22 @@ def test_work_that_nobody_waits_for_is_not_begun_and_others_are(background: Back
     release.set()
     last.result(5.0)
     assert (first.result(5.0), done) == (True, ["last"])
+
+
+def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a long one that takes longer than a cycle, in which the world stands still."""
+    texts: list[str] = []
+    monkeypatch.setattr(rws_rapid, "quote", lambda text, encoding: texts.append(text) or quote(text, encoding=encoding))
+    rws_rapid.quoted.cache_clear()
+    controller = World().controller
+    options = (("resource", "module-text"), ("task", "T_ROB_L"))
+    call = Call("GET", ("rw", "rapid", "modules", "TRobMain"), options, session="", host="")
+    pages = [answer(rws_rapid.ROUTES, controller, call) for _ in range(3)]
+    assert (len(texts), pages[1:]) == (1, pages[:-1])
+
+
+def test_module_that_is_parsed_in_the_background_is_quoted_there_too(background: Background) -> None:
+    background.submit(partial(parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
+    hits = rws_rapid.quoted.cache_info().hits
+    assert rws_rapid.quoted("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
+    assert rws_rapid.quoted.cache_info().hits == hits + 1
