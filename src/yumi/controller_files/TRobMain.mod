@@ -65,7 +65,7 @@ MODULE TRobMain
         %"initializeWatchdogModule"%;
     ERROR
         IF ERRNO=ERR_REFUNKPRC THEN
-            TPWrite MSG_MAIN+"No TRobWatchdog, nobody watches the driver";
+            TPWrite MSG_MAIN+"No TRobWatchdog, the driver is not watched";
             TRYNEXT;
         ENDIF
         RAISE;
