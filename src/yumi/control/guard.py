@@ -42,8 +42,9 @@ NOT_FOLLOWING = 0.12
 """A robot whose plan stands still for so long, while it is told to move, does not get what we say [s]. Where the motion
 begins in the middle of such a time, the next one shows it."""
 
-OUTSIDE = 0.12
-"""How far outside of its range a joint may stand [rad]; further out there is none."""
+OUTSIDE = 0.01
+"""How far outside of its range a joint may stand [rad]: its first command is the end of the range, so near that the
+robot does not jump there. An arm further out is not answered."""
 
 _MARGIN = 0.02  # [rad] a measured position may differ by from what a joint's speed explains
 _LONGEST = 0.1  # [s] of motion that explains a position while others are not believed
@@ -322,8 +323,7 @@ class Guard:
     def _repeat(self, state: ArmState) -> ArmCommand:
         """What was admitted last; to a robot that was never told anything, where it is."""
         if self._sent_at == -inf:
-            ranges = zip(self._limits.lower, state.position, self._limits.upper, strict=True)
-            return self._begin(joints([max(low, min(high, now)) for low, now, high in ranges]))
+            return self._begin(state.position)
         return ArmCommand(self._shaper.position, self._feed_forward.velocity)
 
     def _watch_plan(self, state: ArmState) -> None:
@@ -356,6 +356,9 @@ class Guard:
         self._plan, self._due, self._due_for = state.planned, ZERO, 0.0
 
     def _begin(self, position: Joints) -> ArmCommand:
+        if self._limits.outside(position) is not None:
+            ranges = zip(self._limits.lower, position, self._limits.upper, strict=True)
+            position = joints([max(low, min(high, now)) for low, now, high in ranges])
         self._shaper.rest_at(position)
         self._feed_forward.end()
         self.is_at_rest = True

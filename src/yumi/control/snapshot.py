@@ -35,7 +35,8 @@ CAUSES = {
     ),
     Problem.IMPLAUSIBLE: (
         "the robot reports positions that the arm cannot have reached: datagrams are old, forged, or another arm's; "
-        "check what else sends to this port, and the remote ports of the controller's UDPUC devices"
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; or a joint stands "
+        "out of its range: jog it back"
     ),
 }
 """The likely cause of each problem, for a sentence."""

@@ -101,22 +101,42 @@ def test_guard_stops_each_joint_at_its_range(guard: Guard, index: int, direction
     assert guard.counters.position_limited == 1000
 
 
-def test_guard_lets_an_arm_outside_its_range_come_back_but_not_go_further(guard: Guard) -> None:
-    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.01)
-    guard.admit(state(outside), None)
-    assert follow(guard, [moved(outside, 1, 0.005)] * 10, outside)[-1] == outside
-    back = moved(outside, 1, -0.3)
-    path = follow(guard, [back] * 500, outside)
-    assert path[-1] == pytest.approx(back)
-    assert all(after[1] <= before[1] + 1e-12 for before, after in pairwise(path))
+OUTSIDE_BY = st.tuples(*[st.floats(-0.01, 0.01)] * 7)
+
+
+@given(outside_by=OUTSIDE_BY, wanted=st.lists(WANTED | st.none(), max_size=5))
+def test_guard_sends_no_position_out_of_range_to_an_arm_that_stands_a_little_outside(
+    outside_by: Joints, wanted: list[Joints | None]
+) -> None:
+    """Nor leads it back to its range harder than a joint may accelerate."""
+    guard = Guard(YUMI_LIMITS)
+    rows = zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, outside_by, strict=True)
+    start = joints([high + by if by > 0.0 else low + by for low, high, by in rows])
+    first = guard.admit(state(start), None)
+    places = [first.position]
+    for position in wanted:
+        command = None if position is None else ArmCommand(position)
+        places.append(guard.admit(state(start), command).position)
+    assert all(YUMI_LIMITS.outside(place) is None for place in places)
+    rows = zip(first.position, start, YUMI_LIMITS.acceleration, strict=True)
+    assert all(EGM_GAIN * abs(to - now) <= top * DT for to, now, top in rows)
 
 
 def test_guard_brings_an_arm_back_into_its_range_no_faster_than_it_may_move(guard: Guard) -> None:
-    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.1)
-    guard.admit(state(outside), None)
-    path = [outside, *follow(guard, [ZERO] * 300, outside)]
-    assert path[-1][1] < YUMI_LIMITS.upper[1]
+    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + 0.01)
+    path = [guard.admit(state(outside), None).position]
+    assert path[0] == moved(ZERO, 1, YUMI_LIMITS.upper[1])
+    path += follow(guard, [ZERO] * 300, path[0])
+    assert path[-1] == pytest.approx(ZERO, abs=1e-6)
     assert max(before[1] - after[1] for before, after in pairwise(path)) <= YUMI_LIMITS.velocity[1] * DT * 1.001
+
+
+@pytest.mark.parametrize("by", [0.011, 0.05, 0.11])
+def test_guard_does_not_answer_an_arm_that_stands_further_outside(guard: Guard, by: float) -> None:
+    outside = moved(ZERO, 1, YUMI_LIMITS.upper[1] + by)
+    for _ in range(30):
+        assert guard.believe(state(outside)) is None
+    assert guard.problem is Problem.IMPLAUSIBLE
 
 
 def rates(path: list[Joints], dt: float) -> list[Joints]:
