@@ -6,7 +6,7 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
-from lark import Lark, UnexpectedToken
+from lark import Lark, Tree, UnexpectedToken
 from lark.exceptions import UnexpectedInput, VisitError
 
 from yumi.rapid.errors import RapidSyntaxError
@@ -153,9 +153,13 @@ def _make_room(length: int) -> None:
 
 def _parse(text: str, start: str) -> Any:
     """The tree of a text, or the mistake in it."""
+    read: list[Any] = []
     try:
-        return TreeBuilder().transform(_language().parse(text, start=start))
+        read.append(_language().parse(text, start=start))
+        return TreeBuilder().transform(read[0])
     except UnexpectedInput as error:
+        if isinstance(error, UnexpectedToken) and error.interactive_parser is not None:
+            read = error.interactive_parser.parser_state.value_stack
         return _mistake(error, text)
     except (VisitError, RecursionError) as error:
         if isinstance(getattr(error, "orig_exc", error), RecursionError):
@@ -163,6 +167,17 @@ def _parse(text: str, start: str) -> Any:
         if not isinstance(error, VisitError) or not isinstance(error.orig_exc, NotAllowed):
             raise
         return Mistake(str(error.orig_exc), error.orig_exc.line, error.orig_exc.column)
+    finally:
+        _take_apart(read)
+
+
+def _take_apart(nodes: list[Any]) -> None:
+    """Free what the parser has read piece by piece: to free all at once lets other threads wait for many cycles."""
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, Tree):
+            nodes.extend(node.children)
+            node.children.clear()
 
 
 def _mistake(error: UnexpectedInput, text: str) -> Mistake:

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 
 import pytest
+from lark import Token, Tree, UnexpectedToken
 from rapid_bench import Bench, error_of, evaluated, started
 
 from yumi.rapid import InstructionSet, parser
@@ -212,6 +213,23 @@ def test_text_is_parsed_once_whether_it_is_a_module_or_not(text: str, monkeypatc
     with suppress(RapidSyntaxError):
         parse_module(text, "once.mod")
     assert parsed == []
+
+
+def test_what_the_parser_has_read_is_freed_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To free all of a long module at once takes many cycles, in which no other thread runs."""
+    read: list[Tree[Token]] = []
+    transform = parser.TreeBuilder.transform
+    monkeypatch.setattr(parser.TreeBuilder, "transform", lambda self, t: read.append(t) or transform(self, t))
+    parser._parse(f"MODULE pieces {'CONST num x := 1+2*3;' * 50} ENDMODULE", "module")
+    assert [each for tree in read for each in tree.iter_subtrees()] == read
+
+
+def test_what_the_parser_has_read_until_a_mistake_is_freed_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    errors: list[UnexpectedToken] = []
+    mistake = parser._mistake
+    monkeypatch.setattr(parser, "_mistake", lambda error, text: errors.append(error) or mistake(error, text))
+    parser._parse(f"MODULE pieces {'CONST num x := 1+2*3;' * 50} PROC ENDMODULE", "module")
+    assert [each.interactive_parser.parser_state.value_stack for each in errors] == [[]]
 
 
 # Time
