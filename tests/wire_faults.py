@@ -66,8 +66,7 @@ class Attack:
 
 SINGLE = (
     *(Attack(Fault.EGM_STALE, old) for old in (20.0, 30.0, 60.0, 100.0, 200.0)),
-    # The next true datagram has the number of the forged one.
-    *(Attack(Fault.EGM_FORGE, offset_deg, unanswered=1) for offset_deg in (2.0, 5.0, 30.0, 340.0)),
+    *(Attack(Fault.EGM_FORGE, offset_deg) for offset_deg in (2.0, 5.0, 30.0, 340.0)),
     *(
         Attack(fault, offset_deg)
         for fault in (Fault.EGM_FORGE_OLD, Fault.EGM_FORGE_AHEAD)
