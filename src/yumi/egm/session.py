@@ -135,6 +135,7 @@ class SensorSession(Generic[Message]):
         self._candidate: _Heard[Message] | None = None  # the last of a row that may become a session
         self._candidates = 0
         self._candidates_since = 0.0
+        self._candidates_cycle = CYCLE  # their period
         self._first_seqno = 0
         self._cycle = CYCLE
         self._other_cycle = 0.0  # a period seen last that was not believed
@@ -259,17 +260,21 @@ class SensorSession(Generic[Message]):
             return True
         return False
 
-    def _follows(self, before: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
+    def _follows(
+        self, before: _Heard[Message], message: Message, ahead: int, now: float, cycle: float | None = None
+    ) -> bool:
         """Whether the robot may have sent ``message`` ``ahead`` datagrams after ``before``, by its clock and ours."""
-        due = ahead * self._cycle
-        return self._agree(before.message, message, ahead) and due - (now - before.arrival) <= EARLIEST + self._cycle
+        cycle = cycle or self._cycle
+        is_early = ahead * cycle - (now - before.arrival) > EARLIEST + cycle
+        return not is_early and self._agree(before.message, message, ahead, cycle)
 
-    def _agree(self, before: Message, message: Message, ahead: int) -> bool:
-        """Whether the robot's clock shows the time in which it sends ``ahead`` datagrams."""
-        due = ahead * self._cycle
+    def _agree(self, before: Message, message: Message, ahead: int, cycle: float | None = None) -> bool:
+        """Whether the robot's clock shows the time in which it sends ``ahead`` datagrams, one each ``cycle`` [s]."""
+        cycle = cycle or self._cycle
+        due = ahead * cycle
         passed = message.measured_time - before.measured_time
-        tolerance = _CLOCK_STEPS * self._cycle + _CLOCK_TOLERANCE * due
-        return ahead > 0 and passed > -0.5 * self._cycle and abs(passed - due) <= tolerance
+        tolerance = _CLOCK_STEPS * cycle + _CLOCK_TOLERANCE * due
+        return ahead > 0 and passed > -0.5 * cycle and abs(passed - due) <= tolerance
 
     def _is_contradicted(self, last: _Heard[Message], message: Message, ahead: int) -> bool:
         """Whether ``last`` and ``message`` cannot both be true, or ``last`` is the one to be doubted."""
@@ -355,13 +360,26 @@ class SensorSession(Generic[Message]):
         """Whether a datagram that does not go on with the session is one of several that agree with each other."""
         before, self._candidate = self._candidate, _Heard(message, now)
         ahead = 0 if before is None or not self._candidates else _ahead(before.message, message)
-        if before is None or not (0 < ahead <= LARGEST_GAP and self._follows(before, message, ahead, now)):
+        if before is not None and self._candidates == 1:
+            self._candidates_cycle = self._cycle_between(before.message, message, ahead)
+        cycle = self._candidates_cycle
+        if before is None or not (0 < ahead <= LARGEST_GAP and self._follows(before, message, ahead, now, cycle)):
             self._candidates, self._candidates_since = 1, now
             return False
         self._candidates += 1
         # Old datagrams that arrive at once agree with each other, too; a robot needs its time.
-        time_needed = 0.5 * (AGREEING - 1) * self._cycle
-        return self._candidates >= AGREEING and now - self._candidates_since >= time_needed
+        if self._candidates < AGREEING or now - self._candidates_since < 0.5 * (AGREEING - 1) * cycle:
+            return False
+        self._cycle = cycle
+        return True
+
+    def _cycle_between(self, before: Message, message: Message, ahead: int) -> float:
+        """The period of a robot that sent these: the session's, or another one since it has begun anew."""
+        if ahead <= 0 or self._agree(before, message, ahead):
+            return self._cycle
+        shortest, longest = _PERIODS
+        cycle = (message.measured_time - before.measured_time) / ahead
+        return cycle if shortest < cycle < longest else self._cycle
 
     def _count_old(self, behind: int) -> None:
         """Count a datagram that is left aside; what belongs to another session is stale, too."""

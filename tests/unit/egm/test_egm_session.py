@@ -297,3 +297,27 @@ def test_session_learns_the_period_of_the_robot(cycle: float) -> None:
         assert session.accept([datagram(seqno, 1000.0 + seqno * cycle)], seqno * cycle) is not None
     assert session.accept([datagram(24, 1000.0 + 24 * cycle)], 24 * cycle) is not None
     assert (session.number, session.counters.lost) == (1, 4)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.004, 0.016), (0.004, 0.048), (0.016, 0.004)])
+def test_session_takes_up_a_robot_that_was_restarted_with_another_sample_rate(before: float, after: float) -> None:
+    session = SensorSession(JointCodec(), silence=0.2)
+    for seqno in range(500):
+        session.accept([datagram(seqno, 1000.0 + seqno * before)], seqno * before)
+    begin = 500 * before + 5.0
+    session.close_if_silent(begin)
+    accepted = [
+        session.accept([datagram(seqno, 1.0 + seqno * after)], begin + seqno * after) is not None for seqno in range(50)
+    ]
+    assert accepted.index(True) < 8
+    assert all(accepted[accepted.index(True) :])
+    assert session.number == 2
+
+
+@pytest.mark.parametrize("period", [0.0, 0.016, 0.05])
+def test_session_does_not_begin_with_datagrams_of_another_period_that_come_at_once(
+    session: SensorSession[JointReport], period: float
+) -> None:
+    now = live(session, 300)
+    assert session.accept([datagram(seqno, 1.0 + seqno * period) for seqno in range(20)], now + 0.001) is None
+    assert session.number == 1
