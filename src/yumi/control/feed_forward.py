@@ -18,7 +18,7 @@ EGM_GAIN = 5.0
 """Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
 
 _ROUNDING = 1.0 + 1e-3  # a speed at a limit is not refused for the last digits of the planned position
-_UNEXPECTED = 5e-3  # [rad] a plan that is elsewhere than it was led to: datagrams were lost, or some were false
+_UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
 

@@ -167,6 +167,7 @@ class Guard:
         """The next command after the last one."""
         if state.dt <= 0.0:
             self._shaper.rest_at(self._shaper.position)  # in a silence the command has stood still
+        if not 0.0 < state.dt <= self.longest_step:
             self._feed_forward.resume(state.planned, self._shaper.position)
         if dt < self._shortest_step:
             return ArmCommand(self._shaper.position, self._feed_forward.velocity)
@@ -289,6 +290,7 @@ class Guard:
     def _trust(self, state: ArmState) -> ArmState:
         if self._doubts and self._believed is not None:
             state = _since(self._believed, state)  # its speed was that from or to a false position
+            self._feed_forward.resume(state.planned, self._shaper.position)
         self._doubts, self._doubt, self._stop_at = 0, None, None
         if self.problem is Problem.IMPLAUSIBLE:
             self.problem = Problem.NONE
