@@ -408,6 +408,20 @@ def test_speed_that_was_fed_forward_is_not_resumed_at_once_after_a_silence(cycle
         assert loop.robot.arm.planned == pytest.approx(stood_at, abs=1e-3)
 
 
+@pytest.mark.parametrize("swapped", [3, 4, 8, 24])
+def test_other_arms_positions_that_a_young_session_believes_lead_within_the_limits(swapped: int) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.move(60)
+    loop.restart()
+    stood_at = loop.robot.arm.planned
+    loop.move(4)
+    for_a_while("is_swapped", swapped)(loop)
+    loop.move(40)
+    assert_led_within_limits(loop)
+    assert loop.robot.arm.planned == pytest.approx(stood_at, abs=0.2)
+
+
 def test_session_that_begins_anew_does_not_feed_the_old_speed_to_a_standing_arm() -> None:
     loop = Attacked(feeds_speed=True)
     loop.begin()

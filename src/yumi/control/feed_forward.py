@@ -18,6 +18,7 @@ EGM_GAIN = 5.0
 """Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
 
 _ROUNDING = 1.0 + 1e-3  # a speed at a limit is not refused for the last digits of the planned position
+_UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
 
@@ -86,8 +87,14 @@ class FeedForward:
             return ZERO
         if not self._is_feeding:
             self._begin(planned, dt)
+        predicted = dt
+        if self._planned is not None:
+            rows = zip(self._planned, planned, self._speeds, strict=True)
+            if max(abs(now - last - speed * dt) for last, now, speed in rows) > _UNEXPECTED:
+                predicted = 0.0
+                self.resume(planned, self._position)
         admitted = [
-            self._admit_joint(index, now + last * dt, ahead, speed, last, dt)
+            self._admit_joint(index, now + last * predicted, ahead, speed, last, dt)
             for index, (now, ahead, speed, last) in enumerate(
                 zip(planned, position, velocity, tuple(self._speeds), strict=True)
             )
