@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from math import radians
 
 import pytest
+import pytest_timeout
 from hypothesis import settings
 
 from yumi.clock import ManualClock
@@ -24,6 +25,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("real_time") or item.get_closest_marker("ros"):
             item.add_marker(pytest.mark.flaky(reruns=2))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """pytest-timeout stops its timer at the first failure; without a new one, a rerun could hang for ever."""
+    if getattr(item, "execution_count", 1) > 1:
+        item.ihook.pytest_timeout_set_timer(item=item, settings=pytest_timeout._get_item_settings(item))
 
 
 settings.register_profile("yumi", deadline=None)  # how long an example takes is the machine's affair

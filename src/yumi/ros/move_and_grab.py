@@ -150,9 +150,10 @@ class MoveAndGrab:
         while True:
             try:
                 return step()
-            except GoalNotReached as error:
+            except YumiError as error:
                 attempt += 1
-                if attempt > RECOVERIES:
+                was_stopped = isinstance(error, GoalNotReached) or self._stop_state() is not None
+                if not was_stopped or attempt > RECOVERIES:
                     raise
                 self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
                 self._recover(error)
