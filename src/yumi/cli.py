@@ -235,7 +235,7 @@ def up(
     """
     _demand_ros()
     click.echo(limit_discovery(is_open=network))
-    from yumi.app import end_by_force, run_driver  # noqa: PLC0415 - a quick --help
+    from yumi.run_driver import end_by_force, run_driver  # noqa: PLC0415 - a quick --help
 
     settings = _with_options(read_settings(config), options)
     chosen = {side: read_controllers(side, controllers) for side in Side}

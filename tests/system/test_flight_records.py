@@ -29,7 +29,7 @@ from yumi.links.udp import free_port
 from yumi.robot.cycle import CYCLE
 from yumi.robot.joints import Joints, Side, joints
 from yumi.robot.values import ArmCommand, ArmState
-from yumi.settings import RecorderSettings, read_controllers
+from yumi.settings import read_controllers
 
 pytestmark = pytest.mark.real_time
 
@@ -61,7 +61,7 @@ def system() -> System:
 def records_of(system: System, folder: Path) -> Recording:
     """What the driver would have written for the faults of the right arm."""
     arm = system.arms[RIGHT]
-    records = Records(RecorderSettings(str(folder)), {RIGHT: arm.recorder}, lambda sentence: None)
+    records = Records(folder, 50, {RIGHT: arm.recorder}, lambda sentence: None)
     for event in arm.events:
         if event.side is RIGHT:
             records.note(event, system.now(), EPOCH)
@@ -130,7 +130,7 @@ def fast_lines(port: int, events: Queue[Event]) -> Iterator[FastLines]:
 def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     fast_lines: FastLines, port: int, events: Queue[Event], tmp_path: Path
 ) -> None:
-    records = Records(RecorderSettings(str(tmp_path)), fast_lines.recorders, lambda sentence: None)
+    records = Records(tmp_path, 50, fast_lines.recorders, lambda sentence: None)
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
         fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))

@@ -11,24 +11,24 @@ from yumi.errors import SettingsError
 from yumi.evaluation.flight_records import FlightRecords
 from yumi.evaluation.full_recorder import FullRecorder
 from yumi.robot.joints import Side
-from yumi.settings import RecorderSettings
 
 
 class Records:
     """Told of every event, it knows which files to write.
 
     Args:
-        settings: where flight records go.
+        folder: where flight records go.
+        keep: how many of them stay; the oldest ones make room.
         recorders: the memory of each arm.
         say: told one sentence for each file; on another thread.
     """
 
     def __init__(
-        self, settings: RecorderSettings, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
+        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
     ) -> None:
         self._recorders = recorders
         self._say = say
-        self._flights = FlightRecords(Path(settings.folder), settings.keep, recorders, say)
+        self._flights = FlightRecords(folder, keep, recorders, say)
         self._full: FullRecorder | None = None
 
     def record_all(self, file: Path, epoch: float) -> None:

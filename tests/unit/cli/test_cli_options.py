@@ -73,11 +73,11 @@ def test_what_the_machine_does_not_give_is_said_in_one_sentence(
 
 HANGS = """
 from threading import Event, Thread
-from yumi import app
+from yumi import run_driver
 
-app.END = 0.1
+run_driver.END = 0.1
 is_over, never = Event(), Event()
-app.end_by_force(is_over)
+run_driver.end_by_force(is_over)
 Thread(target=never.wait, name="answers-pool").start()
 is_over.set()
 never.wait()
@@ -108,7 +108,9 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr("yumi.cli._demand_ros", lambda: None)
     monkeypatch.setattr("yumi.cli._end_flag", lambda until_stdin_closes: Event())
-    monkeypatch.setattr("yumi.app.end_by_force", lambda is_over: None)
-    monkeypatch.setattr("yumi.app.run_driver", lambda settings, chosen, is_over, on_ready, record: on_ready(reason))
+    monkeypatch.setattr("yumi.run_driver.end_by_force", lambda is_over: None)
+    monkeypatch.setattr(
+        "yumi.run_driver.run_driver", lambda settings, chosen, is_over, on_ready, record: on_ready(reason)
+    )
     result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
     assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)

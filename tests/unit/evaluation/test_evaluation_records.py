@@ -21,7 +21,6 @@ from yumi.evaluation.full_recorder import FullRecorder
 from yumi.evaluation.recording import read_recording
 from yumi.evaluation.records import Records
 from yumi.robot.joints import Side
-from yumi.settings import RecorderSettings
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
 EPOCH = 1_800_000_000.0
@@ -39,7 +38,7 @@ def said() -> list[str]:
 
 @pytest.fixture
 def records(tmp_path: Path, recorders: dict[Side, FlightRecorder], said: list[str]) -> Records:
-    return Records(RecorderSettings(str(tmp_path / "flights"), keep=3), recorders, said.append)
+    return Records(tmp_path / "flights", 3, recorders, said.append)
 
 
 def files(folder: Path) -> list[Path]:
