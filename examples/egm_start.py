@@ -7,11 +7,11 @@ Start `yumi controller` and the other example, with the right arm's port, in ter
 import sys
 
 from yumi.clock import SystemClock
+from yumi.driver.bringup import Bringup
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import YumiError
-from yumi.hardware.bringup import Bringup
-from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import EgmMotionSettings
 from yumi.robot.joints import Side
+from yumi.rws.client import RwsClient
 
 MODES = ("joint", "velocity", "stream")
 

@@ -3,8 +3,8 @@
 import sys
 import termios
 
+from yumi.driver.state import Mode
 from yumi.errors import StopNotConfirmed, YumiError
-from yumi.hardware.manager_state import Mode
 from yumi.ros.clients import RobotManagerClient, application
 
 

@@ -6,24 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from yumi.control.commands import Mailbox, MemoryMailbox, put_goal, put_speeds
 from yumi.control.controller import Controller
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import run_cycle
-from yumi.control.goals import put_goal, put_speeds
-from yumi.control.guard import Guard
-from yumi.control.mailbox import Mailbox, MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.parameter import Values
-from yumi.control.stations import StationClock
-from yumi.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
-from yumi.controllers.joint_position import JointPositionController
-from yumi.controllers.joint_velocity import JointVelocityController
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.hardware.perfect_arm import PerfectArm
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.robot.values import ArmState
+from yumi.control.limiter import Guard
+from yumi.control.statistics import StationClock
+from yumi.driver.arm import PerfectArm
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
+from yumi.settings import Values
+from yumi_evaluation.guided_arm import GuidedArm
 
 NAME = "controller"
 SIDE = Side.RIGHT

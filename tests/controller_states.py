@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TypeVar
 
 from yumi.control.controller import Controller
-from yumi.control.parameter import Value
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.robot.values import ZERO, ArmState
+from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names, joints
+from yumi.settings import Value
 
 AnyController = TypeVar("AnyController", bound=Controller)
 

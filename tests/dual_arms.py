@@ -6,17 +6,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.mailbox import MemoryMailbox
+from yumi.control.commands import MemoryMailbox
+from yumi.control.controllers.joint_trajectory import (
+    DualArmTrajectoryController,
+    FollowTrajectory,
+    Tolerances,
+    TrajectoryEnded,
+)
+from yumi.control.limiter import SpeedScale
 from yumi.control.requests import ControllerNotice
-from yumi.control.speed_scale import SpeedScale
+from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
-from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
-from yumi.controllers.dual_arm_trajectory import DualArmTrajectoryController
-from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances, TrajectoryEnded
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
+from yumi_evaluation.guided_arm import GuidedArm
 
 NAME = "dual_arm_trajectory_controller"
 HALF_A_DEGREE = Tolerances(path=joints([radians(0.5)] * 7), goal=joints([radians(0.5)] * 7), goal_time=1.0)

@@ -1,21 +1,17 @@
-"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi.evaluation.guided_arm`.
+"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi_evaluation.guided_arm`.
 
 The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 """
 
 from __future__ import annotations
 
-from yumi.control.goals import put_goal
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.controllers.joint_position import JointPositionController
-from yumi.evaluation.guided_arm import FULL_SPEED, GuidedArm, LoneArm, Wire
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ArmCommand, ArmState
-from yumi.virtual.arm_model import ArmModel
+from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.limiter import Guard
+from yumi.driver.state_machine import EgmMotionSettings
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
+from yumi.virtual.mechanics.arm import ArmModel
+from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm, LoneArm, Wire
 
 __all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "LoneArm", "OpenGuard", "Wire"]
 

@@ -7,9 +7,8 @@ from math import sin
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.requests import SessionLost
-from yumi.control.stations import AFTER_REPLY, SEND, StationClock
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.values import ArmCommand, ArmState
+from yumi.control.statistics import AFTER_REPLY, SEND, StationClock
+from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004
 LOST = SessionLost(Side.RIGHT, 0.052, ("joint_position_controller",))

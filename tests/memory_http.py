@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from yumi.clock import Clock
 from yumi.errors import NoConnection
-from yumi.evaluation.memory_rws import MemoryChannel, MemoryRws, MemorySocket
-from yumi.links.channel import Upgrade
-from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.virtual.rws_port import Controller
+from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest
+from yumi.virtual.rws.http_server import Upgrade
+from yumi.virtual.rws.routes import Controller
+from yumi_evaluation.virtual_machine import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 

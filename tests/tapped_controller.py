@@ -14,7 +14,7 @@ from threading import Event as Flag
 from threading import Thread
 
 from yumi.clock import SystemClock
-from yumi.links.udp import UdpClient, free_port
+from yumi.egm.udp import UdpClient, free_port
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
 
@@ -111,7 +111,7 @@ def _file(folder: Path, port: int) -> Path:
 
 def main(folder: Path, left_port: int, right_port: int) -> None:
     """Serve until standard input ends."""
-    from yumi.virtual_controller import VirtualController, world_settings
+    from yumi.virtual.server import VirtualController, world_settings
 
     def link(host: str, port: int) -> UdpClient:
         file = _file(folder, port)

@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import ArmPlan, JointTrajectory, plan_trajectory
-from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.control.trajectory import ArmPlan, JointTrajectory, TrajectoryPoint, plan_trajectory
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names
 
 DUAL_ARM_FILE = Path(__file__).parent / "fixtures" / "dual_arm_trajectory.json"
 REST = (0.0,) * JOINT_COUNT

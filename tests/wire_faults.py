@@ -10,11 +10,8 @@ from typing import NamedTuple, Protocol
 
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import RobotMessage
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.virtual.fault_names import Fault, Way
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi.virtual.controller.fault_names import Fault, Way
 
 LONGEST_STEP = 1.25 * CYCLE
 """No reference is farther from the one before than a joint may go in this time [s]."""

@@ -13,16 +13,15 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.app import EgmPlan, build_arm, plan_egm
-from yumi.control.goals import put_goal
+from yumi.control.commands import put_goal
 from yumi.control.requests import Event, SwitchControllers
-from yumi.control.snapshot import peek_snapshot
+from yumi.control.shared_state import peek_snapshot
+from yumi.driver.control_process import FastLines, WakeMode
+from yumi.driver.settings import Settings, read_controllers, read_settings
+from yumi.driver.wiring import EgmPlan, build_arm, plan_egm
 from yumi.errors import CommandRefused
-from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.wake import WakeMode
-from yumi.parameter_file import Entry
 from yumi.robot.joints import Joints, Side, chain_from_abb
-from yumi.settings import Settings, read_controllers, read_settings
+from yumi.settings import Entry
 
 POSITION = "joint_position_controller"
 LINE = "yumi-fast-line"

@@ -21,11 +21,11 @@ from parent import end_with_parent
 from rclpy.executors import SingleThreadedExecutor
 
 from yumi.clock import SystemClock
+from yumi.driver.state import RobotState
 from yumi.errors import RobotNotReady
-from yumi.hardware.manager_state import RobotState
 from yumi.robot.joints import Side
 from yumi.ros.driver import RosDriver, close_ros, open_ros
-from yumi.ros.hands import HandParts
+from yumi.ros.gripper import HandParts
 
 BURST = 0.010
 """How long the busy callback computes [s]."""

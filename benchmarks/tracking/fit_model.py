@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from yumi.evaluation.fitted_model import CONTROL_LAG
-from yumi.evaluation.model_fit import LONGEST, Trial, attempt, fit, timed_steps
+from yumi_evaluation.lag_study import LONGEST, Trial, attempt, fit, timed_steps
+from yumi_evaluation.virtual_machine import CONTROL_LAG
 
 
 def main() -> None:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from math import radians
 
-from yumi.control.parameter import Values
-from yumi.controllers.trajectory_parameters import LOOKAHEAD
-from yumi.evaluation.known_trajectory import Sine, follow_sine
+from yumi.control.controllers.joint_trajectory import LOOKAHEAD
+from yumi.settings import Values
+from yumi_evaluation.virtual_machine import Sine, follow_sine
 
 CASES: tuple[tuple[str, Values], ...] = (
     ("feed-forward and look-ahead", {}),

@@ -23,10 +23,10 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from yumi.evaluation.streamed_reference import JOINT, Reference, Run, Sample
-from yumi.links.command import Command
-from yumi.links.udp import free_port
-from yumi.settings import config_folder
+from yumi.driver.settings import config_folder
+from yumi.egm.udp import free_port
+from yumi.process.child import Command
+from yumi_evaluation.experiment import JOINT, Reference, Run, Sample
 
 PERIOD = 0.002
 """Of the stream: 500 Hz [s]."""

@@ -17,9 +17,9 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
-from yumi.control.parameter import Values
-from yumi.evaluation.streamed_reference import FEED_FORWARD, Run, Sine, Step, Stream, acceleration_limit, follow
-from yumi.evaluation.tracking_picture import draw_runs
+from yumi.settings import Values
+from yumi_evaluation.experiment import FEED_FORWARD, Run, Sine, Step, Stream, acceleration_limit, follow
+from yumi_evaluation.pictures import draw_runs
 
 DURATION = 17.0
 """Three periods and a start [s]."""

@@ -11,11 +11,11 @@ import argparse
 from math import degrees
 from pathlib import Path
 
-from yumi.control.feed_forward import EGM_GAIN
+from yumi.control.motion import EGM_GAIN
 from yumi.errors import CommandRefused
-from yumi.evaluation.recording import read_recording
-from yumi.evaluation.transport_delay import transport_delay
+from yumi.recording.mcap import read_recording
 from yumi.robot.joints import joint_names
+from yumi_evaluation.metrics import transport_delay
 
 
 def main() -> None:

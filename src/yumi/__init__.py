@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
-    from yumi.api.angles import abb_degrees, degrees, in_degrees
     from yumi.api.connect import connect, connect_async
-    from yumi.hardware.egm_server import EgmServer
+    from yumi.api.joints import abb_degrees, degrees, in_degrees
+    from yumi.driver.egm_server import EgmServer
 
 __version__ = "0.1.0"
 __all__ = ["EgmServer", "__version__", "abb_degrees", "connect", "connect_async", "degrees", "errors", "in_degrees"]
 
 _OFFERS = {
-    "EgmServer": "yumi.hardware.egm_server",
-    "abb_degrees": "yumi.api.angles",
+    "EgmServer": "yumi.driver.egm_server",
+    "abb_degrees": "yumi.api.joints",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
-    "degrees": "yumi.api.angles",
-    "in_degrees": "yumi.api.angles",
+    "degrees": "yumi.api.joints",
+    "in_degrees": "yumi.api.joints",
 }
 
 

@@ -1,6 +1,6 @@
 """``python -m yumi``."""
 
-from yumi.cli import main
+from yumi.cli.main import main
 
 if __name__ == "__main__":
     main()

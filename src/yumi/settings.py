@@ -1,358 +1,333 @@
-"""What a user may set: two YAML files, read once into frozen values; a key nobody knows is refused.
+"""Bounds of a setting, declared beside its default; whoever reads settings checks and quotes them.
 
-Each group is declared as a dataclass; a field's metadata gives its unit and bounds, which the refusals quote.
+What can be set on a controller: typed values with ranges, choices and units, as ros2_control's parameter files.
+
+A ROS 2 parameter file: nodes by name or wildcard, each with its parameters and the line where each one stands.
+
+::
+
+    /r/controller_manager:            a node; also nested, r: {controller_manager: …}
+      ros__parameters:
+        gains: {joint_1: {p: 1.0}}    the parameter gains.joint_1.p
+    /**/forward_controller:           that node in any namespace; * stands for one name, ** for any number
+    /**:                              every node that knows the parameters
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
+from math import inf
 from pathlib import Path
-from types import NoneType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeAlias, TypeGuard
 
 import yaml
 
-from yumi.bounds import bounded
-from yumi.control.parameter import Values
-from yumi.control.speed_scale import FULL
-from yumi.errors import SettingsError
-from yumi.hardware.automatic_recovery import RecoverySettings
-from yumi.hardware.speed_setting import LOWEST as SLOWEST
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.hardware.wake import WakeMode
-from yumi.hardware.watchdog import WatchdogSettings
-from yumi.parameter_file import Entry, ParameterFile, read_parameter_file
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
-
-T = TypeVar("T")
-
-MAX_PORT = 65535
-PASSWORD_VARIABLE = "YUMI_PASSWORD"
-"""The environment variable with the robot's password; it wins over the settings file."""
-
-_AUTO = "auto"
-_UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
-
-MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
-"""How the settings of a controller manager end; the first two come after a controller's name."""
+from yumi.errors import CommandRefused, SettingsError
 
 
-@dataclass(frozen=True, slots=True)
-class RobotSettings:
-    """Where the robot is and how to log in.
+def bounded(default: float | None, lowest: float, highest: float, unit: str = "") -> Any:
+    """A dataclass field with a range that includes both ends."""
+    return field(default=default, metadata={"lowest": lowest, "highest": highest, "unit": unit})
 
-    Attributes:
-        address: the controller's address; 192.168.125.1 is the service port of every IRC5.
-        rws_port: HTTP port of Robot Web Services.
-        user: user name; ABB's default is public knowledge.
-        password: its password; never shown, as no field that has no part in ``repr``.
-        timeout: longest wait for one answer [s].
-        speed_scale: the factor on the speed of every controller; None (``auto``) is 1 for a robot on this machine and
-            0.1 for any other.
-    """
 
-    address: str = "192.168.125.1"
-    rws_port: int = bounded(80, 1, MAX_PORT)
-    user: str = "Default User"
-    password: str = field(default="robotics", repr=False)
-    timeout: float = bounded(2.0, 0.1, 4.0, "s")
-    speed_scale: float | None = bounded(None, SLOWEST, FULL)
+Value: TypeAlias = bool | int | float | str | tuple[str, ...] | tuple[float, ...]
+"""What a parameter may hold."""
+
+Values: TypeAlias = Mapping[str, Value]
+"""Values of parameters by their full names, ``gains.yumi_joint_1_r.p``."""
+
+
+class ParameterType(Enum):
+    """Type of a parameter; the values are the words for a sentence."""
+
+    BOOL = "true or false"
+    INTEGER = "a whole number"
+    DOUBLE = "a number"
+    STRING = "a text"
+    DOUBLE_ARRAY = "a list of numbers"
+    STRING_ARRAY = "a list of texts"
 
 
 @dataclass(frozen=True, slots=True)
-class EgmSettings:
-    """Our end of EGM.
+class Parameter:
+    """A value of a controller that can be set.
 
     Attributes:
-        listen: local address for the robot's datagrams; ``auto`` takes the one that faces the robot.
-        left_port: UDP port of the left arm, as in the controller's UDPUC device ROB_L.
-        right_port: UDP port of the right arm, as in ROB_R.
-        silence: the robot is lost after this time without a datagram [s].
-        wake: how the fast line waits: ``auto``, ``blocking``, ``hot`` or ``ahead`` (see :mod:`yumi.hardware.wake`).
-    """
-
-    listen: str = "auto"
-    left_port: int = bounded(6511, 1, MAX_PORT)
-    right_port: int = bounded(6512, 1, MAX_PORT)
-    silence: float = bounded(0.08, 0.02, 0.09, "s")
-    wake: WakeMode = WakeMode.AUTO
-
-    def port(self, side: Side) -> int:
-        """The UDP port of one arm."""
-        return self.left_port if side is Side.LEFT else self.right_port
-
-
-class CalibrateWhen(Enum):
-    """When a gripper is calibrated without being asked for."""
-
-    AT_START = "at_start"
-    NEVER = "never"
-
-
-@dataclass(frozen=True, slots=True)
-class GripperSettings:
-    """Both hands.
-
-    Attributes:
-        right: what the right hand is made of.
-        left: what the left hand is made of.
-        force: holding force where a goal names none [N].
-        speed: of each finger where a goal names none [m/s].
-        timeout: a gripper that has not come to rest after this time has failed [s].
-        picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
-        calibrate: whether a gripper that needs it is calibrated when the robot becomes ready, which closes its fingers.
-        test_at_start: whether each hand is closed once when the driver starts, to see that it does.
-    """
-
-    right: GripperModules = GripperModules.SERVO
-    left: GripperModules = GripperModules.SERVO
-    force: float = bounded(10.0, 0.1, 20.0, "N")
-    speed: float = bounded(0.025, 0.003, 0.025, "m/s")
-    timeout: float = bounded(10.0, 0.5, 60.0, "s")
-    picked_pressure: float = bounded(70_000.0, 5_000.0, 95_000.0, "Pa")
-    calibrate: CalibrateWhen = CalibrateWhen.AT_START
-    test_at_start: bool = False
-
-    def modules(self, side: Side) -> GripperModules:
-        """What one hand is made of."""
-        return self.left if side is Side.LEFT else self.right
-
-
-@dataclass(frozen=True, slots=True)
-class RosSettings:
-    """The ROS 2 side.
-
-    Attributes:
-        merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
-        autostart: whether the driver connects and leads its managed nodes to active by itself.
-        bringup: whether it then brings the robot to ready by itself; else it only reads, until it is asked for more.
-    """
-
-    merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
-    autostart: bool = True
-    bringup: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class RecorderSettings:
-    """Flight records: the last ten seconds of an arm, written when something stops its motion.
-
-    Attributes:
-        folder: where they go, from where the driver was started.
-        keep: how many stay; the oldest ones make room.
-    """
-
-    folder: str = "build/flight_records"
-    keep: int = bounded(50, 1, 10_000)
-
-
-class InitialState(Enum):
-    """How far a controller is led when the driver starts."""
-
-    UNLOADED = "unloaded"
-    UNCONFIGURED = "unconfigured"
-    INACTIVE = "inactive"
-    ACTIVE = "active"
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerSettings:
-    """One controller of ``controllers.yaml``.
-
-    Attributes:
-        name: its name.
-        kind: its type string.
-        entries: its parameters.
-        state: its state when the driver starts; None: active when it only watches, else inactive.
-        place: where in the file it is listed.
+        name: as in ros2_control's parameter files; dots group.
+        default: value until told otherwise; its type is the parameter's, an empty tuple is a list of texts.
+        lowest: smallest number allowed, of each element in a list.
+        highest: largest number allowed, of each element in a list.
+        unit: unit of the value, empty for a bare number.
+        description: one sentence.
+        choices: the texts allowed, of each element in a list; any when empty.
+        read_only: whether it can be set only while the controller is unconfigured.
     """
 
     name: str
-    kind: str
-    entries: Mapping[str, Entry] = field(default_factory=dict)
-    state: InitialState | None = None
-    place: str = ""
+    default: Value
+    lowest: float = -inf
+    highest: float = inf
+    unit: str = ""
+    description: str = ""
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
 
     @property
-    def values(self) -> Values:
-        """Its parameters' values."""
-        return {key: entry.value for key, entry in self.entries.items()}
+    def type(self) -> ParameterType:
+        """The type, as told by the default."""
+        if isinstance(self.default, tuple):
+            numeric = bool(self.default) and not isinstance(self.default[0], str)
+            return ParameterType.DOUBLE_ARRAY if numeric else ParameterType.STRING_ARRAY
+        return _TYPES[type(self.default)]
+
+    def accept(self, value: object) -> Value:
+        """``value`` in the parameter's own type: a whole number becomes a number, a list a tuple.
+
+        Raises:
+            CommandRefused: wrong type, out of range, not a finite number or not among the choices; the sentence
+                begins with "is", for the caller to put the parameter's name before it.
+        """
+        accepted = _converted(self.type, value)
+        if accepted is None:
+            raise CommandRefused(f"is {value!r}; it must be {self.type.value}.")
+        for element in accepted if isinstance(accepted, tuple) else (accepted,):
+            self._check_element(element, value)
+        return accepted
+
+    def _check_element(self, element: bool | float | str, value: object) -> None:
+        if isinstance(element, str):
+            if self.choices and element not in self.choices:
+                raise CommandRefused(f"is {value!r}; choose from: {', '.join(self.choices)}.")
+        elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
+            raise CommandRefused(
+                f"is {value}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
+            )
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """Everything a user may set."""
-
-    robot: RobotSettings = field(default_factory=RobotSettings)
-    egm: EgmSettings = field(default_factory=EgmSettings)
-    egm_motion: EgmMotionSettings = field(default_factory=EgmMotionSettings)
-    gripper: GripperSettings = field(default_factory=GripperSettings)
-    watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
-    recovery: RecoverySettings = field(default_factory=RecoverySettings)
-    ros: RosSettings = field(default_factory=RosSettings)
-    recorder: RecorderSettings = field(default_factory=RecorderSettings)
+_TYPES = {
+    bool: ParameterType.BOOL,
+    int: ParameterType.INTEGER,
+    float: ParameterType.DOUBLE,
+    str: ParameterType.STRING,
+}
 
 
-def password_of_environment() -> str | None:
-    """The password that ``YUMI_PASSWORD`` holds; None where it is not set."""
-    return os.environ.get(PASSWORD_VARIABLE) or None
+def _converted(kind: ParameterType, value: object) -> Value | None:
+    """``value`` as ``kind``; None where it is of another type."""
+    if kind is ParameterType.BOOL:
+        return value if isinstance(value, bool) else None
+    if kind is ParameterType.INTEGER:
+        return value if isinstance(value, int) and not isinstance(value, bool) else None
+    if kind is ParameterType.DOUBLE:
+        return float(value) if _is_number(value) else None
+    if kind is ParameterType.STRING:
+        return value if isinstance(value, str) else None
+    return _list_of(kind, value)
 
 
-def config_folder() -> Path:
-    """The folder with the delivered ``yumi.yaml`` and ``controllers.yaml``."""
-    package = Path(__file__).resolve().parent  # colcon may have linked the package, not the folder beside it
-    installed = package / "config"
-    return installed if installed.is_dir() else package.parents[1] / "config"
+def _list_of(kind: ParameterType, value: object) -> Value | None:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        return None
+    if kind is ParameterType.STRING_ARRAY:
+        return tuple(value) if all(isinstance(element, str) for element in value) else None
+    return tuple(float(element) for element in value) if all(map(_is_number, value)) else None
 
 
-def read_settings(path: Path | None = None) -> Settings:
-    """Settings from ``path``, by default the delivered ``yumi.yaml``.
-
-    Raises:
-        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
-    """
-    path = path or config_folder() / "yumi.yaml"
-    return _build(Settings, _read_yaml(path), path.name)
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSettings, ...]:
-    """The controllers of one arm from ``path``, by default the delivered ``controllers.yaml``.
-
-    The file has ros2_control's format: ``/<namespace>/controller_manager: ros__parameters`` lists names and types,
-    ``/<namespace>/<name>: ros__parameters`` their parameters; see :mod:`yumi.parameter_file` for wildcards.
-
-    Raises:
-        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
-    """
-    file = read_parameter_file(path or config_folder() / "controllers.yaml")
-    listed = {each: _listed_controllers(file, each) for each in Side}
-    file.check_nodes(
-        f"/{each.value}/{name}" for each, entries in listed.items() for name in ("controller_manager", *entries)
-    )
-    if not listed[side]:
-        raise SettingsError(f"{file.name}: /{side.value}/controller_manager lists no controller with a 'type'.")
-    return tuple(
-        replace(settings, entries=file.parameters(f"/{side.value}/{name}")) for name, settings in listed[side].items()
-    )
-
-
-def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, ControllerSettings]:
-    """Names, types and initial states; what else the controller manager is told is refused."""
-    entries = file.parameters(f"/{side.value}/controller_manager")
-    names = [key.removesuffix(".type") for key, entry in entries.items() if _is_type(key, entry)]
-    for key, entry in entries.items():
-        name, _, word = key.rpartition(".")
-        if entry.is_general or (name in names and f".{word}" in MANAGER_SETTINGS):
-            continue
-        if key == "update_rate" and entry.value == _UPDATE_RATE:
-            continue
-        raise SettingsError(
-            f"{entry.place}: the controller manager has no setting {key} = {entry.value!r}; it has: <controller>.type, "
-            f"<controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's datagrams give."
-        )
-    return {name: _listed_controller(name, entries) for name in names}
-
-
-def _is_type(key: str, entry: Entry) -> bool:
-    """What stands under a wildcard may be a parameter of another node."""
-    return key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
-
-
-def _listed_controller(name: str, entries: Mapping[str, Entry]) -> ControllerSettings:
-    kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
-    if not isinstance(kind.value, str):
-        raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
-    return ControllerSettings(
-        name,
-        kind.value,
-        state=None
-        if state is None
-        else InitialState(_choice(InitialState, state.value, f"{state.place}: {name}.initial_state")),
-        place=kind.place,
-    )
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
-    except yaml.YAMLError as error:
-        # Without PyYAML's context and problem, which quote the file: a password may stand there.
-        mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
-        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise SettingsError(f"{path} is not YAML{where}; quote texts with special characters.") from None
-    if not isinstance(document, dict):
-        raise SettingsError(f"{path} must hold a mapping of settings.")
-    return document
-
-
-def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place: str) -> Settings:
-    """``settings`` with some values replaced, which keep the same bounds as those in a file.
-
-    Args:
-        settings: what holds where nothing is replaced.
-        values: group by name, each with its values by name.
-        place: where the values come from, for the refusal.
-
-    Raises:
-        SettingsError: a name or value is not allowed.
-    """
-    groups = {
-        name: replace(getattr(settings, name), **_checked(type(getattr(settings, name)), group, f"{place}: {name}"))
-        for name, group in values.items()
-    }
-    return replace(settings, **groups)
-
-
-def _build(kind: type[T], values: Mapping[str, Any], place: str) -> T:
-    return kind(**_checked(kind, values, place))
-
-
-def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    known = {item.name: item for item in fields(kind)}
-    for key in values:
-        if key not in known:
-            raise SettingsError(f"{place} has no setting {key!r}; it has: {', '.join(known)}.")
-    return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
-
-
-def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
-    if NoneType in get_args(kind):
-        if value is None or value == _AUTO:
-            return None
-        (kind,) = (each for each in get_args(kind) if each is not NoneType)
-    if is_dataclass(kind):
-        if not isinstance(value, dict):
-            raise SettingsError(f"{place} needs a mapping, it has {value!r}.")
-        return _build(kind, value, place)
-    if issubclass(kind, Enum):
-        return _choice(kind, value, place)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
-        if not item.repr:
-            raise SettingsError(f"{place} must be a text; put it in quotes.")
-        raise SettingsError(f"{place} is {value!r}; it must be of type {kind.__name__}.")
-    _check_range(item, value, place)
+def number(values: Values, name: str) -> float:
+    """A number or whole number from complete, accepted ``values``."""
+    value = values[name]
+    assert isinstance(value, int | float)
     return value
 
 
-def _choice(kind: type[Enum], value: object, place: str) -> Enum:
-    for member in kind:
-        if member.value == value:
-            return member
-    raise SettingsError(f"{place} is {value!r}; choose one of {', '.join(str(member.value) for member in kind)}.")
+def flag(values: Values, name: str) -> bool:
+    """A truth value from complete, accepted ``values``."""
+    value = values[name]
+    assert isinstance(value, bool)
+    return value
 
 
-def _check_range(item: Field[Any], value: object, place: str) -> None:
-    if not isinstance(value, int | float) or "lowest" not in item.metadata:
-        return
-    lowest, highest, unit = (item.metadata[key] for key in ("lowest", "highest", "unit"))
-    if not lowest <= value <= highest:
-        raise SettingsError(f"{place} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}".rstrip() + ".")
+def text(values: Values, name: str) -> str:
+    """A text from complete, accepted ``values``."""
+    value = values[name]
+    assert isinstance(value, str)
+    return value
+
+
+def numbers(values: Values, name: str) -> tuple[float, ...]:
+    """A list of numbers from complete, accepted ``values``."""
+    value = values[name]
+    assert isinstance(value, tuple)
+    return tuple(float(element) for element in value)
+
+
+def texts(values: Values, name: str) -> tuple[str, ...]:
+    """A list of texts from complete, accepted ``values``."""
+    value = values[name]
+    assert isinstance(value, tuple)
+    return tuple(str(element) for element in value)
+
+
+_PARAMETERS = "ros__parameters"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A parameter's value in a file.
+
+    Attributes:
+        value: what is set.
+        place: file and line, for a sentence.
+        is_general: whether it stands under a wildcard instead of the node's name: for whoever knows the parameter.
+    """
+
+    value: Value
+    place: str
+    is_general: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What a file says to the nodes of one name or wildcard.
+
+    Attributes:
+        nodes: full name, or wildcard, of the nodes.
+        place: file and line.
+        entries: by the parameters' full names.
+    """
+
+    nodes: str
+    place: str
+    entries: dict[str, Entry]
+
+    def concerns(self, node: str) -> bool:
+        """Whether it is for the node of that full name."""
+        return re.fullmatch(_pattern(self.nodes), node) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFile:
+    """A file as read.
+
+    Attributes:
+        name: the file's name.
+        sections: in the order of the file.
+    """
+
+    name: str
+    sections: tuple[Section, ...]
+
+    def parameters(self, node: str) -> dict[str, Entry]:
+        """What it says to the node of that full name; what comes later in the file counts more."""
+        merged: dict[str, Entry] = {}
+        for section in self.sections:
+            if section.concerns(node):
+                merged.update(section.entries)
+        return merged
+
+    def check_nodes(self, nodes: Iterable[str]) -> None:
+        """Whether every section is for one of ``nodes``.
+
+        Raises:
+            SettingsError: one is for somebody else.
+        """
+        known = tuple(nodes)
+        for section in self.sections:
+            if not any(section.concerns(node) for node in known):
+                raise SettingsError(
+                    f"{section.place}: {section.nodes} is not the name of anything here; there are: {', '.join(known)}."
+                )
+
+
+def read_parameter_file(path: Path) -> ParameterFile:
+    """The parameters in ``path``.
+
+    Raises:
+        SettingsError: the file is missing or no YAML, or something in it is no parameter.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
+    try:
+        return ParameterFile(path.name, tuple(_Reader(path.name, text).sections()))
+    except yaml.YAMLError as error:
+        raise SettingsError(f"{path} is no YAML: {' '.join(str(error).split())}.") from error
+
+
+class _Reader:
+    """Goes through the nodes of a YAML document, which know their lines."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self._file = file
+        self._loader = yaml.SafeLoader(text)
+
+    def sections(self) -> Iterator[Section]:
+        document = self._loader.get_single_node()
+        if not isinstance(document, yaml.MappingNode):
+            raise SettingsError(f"{self._file} must hold a mapping of settings.")
+        yield from self._sections(document, "")
+
+    def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
+        for key, place, value in self._items(node):
+            nodes = f"{namespace}/{key.strip('/')}"
+            if key == _PARAMETERS and namespace:
+                yield Section(namespace, place, dict(self._parameters_of(value, place, namespace)))
+            elif isinstance(value, yaml.MappingNode):
+                yield from self._sections(value, nodes)
+            elif not _is_empty(value):
+                raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
+
+    def _parameters_of(self, node: yaml.Node, place: str, nodes: str) -> Iterator[tuple[str, Entry]]:
+        if isinstance(node, yaml.MappingNode):
+            is_general = nodes.endswith("*")
+            for name, where, value in self._parameters(node, ""):
+                yield name, Entry(value, where, is_general)
+        elif not _is_empty(node):
+            raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
+
+    def _parameters(self, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
+        for key, place, value in self._items(node):
+            if isinstance(value, yaml.MappingNode):
+                yield from self._parameters(value, f"{group}{key}.")
+            else:
+                yield f"{group}{key}", place, self._value(value, f"{place}: {group}{key}")
+
+    def _items(self, node: yaml.MappingNode) -> Iterator[tuple[str, str, yaml.Node]]:
+        self._loader.flatten_mapping(node)
+        lines: dict[str, int] = {}
+        for key, value in node.value:
+            line = key.start_mark.line + 1
+            name = str(self._loader.construct_object(key))
+            if name in lines:
+                raise SettingsError(f"{self._file} line {line}: {name} stands in line {lines[name]} already.")
+            lines[name] = line
+            yield name, f"{self._file} line {line}", value
+
+    def _value(self, node: yaml.Node, place: str) -> Value:
+        value = self._loader.construct_object(node, deep=True)
+        if isinstance(value, bool | int | float | str):
+            return value
+        if isinstance(value, list):
+            if all(isinstance(element, str) for element in value):
+                return tuple(value)
+            if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
+                return tuple(float(element) for element in value)
+        raise SettingsError(f"{place} is {value!r}; it must be a truth value, a number, a text or a list of one kind.")
+
+
+def _is_empty(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null"
+
+
+def _pattern(nodes: str) -> str:
+    """A regular expression for the full names that a name with wildcards stands for."""
+    words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
+    return "".join(words.get(token, "/" + re.escape(token)) for token in nodes.split("/")[1:])

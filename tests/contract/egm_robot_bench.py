@@ -11,13 +11,9 @@ from state_machine_bench import Bench
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import RobotMessage
-from yumi.robot.joints import Joints, Side, abb_from_chain
-from yumi.robot.poses import home
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_options import EgmOptions
-from yumi.virtual.egm_settings import EgmActivation, EgmRun, ExternalMotionData
+from yumi.robot.joints import Joints, Side, abb_from_chain, home
+from yumi.virtual.controller.egm import EgmClient, EgmOptions
+from yumi.virtual.mechanics.arm import ArmModel, EgmActivation, EgmRun, ExternalMotionData, VirtualArm
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

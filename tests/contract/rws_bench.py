@@ -6,26 +6,24 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-import yumi.virtual
+import yumi.virtual.controller
 from yumi.clock import ManualClock
-from yumi.links.channel import Upgrade
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.host import Execution
 from yumi.rapid.task import ModuleInfo
-from yumi.rws.states import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.configuration import Configuration, Instance
-from yumi.virtual.events import EventLog
-from yumi.virtual.files import FileStore
-from yumi.virtual.identity import Identity
-from yumi.virtual.mechanical_units import YUMI_UNITS
-from yumi.virtual.refusal import Refusal, Refused
-from yumi.virtual.rws_adapter import RwsAdapter
-from yumi.virtual.signals import Signal, Signals, SignalType
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.virtual.controller.configuration import Configuration, Instance
+from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.events import EventLog
+from yumi.virtual.controller.files import FileStore
+from yumi.virtual.controller.signals import Signal, Signals, SignalType
+from yumi.virtual.controller.units import YUMI_UNITS, Identity
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer, Upgrade
 
 USER, PASSWORD = "Default User", "robotics"
-CFG = Path(yumi.virtual.__file__).parent / "stock"
+CFG = Path(yumi.virtual.controller.__file__).parent / "stock"
 MIDNIGHT = 1_783_555_200.0  # 2026-07-09 00:00:00 UTC
 
 Symbol = tuple[str, str, str]

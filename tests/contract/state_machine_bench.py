@@ -10,8 +10,7 @@ from typing import Any
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import RobotMessage, SensorMessage
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import CYCLE, Joints, Side
 from yumi.virtual.world import World, WorldSettings
 
 ARMS = (Side.RIGHT, Side.LEFT)

@@ -9,10 +9,7 @@ from math import radians
 import pytest
 
 from controller_arms import CASES, ArmUnderTest, Case, PerfectArmUnderTest, VirtualArmUnderTest
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 MakeArm = Callable[[Case], ArmUnderTest]
 

@@ -16,12 +16,10 @@ from state_machine_bench import ARMS, Bench
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenGuard
 from yumi.control.requests import RobotStoppedFollowing
 from yumi.egm.messages import MciState, MotorState
-from yumi.robot.joints import Joints, Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.rws.states import ControllerState
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.egm_adapter import EgmOutcome
+from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.egm import EgmOutcome
+from yumi.virtual.mechanics.arm import ArmModel
 from yumi.virtual.world import WorldSettings
 
 HOME = home(Side.LEFT)

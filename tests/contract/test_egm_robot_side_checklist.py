@@ -12,13 +12,11 @@ from state_machine_bench import ARMS, Bench
 
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.messages import MciState, MotorState, RapidState
-from yumi.links.udp import UdpClient
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side, abb_from_chain, chain_from_abb
+from yumi.egm.udp import UdpClient
+from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import euler_zyx, tool0_to_body
-from yumi.virtual.egm_adapter import EgmOutcome
-from yumi.virtual.egm_options import VIRTUAL_CYCLE, EgmOptions, RobotWare
-from yumi.virtual.egm_settings import EgmActivation, ExternalMotionData, StopMode
+from yumi.virtual.controller.egm import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
+from yumi.virtual.mechanics.arm import EgmActivation, ExternalMotionData, StopMode
 from yumi.virtual.world import World, WorldSettings
 
 

@@ -23,13 +23,11 @@ from state_machine_bench import Bench
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
+from yumi.robot.joints import CYCLE, Side
 from yumi.robot.kinematics import quaternion_from_euler_zyx
-from yumi.rws.states import ControllerState
-from yumi.virtual.egm_adapter import EgmOutcome
-from yumi.virtual.egm_options import EgmOptions, InvalidReference
-from yumi.virtual.egm_settings import EgmActivation, ExternalMotionData
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.egm import EgmOptions, EgmOutcome, InvalidReference
+from yumi.virtual.mechanics.arm import EgmActivation, ExternalMotionData
 
 
 @pytest.fixture

@@ -10,18 +10,15 @@ from math import radians
 import pytest
 
 from egm_loop import CONTROLLER, EgmLoop
+from yumi.control.commands import MemoryMailbox
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
+from yumi.control.limiter import Guard
 from yumi.control.requests import ControllerNotice
-from yumi.control.stations import StationClock
-from yumi.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
-from yumi.hardware.perfect_arm import PerfectArm
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ArmCommand
+from yumi.control.statistics import StationClock
+from yumi.driver.arm import PerfectArm
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
 NAME = "joint_goal_controller"
 STEPS = (20.0, 10.0, 15.0, 5.0, 30.0, -20.0, 40.0)

@@ -9,18 +9,10 @@ import pytest
 
 from contract.rws_bench import PlainController, serving
 from yumi.errors import CommandRefused, ControllerRefused
-from yumi.hardware.rws_client import RwsClient
 from yumi.rws import requests
-from yumi.rws.rapid_values import encode
+from yumi.rws.client import RwsClient
 from yumi.rws.replies import Event, ModuleInfo, Signal, TaskInfo
-from yumi.rws.states import (
-    ControllerState,
-    EventType,
-    ExecutionState,
-    OperatingMode,
-    SignalType,
-    TaskExecution,
-)
+from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 
 SIGNALS = "/rw/iosystem/signals"
 

@@ -12,10 +12,10 @@ import pytest
 from contract.rws_bench import PASSWORD, PlainController, serving
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.http import AnswerTimeout, HttpReply
-from yumi.links.http_server import HttpServer
-from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.rws.client import RwsClient
+from yumi.rws.http import AnswerTimeout, HttpReply
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer
 
 HTML = (("Content-Type", "text/html"),)
 BASIC = ("WWW-Authenticate", 'Basic realm="validusers@robapi.abb"')

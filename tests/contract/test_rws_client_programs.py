@@ -7,12 +7,12 @@ import pytest
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.hardware.rws_client import RwsClient
-from yumi.robot.cycle import CYCLE
+from yumi.robot.joints import CYCLE
 from yumi.rws import requests
+from yumi.rws.client import RwsClient
 from yumi.rws.replies import FileInfo
-from yumi.rws.states import ControllerState, ExecutionState
-from yumi.virtual.restart import DARKNESS
+from yumi.rws.types import ControllerState, ExecutionState
+from yumi.virtual.controller.controller import DARKNESS
 from yumi.virtual.world import World
 
 GREETER = """MODULE Greeter

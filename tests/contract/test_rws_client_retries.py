@@ -6,11 +6,11 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
-from yumi.hardware.rws_pace import BURST, INTERVAL
-from yumi.hardware.rws_session import RwsSession
-from yumi.links.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.rws import digest, requests
+from yumi.rws import auth as digest
+from yumi.rws import requests
+from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.rws.requests import Request
+from yumi.rws.session import BURST, INTERVAL, RwsSession
 
 TIMEOUT = 4.0
 READ = requests.get_execution()

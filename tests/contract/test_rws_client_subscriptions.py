@@ -11,15 +11,14 @@ from contract.rws_bench import PlainController
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.channel import Upgrade
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
-from yumi.rws import subscriptions as rws
-from yumi.rws.states import OperatingMode
-from yumi.rws.subscriptions import Change, Priority, Resource
-from yumi.virtual.rws_adapter import RwsAdapter
-from yumi.virtual.rws_groups import GLANCE
+from yumi.rws import requests as rws
+from yumi.rws.client import RwsClient
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.requests import Change, Priority, Resource
+from yumi.rws.types import OperatingMode
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer, Upgrade
+from yumi.virtual.rws.subscriptions import GLANCE
 
 SIGNAL = rws.signal_state("EGM_START_JOINT")
 PERSISTENT = rws.variable_value("T_ROB_R", "TRobSystem", "routine_name_input")

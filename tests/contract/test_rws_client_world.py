@@ -8,13 +8,12 @@ from math import degrees
 
 import pytest
 
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.rws.states import ControllerState, ExecutionState, TaskExecution
-from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.robot.joints import Side, home
+from yumi.rws.client import RwsClient
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import ControllerState, ExecutionState, TaskExecution
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.world import World
 
 TASKS = ("T_ROB_R", "T_ROB_L")

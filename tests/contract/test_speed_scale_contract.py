@@ -9,25 +9,26 @@ from math import dist, radians
 import pytest
 
 from trajectories import moved, planned, swing
+from yumi.control.commands import MemoryMailbox, put_goal, put_speeds
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import (
+    CancelTrajectory,
+    FollowTrajectory,
+    JointTrajectoryController,
+    Outcome,
+    Tolerances,
+    TrajectoryEnded,
+)
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
-from yumi.control.goals import put_goal, put_speeds
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
+from yumi.control.limiter import Guard, SpeedScale
 from yumi.control.requests import ControllerNotice
-from yumi.control.speed_scale import SpeedScale
-from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory_feedback import peek_feedback
-from yumi.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
-from yumi.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
-from yumi.controllers.joint_position import JointPositionController
-from yumi.controllers.joint_trajectory import JointTrajectoryController
-from yumi.controllers.joint_velocity import JointVelocityController
-from yumi.controllers.trajectory_orders import CancelTrajectory, FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.control.shared_state import peek_feedback
+from yumi.control.trajectory import TrajectoryPoint
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi_evaluation.guided_arm import GuidedArm
 
 SIDE = Side.LEFT
 HOME = home(SIDE)

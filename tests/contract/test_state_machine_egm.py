@@ -4,8 +4,7 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from yumi.egm.messages import MciState, MotorState, RapidState
-from yumi.robot.joints import Joints, Side
-from yumi.robot.poses import home
+from yumi.robot.joints import Joints, Side, home
 
 
 @pytest.fixture

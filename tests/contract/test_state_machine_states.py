@@ -3,10 +3,9 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.rws.states import ControllerState
-from yumi.virtual.refusal import Refusal, Refused
+from yumi.robot.joints import Side, home
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.errors import Refusal, Refused
 
 EDGES = ("EGM_START_JOINT", "EGM_START_POSE", "EGM_START_STREAM", "EGM_STOP", "EGM_STOP_STREAM")
 

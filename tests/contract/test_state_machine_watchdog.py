@@ -5,10 +5,8 @@ from __future__ import annotations
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
-from yumi.robot.poses import home
-from yumi.rws.states import ControllerState
+from yumi.robot.joints import CYCLE, Joints, Side, home
+from yumi.rws.types import ControllerState
 
 WATCHDOG = "HOME:/yumi/TRobWatchdog.mod"
 RAMP = 0.2

@@ -11,10 +11,7 @@ import pytest
 from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
 
 from trajectories import REST, dual_arm_trajectory, moved, planned, swing
-from yumi.control.cycle import Cycle
-from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import JointTrajectory, ResultCode, plan_trajectory
-from yumi.controllers.trajectory_orders import (
+from yumi.control.controllers.joint_trajectory import (
     UNLIMITED,
     CancelTrajectory,
     FollowTrajectory,
@@ -22,11 +19,10 @@ from yumi.controllers.trajectory_orders import (
     ScaleSpeed,
     Tolerances,
 )
+from yumi.control.cycle import Cycle
+from yumi.control.trajectory import JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
 from yumi.errors import CommandRefused, TrajectoryRefused
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side, joint_names, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names, joints
 
 HOME = home(SIDE)
 HALF_A_DEGREE = joints([radians(0.5)] * 7)

@@ -6,23 +6,24 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yumi.clock import ManualClock
-from yumi.control.arm_line import ArmLine
+from yumi.control.commands import MemoryMailbox
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.controllers.joint_trajectory import (
+    FollowTrajectory,
+    JointTrajectoryController,
+    Tolerances,
+    TrajectoryEnded,
+)
 from yumi.control.cycle import Cycle
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.parameter import Values
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLine
 from yumi.control.requests import ControllerNotice, Event
+from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
 from yumi.control.trajectory import ArmPlan
-from yumi.control.trajectory_feedback import TrajectoryFeedback, peek_feedback
-from yumi.controllers.joint_trajectory import JointTrajectoryController
-from yumi.controllers.trajectory_orders import FollowTrajectory, Tolerances, TrajectoryEnded
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.hardware.perfect_arm import PerfectArm
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.driver.arm import PerfectArm
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
+from yumi.settings import Values
+from yumi_evaluation.guided_arm import GuidedArm
 
 NAME = "joint_trajectory_controller"
 SIDE = Side.LEFT

@@ -13,11 +13,11 @@ import yaml
 from doc_pages import ROOT, BadPage, Fence, fences_of, pages, read
 from terminals import SERVER, Pages, Terminals, has_lines
 
-from yumi.app import check_controllers
-from yumi.cli import main
+from yumi.cli.main import main
+from yumi.driver.settings import config_folder, read_controllers, read_settings
+from yumi.driver.wiring import check_controllers
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
-from yumi.settings import config_folder, read_controllers, read_settings
 
 in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)]
 

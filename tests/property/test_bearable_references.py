@@ -8,11 +8,8 @@ from math import radians
 
 import pytest
 
-from yumi.robot.joints import Joints, Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.egm_settings import EgmSettings
+from yumi.robot.joints import YUMI_LIMITS, Joints, Side
+from yumi.virtual.mechanics.arm import ArmModel, EgmSettings, VirtualArm
 
 CYCLE = 0.004032
 START = tuple((low + high) / 2.0 for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True))

@@ -10,21 +10,17 @@ import pytest
 
 from egm_loop import EgmLoop
 from trajectories import planned
-from yumi.control.controller import Controller
-from yumi.control.goals import put_goal, put_speeds
-from yumi.control.lifecycle import State
-from yumi.control.mailbox import Mailbox, MemoryMailbox
-from yumi.control.parameter import Values
-from yumi.control.spline import TrajectoryPoint
-from yumi.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
-from yumi.controllers.joint_goal import JointGoalController
-from yumi.controllers.joint_position import JointPositionController
-from yumi.controllers.joint_trajectory import JointTrajectoryController
-from yumi.controllers.joint_velocity import JointVelocityController
-from yumi.controllers.trajectory_orders import FollowTrajectory
+from yumi.control.commands import Mailbox, MemoryMailbox, put_goal, put_speeds
+from yumi.control.controller import Controller, State
+from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
+from yumi.control.controllers.joint_goal import JointGoalController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.trajectory import TrajectoryPoint
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
+from yumi.settings import Values
 
 pytestmark = pytest.mark.timeout(180)  # a thousand switches take their time
 

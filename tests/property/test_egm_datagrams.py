@@ -16,8 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.egm.codec import LARGEST_DATAGRAM, RobotCodec, SensorCodec
-from yumi.egm.joint_codec import JointCodec
+from yumi.egm.codec import LARGEST_DATAGRAM, JointCodec, RobotCodec, SensorCodec
 from yumi.egm.messages import JointReport, MciState, MotorState, Pose, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.errors import ProtocolError

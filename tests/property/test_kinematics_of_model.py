@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.robot.joints import Side, joint_names
+from yumi.robot.description import robot_description
+from yumi.robot.joints import YUMI_LIMITS, Side, joint_names
 from yumi.robot.kinematics import rotate, tool0_to_body
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.model import robot_description
 
 positions = st.tuples(*(st.floats(*limits) for limits in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
 

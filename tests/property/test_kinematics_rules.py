@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import (
     compose,
     euler_zyx,
@@ -20,8 +20,6 @@ from yumi.robot.kinematics import (
     tool0_to_foot,
     upper_half,
 )
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import Pose, Quaternion
 
 positions = st.tuples(*(st.floats(*limits) for limits in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
 angles = st.floats(-pi, pi)

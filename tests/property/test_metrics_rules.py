@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yumi.evaluation.kpis import MOVED_DEG, machine_totals, motion_delay
-from yumi.evaluation.metrics import (
+from yumi_evaluation.kpis import MOVED_DEG, machine_totals, motion_delay
+from yumi_evaluation.metrics import (
     Rule,
     Series,
     best_delay,

@@ -10,12 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from egm_loop import FULL_SPEED, EgmLoop
+from yumi.control.controller import State
 from yumi.control.cycle import Cycle
-from yumi.control.guard import LATE_CYCLE
-from yumi.control.lifecycle import State
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.control.limiter import LATE_CYCLE
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints
 
 Action = Callable[[EgmLoop], None]
 

@@ -9,11 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from yumi.control.point_motion import PointMotion, Setpoint, slower, stop, travel
+from yumi.control.motion import PointMotion, Setpoint, slower, stop, travel
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS, JointLimits
-from yumi.robot.poses import home
+from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Side, home, joints
 
 STEP = 0.004
 LOOSE = 1.0 + 1e-6

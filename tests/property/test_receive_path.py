@@ -18,21 +18,18 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
 from soak import RECEIVE_EXAMPLES
-from yumi.control.feed_forward import EGM_GAIN
-from yumi.control.goals import put_speeds
-from yumi.control.guard import FOLLOWING, LATE_CYCLE
-from yumi.control.lifecycle import State
-from yumi.control.mailbox import MemoryMailbox
+from yumi.control.commands import MemoryMailbox, put_speeds
+from yumi.control.controller import State
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.limiter import FOLLOWING, LATE_CYCLE
+from yumi.control.motion import EGM_GAIN
 from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
-from yumi.control.snapshot import Problem
-from yumi.controllers.joint_velocity import JointVelocityController
+from yumi.control.shared_state import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MotorState, RobotMessage
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
-from yumi.virtual.arm_model import ArmModel
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, joints
+from yumi.virtual.mechanics.arm import ArmModel
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)

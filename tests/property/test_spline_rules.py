@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.point_motion import Setpoint
-from yumi.control.polynomial import derivative, excess, value_at
-from yumi.control.spline import TrajectoryPoint, Walk, spline_through
-from yumi.robot.values import ZERO
+from yumi.control.motion import Setpoint
+from yumi.control.trajectory import TrajectoryPoint, Walk, derivative, excess, spline_through, value_at
+from yumi.robot.joints import ZERO
 
 angles = st.floats(-1.5, 1.5)
 sevens = st.tuples(*[angles] * 7)

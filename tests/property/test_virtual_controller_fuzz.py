@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 import yumi.controller_files
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
-from yumi.links.http import HttpReply, HttpRequest
 from yumi.rapid.host import Execution
-from yumi.rws import digest, forms
-from yumi.virtual import rws_adapter
-from yumi.virtual.rws_adapter import RwsAdapter
-from yumi.virtual.rws_routes import Route
+from yumi.rws import auth as digest
+from yumi.rws import documents as forms
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws import adapter as rws_adapter
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.routes import Route
 from yumi.virtual.world import World
 
 # Programs

@@ -14,7 +14,7 @@ from robot_manager_bench import RobotManagerRig
 from ros_bench import TIMEOUT, Client, Robot, rclpy
 from std_srvs.srv import Trigger
 
-from yumi.links.command import Command
+from yumi.process.child import Command
 
 HERE = Path(__file__).parent
 

@@ -15,21 +15,18 @@ from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock
-from yumi.control.inventory import HardwareInfo
-from yumi.control.lifecycle import State
+from yumi.control.controller import HardwareInfo, State
 from yumi.control.requests import Done, HoldArm, ListHardware, Request, SetHardwareState
+from yumi.driver.speed import SpeedSetting
+from yumi.driver.state import Mode, Report, RobotState
+from yumi.driver.state_machine import MachineState
 from yumi.errors import RobotNotReady
-from yumi.hardware.manager_state import Mode, Report, RobotState
-from yumi.hardware.speed_setting import SpeedSetting
-from yumi.hardware.state_machine import MachineState
-from yumi.links.ticker import Ticker
 from yumi.robot.joints import Side
-from yumi.ros.managed_nodes import ManagedNodes
-from yumi.ros.robot_actions import RobotManagerActions
-from yumi.ros.robot_manager import RobotManagerServices
-from yumi.ros.robot_state_topic import RobotStateTopic
-from yumi.ros.speed_scale import SpeedScaleInterface
-from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.ros.executors import Ticker
+from yumi.ros.health import RobotStateTopic
+from yumi.ros.lifecycle import ManagedNodes
+from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 THREADS = 6
 

@@ -17,8 +17,8 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
-from yumi.links.command import Command
-from yumi.links.udp import free_port
+from yumi.egm.udp import free_port
+from yumi.process.child import Command
 
 TIMEOUT = 30.0
 
@@ -73,7 +73,7 @@ class Client:
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
 
     def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT, what: str = "it") -> None:
-        """Spin until ``is_so``; with the words of a :class:`yumi.ros.spinner.Spinner`, whose place it can take."""
+        """Spin until ``is_so``; with the words of a :class:`yumi.ros.clients.Spinner`, whose place it can take."""
         clock = self.node.get_clock()
         end = clock.now().nanoseconds + int(timeout * 1e9)
         while not is_so():

@@ -19,16 +19,15 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
 
-from yumi.cli_fault import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.command import Command
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
+from yumi.process.child import Command
+from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
-from yumi.virtual.fault_names import Fault
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.fault_names import Fault
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks

@@ -27,25 +27,20 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from yumi.clock import SystemClock
-from yumi.control.arm_line import ArmLine
+from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.parameter import Parameter, Values
-from yumi.control.request_desk import RequestDesk
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import ControllerFailed, ControllerNotice, Done, Refusal, Request
+from yumi.driver.arm import PerfectArm
+from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.hardware.perfect_arm import PerfectArm
-from yumi.links.ticker import Ticker
-from yumi.parameter_file import Entry
-from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.model import robot_description
-from yumi.robot.poses import home
-from yumi.robot.values import ArmState
-from yumi.ros.arm_manager import ArmManager
-from yumi.settings import ControllerSettings
+from yumi.robot.description import robot_description
+from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
+from yumi.ros.controller_manager import ArmManager
+from yumi.ros.executors import Ticker
+from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros
 

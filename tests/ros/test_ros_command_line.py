@@ -17,8 +17,8 @@ from time import monotonic
 import pytest
 from ros_bench import Robot
 
-from yumi.links.command import Command
-from yumi.links.udp import UdpServer, free_port
+from yumi.egm.udp import UdpServer, free_port
+from yumi.process.child import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 YUMI = [sys.executable, "-m", "yumi"]

@@ -10,17 +10,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from yumi.clock import ManualClock
-from yumi.control.goals import GoalKind, peek_goal
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.snapshot import Snapshot, peek_snapshot, put_snapshot
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.values import ZERO
-from yumi.ros.command_topics import (
-    CommandTopic,
-    ForwardTopic,
-    JointCommandTopic,
-    JointVelocityTopic,
-)
+from yumi.control.commands import GoalKind, MemoryMailbox, peek_goal
+from yumi.control.shared_state import Snapshot, peek_snapshot, put_snapshot
+from yumi.robot.joints import ZERO, Joints, Side, joint_names
+from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 
 pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)

@@ -4,12 +4,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from yumi.control.inventory import ControllerInfo
-from yumi.control.lifecycle import State
+from yumi.control.controller import ControllerInfo, State
 from yumi.errors import CommandRefused
 
 pytestmark = pytest.mark.ros
-messages = pytest.importorskip("yumi.ros.controller_messages")
+messages = pytest.importorskip("yumi.ros.messages")
 
 
 def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:

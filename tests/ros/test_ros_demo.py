@@ -12,12 +12,10 @@ import pytest
 from rich.console import Console
 from ros_bench import Robot
 
-from yumi.demo import motions_ahead, read_positions
-from yumi.demo_screen import DemoScreen
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
+from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
+from yumi.driver.settings import RobotSettings
+from yumi.robot.joints import Side, home
 from yumi.ros.move_and_grab import GOALS
-from yumi.settings import RobotSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

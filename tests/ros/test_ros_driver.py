@@ -18,10 +18,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.links.command import Command
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side, finger_names, joint_names
-from yumi.robot.poses import home
+from yumi.process.child import Command
+from yumi.robot.joints import CYCLE, Side, finger_names, home, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

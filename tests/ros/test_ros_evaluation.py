@@ -9,17 +9,23 @@ from pathlib import Path
 import pytest
 from ros_bench import TIMEOUT, Robot
 
-from yumi import wire_runs
 from yumi.errors import RobotNotReady
-from yumi.evaluation.experiment import Experiment, Trace, proportional, step
-from yumi.evaluation.loop_trips import HeardState
-from yumi.evaluation.robot_place import RobotPlace
-from yumi.evaluation.tracking_figures import StepFigures, figures_of
-from yumi.links.command import Command
+from yumi.process.child import Command
 from yumi.robot.joints import Side
-from yumi.ros.evaluation_node import EvaluationNode, evaluation_node
-from yumi.wire_runs import run_undisturbed
-from yumi.wire_trips import join_recorded, machine_trips, send_nudges, service_trips, state_machine_client
+from yumi_evaluation import networked as wire_runs
+from yumi_evaluation.evaluation_node import EvaluationNode, evaluation_node
+from yumi_evaluation.experiment import Experiment, Trace, proportional, step
+from yumi_evaluation.experiments import RobotPlace
+from yumi_evaluation.networked import (
+    join_recorded,
+    machine_trips,
+    run_undisturbed,
+    send_nudges,
+    service_trips,
+    state_machine_client,
+)
+from yumi_evaluation.round_trips import HeardState
+from yumi_evaluation.tracking_figures import StepFigures, figures_of
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

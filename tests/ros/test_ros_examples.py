@@ -45,7 +45,7 @@ def test_example_that_is_stopped_ends_egm_and_says_so_in_a_word(idle: Client) ->
 @pytest.mark.parametrize("name", sorted(EXPECTED))
 def test_example_without_a_driver_says_so_in_a_sentence(name: str) -> None:
     environment = {**os.environ, "ROS_DOMAIN_ID": "231"}
-    code = "import yumi.ros.robot_manager_client as m, yumi.ros.gripper_client as g, runpy, sys\n"
+    code = "import yumi.ros.clients as m, yumi.ros.clients as g, runpy, sys\n"
     code += "m._ANSWER = m._READ = g._ACCEPTANCE = 0.5\n"
     code += f"runpy.run_path({str(EXAMPLES / name)!r}, run_name='__main__')"
     done = subprocess.run(

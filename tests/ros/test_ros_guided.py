@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.ros.robot_manager_client import RobotManagerClient
+from yumi.ros.clients import RobotManagerClient
 
 pytestmark = pytest.mark.ros
 

@@ -21,18 +21,15 @@ from std_srvs.srv import SetBool, Trigger
 
 from system.virtual_time_bench import System
 from yumi.clock import SystemClock
+from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.links.ticker import Ticker
-from yumi.robot.cycle import CYCLE
-from yumi.robot.gripper import TRAVEL, GripperModules, Outcome
-from yumi.robot.hand import HandReading, read_hand
-from yumi.robot.joints import Side, finger_names
-from yumi.ros.gripper_client import GripperClient
-from yumi.ros.hands import HandParts, Hands
-from yumi.settings import GripperSettings
-from yumi.virtual.fault_names import Fault
-from yumi.virtual.gripper import Workpiece
-from yumi.virtual.vacuum_cup import CupObject
+from yumi.robot.gripper import TRAVEL, GripperModules, HandReading, Outcome, read_hand
+from yumi.robot.joints import CYCLE, Side, finger_names
+from yumi.ros.clients import GripperClient
+from yumi.ros.executors import Ticker
+from yumi.ros.gripper import HandParts, Hands
+from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 

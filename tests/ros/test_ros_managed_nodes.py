@@ -8,10 +8,10 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import SetMode
 from yumi_interfaces.srv import ReadSignal
 
-from yumi.control.lifecycle import State
+from yumi.control.controller import State
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
-from yumi.ros.managed_node_client import ManagedNodeClient
+from yumi.ros.clients import ManagedNodeClient
 
 pytestmark = pytest.mark.ros
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.control.inventory import ControllerInfo, HardwareInfo
-from yumi.control.lifecycle import State
+from yumi.control.controller import ControllerInfo, HardwareInfo, State
 from yumi.control.statistics import Statistics
 
 pytestmark = pytest.mark.ros
-diagnostics = pytest.importorskip("yumi.ros.manager_diagnostics")
+diagnostics = pytest.importorskip("yumi.ros.controller_manager")
 
 QUICK = Statistics(100, 20e-6, 20e-6, 10e-6, 30e-6, 2e-6)
 PERIOD = Statistics(100, 0.004, 0.004, 0.002, 0.008, 1e-6)

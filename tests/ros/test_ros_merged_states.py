@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.mailbox import MemoryMailbox
-from yumi.links.ticker import Ticker
+from yumi.control.commands import MemoryMailbox
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
-from yumi.ros.joint_state_topics import SILENCE, MergedJointStates
+from yumi.ros.executors import Ticker
+from yumi.ros.topics import SILENCE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from yumi.clock import SystemClock
-from yumi.hardware.fast_line import ArmBoxes
+from yumi.driver.control_process import ArmBoxes
 from yumi.robot.joints import Side
 
 pytestmark = pytest.mark.ros
-topics = pytest.importorskip("yumi.ros.joint_state_topics")
+topics = pytest.importorskip("yumi.ros.topics")
 
 LONG = 10.0
 HOUR = 3_600_000_000_000  # [ns]

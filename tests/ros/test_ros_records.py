@@ -9,8 +9,8 @@ import pytest
 from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
-from yumi.evaluation.recording import read_recording
-from yumi.links.command import Command
+from yumi.process.child import Command
+from yumi.recording.mcap import read_recording
 from yumi.robot.joints import Side
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -4,7 +4,7 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
-from yumi.ros.repeats import JUST_FINISHED, Repeats
+from yumi.ros.controller_manager import JUST_FINISHED, Repeats
 
 
 @pytest.fixture

@@ -20,15 +20,15 @@ from ros_bench import Client, Robot
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
-from yumi.cli_fault import fault as fault_command
+from yumi.cli.fault import fault as fault_command
+from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from yumi.hardware.manager_state import Mode
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.command import Command
+from yumi.process.child import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.ros.move_and_grab import MoveAndGrab
-from yumi.virtual.fault_names import Fault
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -26,10 +26,10 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
-from yumi.hardware.manager_state import Mode
+from yumi.driver.state import Mode
 from yumi.robot.joints import Side
 from yumi.rws.replies import Event
-from yumi.rws.states import ControllerState, EventType
+from yumi.rws.types import ControllerState, EventType
 
 pytestmark = pytest.mark.ros
 

@@ -16,15 +16,15 @@ from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
 from yumi.control.flight_recorder import Frame
-from yumi.control.guard import LATE_CYCLE
+from yumi.control.limiter import LATE_CYCLE
+from yumi.driver.state_machine import START_JOINT
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.evaluation.recording import read_recording
-from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import START_JOINT
+from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
 from yumi.ros.clients import RobotManagerClient
-from yumi.virtual.fault_names import Fault
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

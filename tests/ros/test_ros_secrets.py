@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from yumi import demo, wire_evaluation
-from yumi.cli import main
-from yumi.evaluation.experiment import Mode
-from yumi.evaluation.robot_place import RobotPlace
+from yumi.cli import demo
+from yumi.cli.main import main
 from yumi.ros.move_and_grab import GOALS
-from yumi.wire_evaluation import WirePlan
+from yumi_evaluation import networked as wire_evaluation
+from yumi_evaluation.experiment import Mode
+from yumi_evaluation.experiments import RobotPlace
+from yumi_evaluation.networked import WirePlan
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 SECRET = "s3cret-4711"
@@ -67,7 +68,7 @@ def test_demonstration_hands_robot_and_password_on_to_its_driver(
 ) -> None:
     monkeypatch.setattr(demo, "_run_application", lambda progress, check, confirm: {})
     monkeypatch.setattr(demo, "read_positions", lambda robot: GOALS)
-    monkeypatch.setattr("yumi.evaluation.joint_paths.draw_joint_paths", lambda paths, picture: None)
+    monkeypatch.setattr("yumi.recording.pictures.draw_joint_paths", lambda paths, picture: None)
     secret = tmp_path / "password"
     secret.write_text(SECRET)
     secret.chmod(0o600)

@@ -16,7 +16,7 @@ from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
 from hostile_server import HostileServer, dripping, hostile_before
-from yumi.links.command import Command
+from yumi.process.child import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -5,7 +5,7 @@ import pytest
 from yumi.clock import ManualClock
 
 pytestmark = pytest.mark.ros
-topics = pytest.importorskip("yumi.ros.joint_state_topics")
+topics = pytest.importorskip("yumi.ros.topics")
 
 EPOCH = 1_700_000_000_000_000_000
 

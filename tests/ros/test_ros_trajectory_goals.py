@@ -15,13 +15,11 @@ from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
-from yumi.control.mailbox import MemoryMailbox
+from yumi.control.commands import MemoryMailbox
 from yumi.control.requests import Done, FastLineEnded, Request
-from yumi.links.ticker import Ticker
-from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.ros.trajectory_action import TrajectoryAction
+from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
+from yumi.ros.executors import Ticker
+from yumi.ros.trajectory import TrajectoryAction
 
 pytestmark = pytest.mark.ros
 

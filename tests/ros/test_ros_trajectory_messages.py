@@ -11,11 +11,11 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from yumi.control.controllers.joint_trajectory import Tolerances
 from yumi.control.trajectory import MOST_POINTS
-from yumi.controllers.trajectory_orders import Tolerances
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import Side, joint_names
-from yumi.ros.trajectory_messages import tolerances_of, trajectory_of
+from yumi.ros.messages import tolerances_of, trajectory_of
 
 pytestmark = pytest.mark.ros
 

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.channel import Upgrade
-from yumi.links.command import Command
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
-from yumi.links.udp import free_port
+from yumi.egm.udp import free_port
+from yumi.process.child import Command
 from yumi.robot.joints import Side
-from yumi.rws.states import ControllerState, ExecutionState
-from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.rws.client import RwsClient
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import ControllerState, ExecutionState
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.world import World, WorldSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -8,13 +8,10 @@ import pytest
 
 from system.virtual_time_bench import System
 from yumi.control.flight_recorder import Frame
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import StopNotConfirmed
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.virtual.fault_names import Fault
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi.virtual.controller.fault_names import Fault
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (20.0, -118.4, -110.0, 40.0, -30.0, 42.5, 20.0)]),

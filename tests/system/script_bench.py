@@ -8,14 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from yumi.cli_fault import fault as fault_command
-from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.state_machine import MAIN, MachineState
-from yumi.links.command import Command
-from yumi.links.udp import free_port
+from yumi.cli.fault import fault as fault_command
+from yumi.driver.state_machine import MAIN, MachineState
+from yumi.egm.udp import free_port
+from yumi.process.child import Command
 from yumi.robot.joints import Side
-from yumi.rws import rapid_values
-from yumi.virtual.fault_names import Fault
+from yumi.rws import types as rapid_values
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.fault_names import Fault
 
 TIMEOUT = 60.0
 

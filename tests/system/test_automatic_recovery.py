@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from system.recovery_bench import MovingSystem
-from yumi.hardware.automatic_recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.settings import read_settings
-from yumi.virtual.events import EventType as VirtualEventType
-from yumi.virtual.fault_names import Fault
+from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
+from yumi.driver.settings import read_settings
+from yumi.driver.state_machine import EgmMotionSettings
+from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.virtual.controller.fault_names import Fault
 
 
 class SelfRecovering(MovingSystem):

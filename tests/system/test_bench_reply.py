@@ -7,9 +7,18 @@ import sys
 import pytest
 
 from yumi.errors import RobotNotReady
-from yumi.evaluation.bench_build import Workshop, compile_programs, find_workshop
-from yumi.evaluation.bench_contenders import ECHO, Case, Contender, Mode, Runtime, fast_line
-from yumi.evaluation.bench_processes import run_case
+from yumi_evaluation.bench.build import (
+    ECHO,
+    Case,
+    Contender,
+    Mode,
+    Runtime,
+    Workshop,
+    compile_programs,
+    fast_line,
+    find_workshop,
+)
+from yumi_evaluation.bench.run import run_case
 
 CYCLES = 200
 pytestmark = [

@@ -7,14 +7,13 @@ from dataclasses import replace
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.driver.bringup import Bringup, EgmAddress
+from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.errors import RobotNotReady, SettingsError
-from yumi.hardware.bringup import Bringup
-from yumi.hardware.launch_checks import EgmAddress
-from yumi.hardware.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.rapid.errors import UnknownSymbol
 from yumi.robot.joints import Side
-from yumi.rws import rapid_values
-from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
+from yumi.rws import types as rapid_values
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 
 @pytest.fixture

@@ -20,10 +20,9 @@ import pytest
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.command import Command
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
+from yumi.process.child import Command
+from yumi.robot.joints import CYCLE, Side
+from yumi.rws.client import RwsClient
 
 pytestmark = pytest.mark.real_time
 

@@ -11,12 +11,12 @@ from queue import Queue
 import pytest
 from click.testing import CliRunner
 
-from yumi.cli import main
+from yumi.cli.main import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.command import CONTROLLER_READY, Command
-from yumi.rws.states import ControllerState
-from yumi.rws.subscriptions import CONTROLLER_STATE, Change
+from yumi.process.child import CONTROLLER_READY, Command
+from yumi.rws.client import RwsClient
+from yumi.rws.requests import CONTROLLER_STATE, Change
+from yumi.rws.types import ControllerState
 
 PATIENCE = 20.0  # [s]
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 import pytest
 
 from controller_states import moved
-from yumi.app import CONTROLLER_KINDS, Place
-from yumi.control.goals import GoalKind, put_goal
-from yumi.control.speed_scale import SpeedScale
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.hardware.fast_line import ArmBoxes
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
-from yumi.settings import read_controllers
+from yumi.control.commands import GoalKind, put_goal
+from yumi.control.limiter import SpeedScale
+from yumi.driver.control_process import ArmBoxes
+from yumi.driver.settings import read_controllers
+from yumi.driver.wiring import CONTROLLER_KINDS, Place
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
+from yumi_evaluation.guided_arm import GuidedArm
 
 SIDE = Side.LEFT
 

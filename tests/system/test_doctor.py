@@ -16,20 +16,20 @@ import pytest
 from click.testing import CliRunner, Result
 
 from memory_http import MemoryHttp
-from yumi.cli import main
+from yumi.cli.main import main
 from yumi.clock import ManualClock
+from yumi.driver import doctor
+from yumi.driver.bringup import EgmAddress
+from yumi.driver.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
+from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
-from yumi.hardware import doctor
-from yumi.hardware.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
-from yumi.hardware.launch_checks import EgmAddress
-from yumi.hardware.rws_client import RwsClient
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
-from yumi.links.udp import UdpServer, free_port
 from yumi.robot.joints import Side
-from yumi.rws.states import OperatingMode
-from yumi.virtual.irc5 import Irc5
-from yumi.virtual.rws_adapter import RwsAdapter
+from yumi.rws.client import RwsClient
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import OperatingMode
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}

@@ -9,12 +9,10 @@ import pytest
 
 from dual_arms import NAME, DualArms
 from trajectories import dual_arm_trajectory, swing
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.control.trajectory import ResultCode
-from yumi.controllers.trajectory_orders import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.errors import TrajectoryRefused
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side
 
 
 @pytest.fixture

@@ -9,24 +9,20 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from yumi.cli import main
-from yumi.evaluation import evaluation_results
-from yumi.evaluation.evaluation_files import document, write_json
-from yumi.evaluation.evaluation_report import write_report
-from yumi.evaluation.evaluation_results import Results, Variant
-from yumi.evaluation.evaluation_tables import headline, kpis_of, real_time_table, repeats_table
-from yumi.evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
-from yumi.evaluation.experiments import published_experiments
-from yumi.evaluation.explanations import explanations
-from yumi.evaluation.fitted_model import CONTROL_LAG, arm_with
-from yumi.evaluation.kpis import Measured
-from yumi.evaluation.model_fit import attempt
-from yumi.evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
-from yumi.evaluation.virtual_experiment import run_virtually
-from yumi.evaluation.virtual_machine_trips import virtual_machine_trips
-from yumi.evaluation.virtual_trips import virtual_trips
-from yumi.robot.cycle import CYCLE
-from yumi.virtual.arm_model import ArmModel
+from yumi.cli.main import main
+from yumi.robot.joints import CYCLE
+from yumi.virtual.mechanics.arm import ArmModel
+from yumi_evaluation import results as evaluation_results
+from yumi_evaluation.experiment import PREDICTION, Experiment, Mode, System, proportional, sine, step
+from yumi_evaluation.experiments import published_experiments
+from yumi_evaluation.explanations import explanations
+from yumi_evaluation.kpis import Measured
+from yumi_evaluation.lag_study import attempt
+from yumi_evaluation.report import headline, kpis_of, real_time_table, repeats_table, write_report
+from yumi_evaluation.results import Results, Variant, document, write_json
+from yumi_evaluation.round_trips import virtual_machine_trips, virtual_trips
+from yumi_evaluation.tracking_figures import SineFigures, StepFigures, compared, figures_of
+from yumi_evaluation.virtual_machine import CONTROL_LAG, arm_with, run_virtually
 
 
 def published(experiment: Experiment) -> Experiment:

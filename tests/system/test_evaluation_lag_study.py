@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.evaluation.evaluation_results import Results
-from yumi.evaluation.evaluation_tables import study_tables
-from yumi.evaluation.experiment import FREQUENCY, System, Trace, proportional, sine, step
-from yumi.evaluation.explanations import explanations
-from yumi.evaluation.fitted_model import CONTROL_LAG
-from yumi.evaluation.lag_study import PARTS, LagStudy, studied_sines, study_lags
-from yumi.evaluation.superposition import largest_difference, superpose
-from yumi.evaluation.tracking_figures import SineFigures, figures_of
-from yumi.evaluation.virtual_experiment import run_virtually
+from yumi_evaluation.experiment import FREQUENCY, System, Trace, proportional, sine, step
+from yumi_evaluation.explanations import explanations
+from yumi_evaluation.lag_study import PARTS, LagStudy, largest_difference, studied_sines, study_lags, superpose
+from yumi_evaluation.report import study_tables
+from yumi_evaluation.results import Results
+from yumi_evaluation.tracking_figures import SineFigures, figures_of
+from yumi_evaluation.virtual_machine import CONTROL_LAG, run_virtually
 
 parts: list[None] = []
 

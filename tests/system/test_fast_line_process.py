@@ -13,10 +13,10 @@ from queue import Queue
 
 import pytest
 
-from yumi.app import EgmPlan, build_arm
-from yumi.clock import SystemClock
-from yumi.control.goals import put_goal
-from yumi.control.lifecycle import State
+from yumi.clock import SystemClock, wait_until
+from yumi.control.commands import put_goal
+from yumi.control.controller import State
+from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.requests import (
     ConfigureController,
     Event,
@@ -33,24 +33,17 @@ from yumi.control.requests import (
     SetParameters,
     SwitchControllers,
 )
-from yumi.control.snapshot import Snapshot, peek_snapshot
-from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import MOST_POINTS, JointTrajectory, plan_trajectory
-from yumi.controllers.trajectory_orders import FollowTrajectory
+from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.trajectory import MOST_POINTS, JointTrajectory, TrajectoryPoint, plan_trajectory
+from yumi.driver.control_process import ChildProcess, FastLines, PipeEnd
+from yumi.driver.settings import read_controllers
+from yumi.driver.wiring import EgmPlan, build_arm
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
+from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
-from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.waiting import wait_until
-from yumi.links.pipe import ChildProcess, PipeEnd
-from yumi.links.poller import Poller
-from yumi.links.realtime import prefer_process
-from yumi.links.udp import UdpClient, UdpServer, free_port
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.settings import read_controllers
+from yumi.process.realtime import prefer_process
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 
 pytestmark = pytest.mark.real_time
 

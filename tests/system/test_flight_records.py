@@ -13,23 +13,20 @@ import pytest
 
 from system.test_fast_line_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
-from yumi.app import EgmPlan, build_arm
 from yumi.clock import SystemClock
+from yumi.control.commands import put_goal
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
-from yumi.control.goals import put_goal
 from yumi.control.requests import Event, SwitchControllers, is_fault
-from yumi.control.stations import StationClock
-from yumi.evaluation.recording import Recording, read_recording
-from yumi.evaluation.records import Records
-from yumi.hardware.fast_lines import FastLines
-from yumi.links.pipe import ChildProcess, PipeEnd
-from yumi.links.shared_memory import SharedNumbers, shared_numbers
-from yumi.links.udp import free_port
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.values import ArmCommand, ArmState
-from yumi.settings import read_controllers
+from yumi.control.shared_state import SharedNumbers, shared_numbers
+from yumi.control.statistics import StationClock
+from yumi.driver.control_process import ChildProcess, FastLines, PipeEnd
+from yumi.driver.settings import read_controllers
+from yumi.driver.wiring import EgmPlan, build_arm
+from yumi.egm.udp import free_port
+from yumi.recording.mcap import Recording, read_recording
+from yumi.recording.recorder import Records
+from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time
 

@@ -10,22 +10,29 @@ from typing import Any, cast
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.api.connection import Connection
-from yumi.api.guidance import Guidance
+from yumi.api.motion import Guidance
+from yumi.api.robot import Connection
+from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.settings import read_settings
+from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.hardware.gripper import Gripper
-from yumi.hardware.hand_setup import GripperSetup, close_as_test
-from yumi.hardware.manager_state import Mode
-from yumi.robot.cycle import CYCLE
-from yumi.robot.gripper import ATMOSPHERE, MAX_FORCE, THINNEST, TRAVEL, Direction, GripperModules, HandState, Outcome
-from yumi.robot.hand import HandOrder, go_to, grip
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.rws.states import ExecutionState
-from yumi.settings import read_settings
-from yumi.virtual.fault_names import Fault
-from yumi.virtual.gripper import Workpiece
-from yumi.virtual.vacuum_cup import CupObject
+from yumi.robot.gripper import (
+    ATMOSPHERE,
+    MAX_FORCE,
+    THINNEST,
+    TRAVEL,
+    Direction,
+    GripperModules,
+    HandOrder,
+    HandState,
+    Outcome,
+    go_to,
+    grip,
+)
+from yumi.robot.joints import CYCLE, Side, home
+from yumi.rws.types import ExecutionState
+from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)

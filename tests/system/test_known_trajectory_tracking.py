@@ -6,7 +6,7 @@ from math import radians
 
 import pytest
 
-from yumi.evaluation.known_trajectory import Sine, follow_sine
+from yumi_evaluation.virtual_machine import Sine, follow_sine
 
 
 @pytest.mark.parametrize(("amplitude_deg", "allowed_deg"), [(10.0, 0.05), (60.0, 0.3)])

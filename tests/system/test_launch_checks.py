@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.errors import ControllerRefused, RobotNotReady
-from yumi.hardware.launch_checks import EgmAddress, LaunchChecks
 from yumi.robot.joints import Joints, Side
 from yumi.rws.replies import CfgInstance
 

@@ -15,8 +15,7 @@ import yumi
 from soak import MINUTES, long, short, tell
 from yumi.api.robot import Robot
 from yumi.clock import SystemClock
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.poses import home
+from yumi.robot.joints import Joints, Side, home, joints
 
 BUSY_LOOPS = 2
 TURN = radians(40.0)

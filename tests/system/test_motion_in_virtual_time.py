@@ -7,13 +7,10 @@ from math import radians
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.feed_forward import EGM_GAIN
+from yumi.control.motion import EGM_GAIN
 from yumi.control.requests import SessionLost
-from yumi.control.snapshot import Snapshot
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.control.shared_state import Snapshot
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (42.1, -118.4, -92.1, 46.5, -143.6, 42.5, 36.1)]),

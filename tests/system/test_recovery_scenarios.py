@@ -7,12 +7,12 @@ from typing import NoReturn
 import pytest
 
 from system.recovery_bench import MovingSystem
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.http import AnswerTimeout, HttpReply, HttpRequest
 from yumi.robot.joints import Side
-from yumi.rws.states import ControllerState
-from yumi.virtual.fault_names import Fault
+from yumi.rws.http import AnswerTimeout, HttpReply, HttpRequest
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001
 ACTIVATION = [f"activate joint_position_controller on the {side.word} arm" for side in Side]

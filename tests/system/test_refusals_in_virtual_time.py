@@ -7,11 +7,11 @@ from collections.abc import Callable
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.driver.state import Mode
 from yumi.errors import YumiError
-from yumi.hardware.manager_state import Mode
 from yumi.robot.joints import Side
-from yumi.rws.states import ControllerState
-from yumi.virtual.fault_names import Fault
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.fault_names import Fault
 
 MODULE = "MODULE Pick\nPROC pickOne()\nENDPROC\nENDMODULE\n"
 WRITE_VARIABLE = ("write_variable", "T_ROB_L", "TRobSG", "target_position_input", "1")

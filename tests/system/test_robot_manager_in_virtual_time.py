@@ -9,15 +9,14 @@ from threading import Thread
 import pytest
 
 from system.virtual_time_bench import System
-from yumi.control.snapshot import Problem
+from yumi.control.shared_state import Problem
+from yumi.driver.state import Mode
+from yumi.driver.state_machine import MachineState
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
-from yumi.hardware.manager_state import Mode
-from yumi.hardware.state_machine import MachineState
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side, joints
-from yumi.rws import rapid_values
-from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.fault_names import Fault, Way
+from yumi.robot.joints import CYCLE, Side, joints
+from yumi.rws import types as rapid_values
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.virtual.controller.fault_names import Fault, Way
 
 
 @pytest.fixture

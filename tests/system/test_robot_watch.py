@@ -11,19 +11,18 @@ from threading import Event
 import pytest
 
 from system.recovery_bench import MovingSystem
+from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_LOOK
+from yumi.driver.state import Mode, RobotState
+from yumi.driver.state_machine import START_JOINT, MachineState
+from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
-from yumi.hardware.manager_state import Mode, RobotState
-from yumi.hardware.robot_watch import STALE, WHOLE_LOOK
-from yumi.hardware.rws_subscription import OnChange, OnLost, Subscription
-from yumi.hardware.state_machine import START_JOINT, MachineState
-from yumi.hardware.state_reports import MOTORS_OFF, PROGRAM_STOPPED
-from yumi.hardware.stops import Cause
 from yumi.robot.gripper import TRAVEL, HandCommand, HandState
 from yumi.robot.joints import Side
-from yumi.rws.states import ControllerState, ExecutionState, OperatingMode
-from yumi.rws.subscriptions import Change, Resource
-from yumi.virtual.events import EventType as VirtualEventType
-from yumi.virtual.fault_names import Fault
+from yumi.rws.requests import Change, Resource
+from yumi.rws.subscription import OnChange, OnLost, Subscription
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.virtual.controller.fault_names import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
 

@@ -13,14 +13,12 @@ import pytest
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
-from yumi.api.arm import ArmMode
-from yumi.api.robot import Robot
+from yumi.api.robot import ArmMode, Robot
+from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.hardware.bringup import ANNOUNCEMENT
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.virtual.fault_names import Fault
+from yumi.robot.joints import Side, home
+from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,13 +8,13 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
+from yumi.driver.state import Mode
+from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
-from yumi.hardware.manager_state import Mode
-from yumi.hardware.stops import HISTORY
 from yumi.robot.joints import Joints, Side
-from yumi.rws.states import ControllerState, ExecutionState
-from yumi.virtual.events import EventType
-from yumi.virtual.fault_names import Fault
+from yumi.rws.types import ControllerState, ExecutionState
+from yumi.virtual.controller.events import EventType
+from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001
 CAUSES = {

@@ -6,15 +6,7 @@ from math import radians
 
 import pytest
 
-from yumi.evaluation.streamed_reference import (
-    FEED_FORWARD,
-    Run,
-    Sine,
-    Step,
-    Stream,
-    acceleration_limit,
-    follow,
-)
+from yumi_evaluation.experiment import FEED_FORWARD, Run, Sine, Step, Stream, acceleration_limit, follow
 
 START = 2.0
 """A sine that begins at full speed cannot be followed from its first moment [s]."""

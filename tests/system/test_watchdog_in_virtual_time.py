@@ -6,14 +6,14 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
+from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
+from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import ControllerRefused
-from yumi.hardware.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
-from yumi.hardware.watchdog import Watchdog, WatchdogSettings
 from yumi.robot.joints import Side
-from yumi.rws import rapid_values
-from yumi.rws.states import ControllerState, ExecutionState
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.fault_names import Fault
+from yumi.rws import types as rapid_values
+from yumi.rws.types import ControllerState, ExecutionState
+from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.mechanics.arm import ArmModel
 
 TIMEOUT = 1.5
 RAMP = 2.5  # a stopped program ends EGM within the ramp_time of MOC.cfg, 0.2 s

@@ -11,13 +11,11 @@ import pytest
 import yumi
 from tapped_controller import TappedController
 from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
-from yumi.api.motions import Motion
+from yumi.api.motion import Motion
 from yumi.api.robot import Robot
-from yumi.cli_fault import fault as fault_command
+from yumi.cli.fault import fault as fault_command
 from yumi.clock import SystemClock
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
-from yumi.robot.values import ZERO
+from yumi.robot.joints import CYCLE, ZERO, Joints, Side
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(120)]
 

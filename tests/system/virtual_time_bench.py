@@ -6,38 +6,30 @@ from collections.abc import Callable, Mapping, Sequence
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.arm_line import ArmLine
+from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.goals import put_goal
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.request_desk import RequestDesk
+from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import Done, Event, Refusal, Request
-from yumi.control.snapshot import Snapshot, peek_snapshot
-from yumi.control.speed_scale import SpeedScale
-from yumi.control.stations import StationClock
-from yumi.controllers.joint_position import JointPositionController
-from yumi.egm.joint_codec import JointCodec
+from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.statistics import StationClock
+from yumi.driver.arm import EgmArm
+from yumi.driver.bringup import Bringup
+from yumi.driver.gripper import Gripper, HandIo, HandSignals
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.speed import SpeedSetting
+from yumi.driver.state_machine import EgmMotionSettings, GripperRoutines
+from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
+from yumi.egm.udp import MemoryLink, memory_links
 from yumi.errors import CommandRefused
-from yumi.hardware.bringup import Bringup
-from yumi.hardware.egm_arm import EgmArm
-from yumi.hardware.gripper import Gripper
-from yumi.hardware.gripper_routines import GripperRoutines
-from yumi.hardware.hand_io import HandIo
-from yumi.hardware.hand_signals import HandSignals
-from yumi.hardware.robot_manager import RobotManager
-from yumi.hardware.rws_client import RwsClient
-from yumi.hardware.speed_setting import SpeedSetting
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.links.memory import MemoryLink, memory_links
-from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.virtual.fault_desk import FaultDesk
-from yumi.virtual.gripper import Workpiece
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.fault_injection import FaultDesk
+from yumi.virtual.mechanics.gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
 
 CONTROLLER = "joint_position_controller"

@@ -11,7 +11,7 @@ from typing import Any
 import click
 import pytest
 
-from yumi import cli
+from yumi.cli import main as cli
 
 FILE = Path(__file__).parents[2] / "launch" / "yumi.launch.py"
 

@@ -9,13 +9,10 @@ from threading import Event, Thread
 
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, Pose, RapidState, RobotMessage, SensorMessage
-from yumi.links.poller import Poller
-from yumi.links.udp import UdpClient
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_settings import EgmActivation, EgmRun
+from yumi.egm.udp import Poller, UdpClient
+from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.controller.egm import EgmClient
+from yumi.virtual.mechanics.arm import EgmActivation, EgmRun, VirtualArm
 
 SIX = (0.1, -0.2, 0.3, 0.0, 0.5, 0.0)
 MESSAGE = RobotMessage(

@@ -17,8 +17,8 @@ import pytest
 from egm_robots import GuidedArm, ObedientRobot, Wired
 
 from yumi import EgmServer
-from yumi.links.udp import free_port
-from yumi.virtual.egm_settings import EgmRun
+from yumi.egm.udp import free_port
+from yumi.virtual.mechanics.arm import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

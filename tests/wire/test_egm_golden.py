@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.joint_codec import JointCodec
+from yumi.egm.codec import JointCodec, RobotCodec, SensorCodec
 from yumi.egm.messages import (
     Collision,
     MciState,

@@ -13,13 +13,12 @@ import pytest
 from egm_robots import MESSAGE, SIX
 
 from yumi import EgmServer
+from yumi.driver.egm_server import UNREADABLE
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, PathCorrection, Pose, RapidData, RobotMessage, SensorMessage
+from yumi.egm.udp import Poller, UdpClient
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
-from yumi.hardware.egm_server import UNREADABLE
-from yumi.links.poller import Poller
-from yumi.links.udp import UdpClient
 
 SEVEN = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.25)
 POSE = Pose((0.25, 0.5, 0.75), (0.0, 1.0, 0.0, 0.0))

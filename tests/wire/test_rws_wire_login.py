@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws import digest
-from yumi.rws.cookies import read_set_cookie
+from yumi.rws import auth as digest
+from yumi.rws.auth import read_set_cookie
 
 RESOURCE = "/rw/panel/ctrlstate"
 

@@ -10,9 +10,8 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws.codes import Code
-from yumi.rws.states import ControllerState, OperatingMode
-from yumi.virtual.files import CAPACITY
+from yumi.rws.types import Code, ControllerState, OperatingMode
+from yumi.virtual.controller.files import CAPACITY
 
 FORM = {"Content-Type": "application/x-www-form-urlencoded"}
 SYMBOL = "/rw/rapid/symbol/data/RAPID/T_ROB_R"

@@ -12,8 +12,8 @@ from http.client import HTTPConnection
 import pytest
 
 from yumi.errors import SettingsError
-from yumi.links.http import HttpReply, HttpRequest
-from yumi.links.http_server import HttpServer
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.http_server import HttpServer
 
 
 def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:

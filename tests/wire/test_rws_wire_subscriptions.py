@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws import digest
+from yumi.rws import auth as digest
 
 RESOURCE = "/rw/panel/speedratio"
 ONE = f"resources=1&1={RESOURCE}&1-p=1"

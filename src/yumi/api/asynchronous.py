@@ -11,15 +11,11 @@ from functools import partial
 from types import TracebackType
 from typing import TypeVar
 
-from yumi.api.arm import Arm, ArmMode
 from yumi.api.gripper import Grip, Gripper
-from yumi.api.guidance import Position, TimedPosition
-from yumi.api.motions import Motion
-from yumi.api.robot import Robot
-from yumi.api.waiting import check_ended, halt
+from yumi.api.motion import Motion, Position, TimedPosition, check_ended, halt
+from yumi.api.robot import Arm, ArmMode, Robot
 from yumi.robot.gripper import TRAVEL
-from yumi.robot.joints import Joints, Side
-from yumi.robot.values import Pose
+from yumi.robot.joints import Joints, Pose, Side
 
 T = TypeVar("T")
 
@@ -88,7 +84,7 @@ class AsyncGripper:
 
 
 class AsyncArm:
-    """An arm, as :class:`yumi.api.arm.Arm`; what is measured is known at once, what moves is awaited."""
+    """An arm, as :class:`yumi.api.robot.Arm`; what is measured is known at once, what moves is awaited."""
 
     def __init__(self, robot: Robot, arm: Arm) -> None:
         self._robot = robot
@@ -133,7 +129,7 @@ class AsyncArm:
         speed: float | None = None,
         acceleration: float | None = None,
     ) -> Motion:
-        """Move to ``position`` [rad], (7,), as :meth:`yumi.api.arm.Arm.move_to`; cancelling the task stops the arm."""
+        """Move to ``position`` [rad], (7,), as :meth:`Arm.move_to` does; cancelling the task stops the arm."""
         begin = partial(self._robot.guidance.move, {self.side: position}, speed, acceleration)
         (motion,) = await _moved(begin, self._robot, wait, timeout)
         return motion
@@ -141,7 +137,7 @@ class AsyncArm:
     async def follow(
         self, trajectory: Sequence[TimedPosition], *, wait: bool = True, timeout: float | None = None
     ) -> Motion:
-        """Follow points with times, as :meth:`yumi.api.arm.Arm.follow`; cancelling the task stops the arm."""
+        """Follow points with times, as :meth:`yumi.api.robot.Arm.follow`; cancelling the task stops the arm."""
         begin = partial(self._robot.guidance.follow, {self.side: trajectory})
         (motion,) = await _moved(begin, self._robot, wait, timeout)
         return motion

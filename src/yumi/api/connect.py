@@ -11,13 +11,9 @@ from pathlib import Path
 from typing import Any, ParamSpec
 
 from yumi.api.asynchronous import AsyncRobot
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.api.robot import Robot
-from yumi.app import Controllers
-from yumi.errors import SettingsError
-from yumi.parameter_file import Entry
-from yumi.robot.joints import Side
-from yumi.settings import (
+from yumi.driver.settings import (
     ControllerSettings,
     Settings,
     override,
@@ -25,6 +21,10 @@ from yumi.settings import (
     read_controllers,
     read_settings,
 )
+from yumi.driver.wiring import Controllers
+from yumi.errors import SettingsError
+from yumi.robot.joints import Side
+from yumi.settings import Entry
 
 P = ParamSpec("P")
 Given = Mapping[str, Any]

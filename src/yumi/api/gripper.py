@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from yumi.driver.gripper import Gripper as Hand
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.hardware.gripper import Gripper as Hand
-from yumi.robot.gripper import TRAVEL, Direction, Outcome
-from yumi.robot.hand import HandOrder, go_to
-from yumi.robot.hand import grip as grip_order
+from yumi.robot.gripper import TRAVEL, Direction, HandOrder, Outcome, go_to
+from yumi.robot.gripper import grip as grip_order
 from yumi.robot.joints import Side
 
 PICKED_PRESSURE = 70_000.0

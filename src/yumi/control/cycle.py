@@ -1,14 +1,72 @@
-"""The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here."""
+"""The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here.
+
+The port of an arm: what the fast line needs from hardware, real, virtual or perfect.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
-from yumi.control.guard import Guard
-from yumi.control.manager import ControllerManager
-from yumi.control.port import ArmPort
-from yumi.control.stations import ADMIT, DECODE, UPDATE, StationClock
-from yumi.robot.values import ArmCommand, ArmState
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.limiter import Guard
+from yumi.control.statistics import ADMIT, DECODE, UPDATE, StationClock
+from yumi.robot.joints import ArmCommand, ArmState
+
+
+class WireCounters(NamedTuple):
+    """What an arm's connection has seen: counts since the start, the rest of the session.
+
+    Attributes:
+        session: number of the session, 0 before the first.
+        missed: states the robot sent that got no answer of their own; lost, late and stale ones.
+        lost: states that never arrived (gaps in the sequence numbers).
+        late: states that waited together with a newer one, which was answered instead.
+        stale: states that arrived after a newer one was answered.
+        repeated: states that arrived before.
+        malformed: datagrams that could not be read.
+        foreign: datagrams from other addresses than the robot's.
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest such difference [s].
+        drift_ppm: by how much the robot's clock is faster than ours [ppm].
+        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
+    """
+
+    session: int = 0
+    missed: int = 0
+    lost: int = 0
+    late: int = 0
+    stale: int = 0
+    repeated: int = 0
+    malformed: int = 0
+    foreign: int = 0
+    jitter: float = 0.0
+    worst_jitter: float = 0.0
+    drift_ppm: float = 0.0
+    cycle_time: float = 0.0
+
+
+class ArmPort(Protocol):
+    """One arm that reports a state and takes one command for it."""
+
+    def read(self, now: float) -> ArmState | None:
+        """The newest state that has not been read yet, or None; never waits.
+
+        Args:
+            now: time on the machine's monotonic clock [s].
+        """
+
+    def write(self, command: ArmCommand) -> None:
+        """Answer the state read last; to be called once after each state."""
+
+    def silence(self, now: float) -> float:
+        """Time since the newest state [s]."""
+
+    def lost_after(self, now: float) -> float | None:
+        """How long the robot has been silent [s], told once when it has become too long; else None."""
+
+    def wire_counters(self) -> WireCounters:
+        """What the connection has seen so far."""
 
 
 @dataclass(frozen=True, slots=True)

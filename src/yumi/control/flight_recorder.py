@@ -16,7 +16,7 @@ from struct import Struct
 from typing import TYPE_CHECKING
 
 from yumi.control.cycle import Cycle
-from yumi.control.stations import MARK_COUNT, StationClock, StationTimes, station_times
+from yumi.control.statistics import MARK_COUNT, StationClock, StationTimes, station_times
 from yumi.robot.joints import JOINT_COUNT, Joints
 
 if TYPE_CHECKING:

@@ -2,22 +2,369 @@
 
 Everything that can be checked without the arm is checked here, by whoever takes the trajectory from the outside; the
 splines are calculated here, too, so that nothing of it costs the fast line time.
+
+Splines through the points of a trajectory: coefficients once, a few multiplications in each cycle.
+
+The order of a piece is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
+quintic, as in ros2_control's joint trajectory controller (reference/ros2_control.md §3.2).
+
+Polynomials over a stretch of time: whether they stay within a range, and where they leave it farthest.
+
+A polynomial is the sequence of its coefficients, the constant one first.
+
+The way from what an arm is told now onto a trajectory: without a step, within the limits.
+
+What two arms that follow one trajectory tell each other, through a mailbox each, in every cycle.
+
+Each has the same trajectory with the same start on the machine's one monotonic clock, so neither waits for the other;
+they only watch each other, and end together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from array import array
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
-from math import degrees, isfinite
+from math import comb, degrees, inf, isfinite, nan
+from pickle import PickleBuffer
+from typing import Any, NamedTuple, Protocol, SupportsIndex, cast, overload
 
-from yumi.control.goals import looks_like_degrees
-from yumi.control.polynomial import derivative, excess
-from yumi.control.spline import Piece, Spline, TrajectoryPoint, spline_through
+from yumi.control.commands import Mailbox, looks_like_degrees
+from yumi.control.motion import Setpoint
+from yumi.control.shared_state import Skew
 from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import JointLimits
+from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names
+
+_HALVINGS = 50
+
+
+class Excess(NamedTuple):
+    """Where a polynomial is farthest outside of a range.
+
+    Attributes:
+        time: from the begin of its stretch.
+        value: its value there.
+    """
+
+    time: float
+    value: float
+
+
+def value_at(polynomial: Sequence[float], time: float) -> float:
+    """Its value, by Horner's rule."""
+    value = 0.0
+    for coefficient in reversed(polynomial):
+        value = value * time + coefficient
+    return value
+
+
+def derivative(polynomial: Sequence[float]) -> tuple[float, ...]:
+    """Its rate of change."""
+    return tuple([power * coefficient for power, coefficient in enumerate(polynomial)][1:])
+
+
+def excess(polynomial: Sequence[float], length: float, lowest: float, highest: float) -> Excess | None:
+    """Where it is farthest outside of ``lowest`` to ``highest`` for times from 0 to ``length``; None if nowhere.
+
+    Its Bernstein coefficients bound it from both sides, which is enough for most. A polynomial whose numbers are too
+    large to be calculated with is nowhere inside: its value is NaN.
+    """
+    hull = _bernstein(polynomial, length)
+    if not all(map(isfinite, hull)):
+        return Excess(0.0, nan)
+    if lowest <= min(hull) and max(hull) <= highest:
+        return None
+    times = (0.0, *roots(derivative(polynomial), length), length)
+    worst = max(
+        (Excess(time, value_at(polynomial, time)) for time in times), key=lambda each: _outside(each, lowest, highest)
+    )
+    return None if _outside(worst, lowest, highest) <= 0.0 else worst
+
+
+def roots(polynomial: Sequence[float], length: float) -> list[float]:
+    """Where it changes its sign between 0 and ``length``, in order: by halving between the points where it turns."""
+    if len(polynomial) < 2:
+        return []
+    turns = (0.0, *roots(derivative(polynomial), length), length)
+    values = [value_at(polynomial, turn) for turn in turns]
+    stretches = zip(pairwise(turns), pairwise(values), strict=True)
+    return [_root(polynomial, *stretch, before) for stretch, (before, after) in stretches if before * after <= 0.0]
+
+
+def _outside(point: Excess, lowest: float, highest: float) -> float:
+    return max(lowest - point.value, point.value - highest)
+
+
+def _root(polynomial: Sequence[float], low: float, high: float, value_low: float) -> float:
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if value_at(polynomial, middle) * value_low > 0.0:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _bernstein(polynomial: Sequence[float], length: float) -> list[float]:
+    shares = _SHARES[len(polynomial)]
+    scaled, power = [], 1.0
+    for coefficient in polynomial:
+        scaled.append(coefficient * power)
+        power *= length
+    return [sum([share * term for share, term in zip(row, scaled, strict=False)]) for row in shares]
+
+
+_SHARES = {
+    count: [[comb(i, k) / comb(count - 1, k) for k in range(i + 1)] for i in range(count)] for count in range(1, 7)
+}
+"""How much of each scaled coefficient is in each Bernstein coefficient, for polynomials of so many coefficients."""
+
+
+Coefficients = tuple[float, float, float, float, float, float]
+"""Of one joint's position over the time since its piece began, the constant one first."""
+
+
+class TrajectoryPoint(NamedTuple):
+    """Where joints shall be at one time.
+
+    Attributes:
+        time: since the start of the trajectory [s].
+        position: [rad], one for each joint.
+        velocity: [rad/s], one for each joint, or none at all.
+        acceleration: [rad/s²], one for each joint, or none at all.
+    """
+
+    time: float
+    position: tuple[float, ...]
+    velocity: tuple[float, ...] = ()
+    acceleration: tuple[float, ...] = ()
+
+
+class Piece(NamedTuple):
+    """A spline between two points.
+
+    Attributes:
+        begin: when it begins [s].
+        end: when the next one begins [s].
+        rows: the coefficients of each joint.
+    """
+
+    begin: float
+    end: float
+    rows: tuple[Coefficients, ...]
+
+
+_TERMS = 6  # coefficients of a joint
+_PIECES_PER_BLOCK = 1500  # half a megabyte for seven joints: mapped and unmapped in less than 0.1 ms
+
+
+class Pieces(Sequence[Piece]):
+    """The pieces of a spline as plain numbers in blocks of bounded size.
+
+    A long trajectory crosses to the control process as these blocks, each read between two cycles, without an object
+    for each number: unpickling 20 000 pieces as tuples takes 100 ms, and freeing them 20 ms.
+
+    Args:
+        pieces: in the order of time.
+    """
+
+    __slots__ = ("_blocks", "_count", "_first", "_lead", "_width")
+
+    def __init__(self, pieces: Iterable[Piece] = ()) -> None:
+        self._lead: tuple[Piece, ...] = ()
+        self._first = self._count = self._width = 0
+        blocks: list[array[float]] = []
+        for piece in pieces:
+            if self._count % _PIECES_PER_BLOCK == 0:
+                blocks.append(array("d"))
+                self._width = 2 + _TERMS * len(piece.rows)
+            blocks[-1].extend(piece[:2])
+            for row in piece.rows:
+                blocks[-1].extend(row)
+            self._count += 1
+        self._blocks: tuple[memoryview[float], ...] = tuple(memoryview(block) for block in blocks)
+
+    def behind(self, lead: Piece) -> Pieces:
+        """``lead``, then what of these pieces is not over by its end; the numbers are not copied."""
+        joined = Pieces()
+        joined._blocks, joined._count, joined._width = self._blocks, self._count, self._width
+        joined._first = bisect_right(range(self._count), lead.end, lo=self._first, key=self._end)
+        joined._lead = (lead,)
+        return joined
+
+    def end(self, index: int) -> float:
+        """When the piece ``index`` >= 0 ends [s]."""
+        before = len(self._lead)
+        return self._lead[index].end if index < before else self._end(index - before + self._first)
+
+    def __len__(self) -> int:
+        return len(self._lead) + self._count - self._first
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> Piece: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Piece, ...]: ...
+
+    def __getitem__(self, index: SupportsIndex | slice) -> Piece | tuple[Piece, ...]:
+        if isinstance(index, slice):
+            return tuple(self[each] for each in range(*index.indices(len(self))))
+        place = range(len(self))[index]
+        before = len(self._lead)
+        if place < before:
+            return self._lead[place]
+        block, place = divmod(place - before + self._first, _PIECES_PER_BLOCK)
+        begin, end, *terms = self._blocks[block][place * self._width : (place + 1) * self._width]
+        rows = [tuple(terms[start : start + _TERMS]) for start in range(0, len(terms), _TERMS)]
+        return Piece(begin, end, cast("tuple[Coefficients, ...]", tuple(rows)))
+
+    def __iter__(self) -> Iterator[Piece]:
+        return (self[index] for index in range(len(self)))
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> tuple[Any, ...]:
+        blocks = [PickleBuffer(block) if int(protocol) >= 5 else block.tobytes() for block in self._blocks]
+        return _unpickled, (blocks, self._count, self._width, self._first, self._lead)
+
+    def _end(self, number: int) -> float:
+        block, place = divmod(number, _PIECES_PER_BLOCK)
+        return self._blocks[block][place * self._width + 1]
+
+
+def _unpickled(
+    blocks: Sequence[bytes | memoryview], count: int, width: int, first: int, lead: tuple[Piece, ...]
+) -> Pieces:
+    pieces = Pieces()
+    pieces._blocks = tuple(memoryview(block).cast("B").cast("d") for block in blocks)
+    pieces._count, pieces._width, pieces._first, pieces._lead = count, width, first, lead
+    return pieces
+
+
+class Spline(NamedTuple):
+    """The way through all points.
+
+    Attributes:
+        pieces: in the order of time, without gaps; none for a single point.
+        last: the last point, where the joints stay.
+    """
+
+    pieces: Pieces
+    last: TrajectoryPoint
+
+    @property
+    def begin(self) -> float:
+        """When it begins [s]."""
+        return self.pieces[0].begin if self.pieces else self.last.time
+
+    @property
+    def end(self) -> float:
+        """When it has arrived [s]."""
+        return self.last.time
+
+
+def spline_through(points: Sequence[TrajectoryPoint]) -> Spline:
+    """The spline through ``points``, whose times increase."""
+    return Spline(Pieces(piece_between(start, end) for start, end in pairwise(points)), points[-1])
+
+
+def piece_between(start: TrajectoryPoint, end: TrajectoryPoint) -> Piece:
+    """The piece from ``start`` to ``end``, as smooth as what both of them give."""
+    length = end.time - start.time
+    if start.acceleration and end.acceleration:
+        ends = zip(
+            start.position,
+            start.velocity,
+            start.acceleration,
+            end.position,
+            end.velocity,
+            end.acceleration,
+            strict=True,
+        )
+        rows: Iterable[Coefficients] = (_quintic(length, *each) for each in ends)
+    elif start.velocity and end.velocity:
+        slopes = zip(start.position, start.velocity, end.position, end.velocity, strict=True)
+        rows = (_cubic(length, *each) for each in slopes)
+    else:
+        rows = (_linear(length, *each) for each in zip(start.position, end.position, strict=True))
+    return Piece(start.time, end.time, tuple(rows))
+
+
+class Walk:
+    """Reads a spline of seven joints at times that mostly increase; it remembers in which piece it was.
+
+    Args:
+        spline: of seven joints.
+    """
+
+    def __init__(self, spline: Spline) -> None:
+        self._pieces = spline.pieces
+        self._begin, self._end = spline.begin, spline.end
+        self._last = cast("Joints", spline.last.position)
+        self._index = -1
+        self._entry, self._exit = inf, -inf  # when the piece was entered that is read now, and when it is left
+        self._current = Piece(0.0, 0.0, ())
+
+    def motion(self, time: float) -> tuple[Joints, Joints]:
+        """Positions [rad] and velocities [rad/s]; at rest before the begin and from the end on."""
+        if not self._begin <= time < self._end:
+            return self.position(time), ZERO
+        piece = self._piece(time)
+        t = time - piece.begin
+        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
+        velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in piece.rows]
+        return cast("Joints", tuple(position)), cast("Joints", tuple(velocity))
+
+    def position(self, time: float) -> Joints:
+        """Positions [rad]; those of the ends before the begin and from the end on."""
+        if time >= self._end or not self._pieces:
+            return self._last
+        piece = self._piece(time)
+        t = max(0.0, time - piece.begin)
+        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
+        return cast("Joints", tuple(position))
+
+    def setpoint(self, time: float) -> Setpoint:
+        """Positions, velocities and accelerations."""
+        position, velocity = self.motion(time)
+        if velocity is ZERO:
+            return Setpoint(position)
+        piece = self._piece(time)
+        t = time - piece.begin
+        acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in piece.rows]
+        return Setpoint(position, velocity, cast("Joints", tuple(acceleration)))
+
+    def _piece(self, time: float) -> Piece:
+        """The first piece that ends after ``time``; it may be entered later than it begins."""
+        if self._entry <= time < self._exit:
+            return self._current
+        pieces, index = self._pieces, self._index + 1
+        if not (self._exit <= time and index < len(pieces) and time < pieces.end(index)):
+            index = bisect_right(range(len(pieces)), time, key=pieces.end)
+        self._index, self._current = index, pieces[index]
+        self._entry, self._exit = pieces.end(index - 1) if index else -inf, self._current.end
+        return self._current
+
+
+def _linear(length: float, p0: float, p1: float) -> Coefficients:
+    return (p0, (p1 - p0) / length, 0.0, 0.0, 0.0, 0.0)
+
+
+def _cubic(length: float, p0: float, v0: float, p1: float, v1: float) -> Coefficients:
+    t, way = length, p1 - p0
+    c2 = (3.0 * way - (2.0 * v0 + v1) * t) / t**2
+    c3 = (-2.0 * way + (v0 + v1) * t) / t**3
+    return (p0, v0, c2, c3, 0.0, 0.0)
+
+
+def _quintic(length: float, p0: float, v0: float, a0: float, p1: float, v1: float, a1: float) -> Coefficients:
+    t, way = length, p1 - p0
+    c3 = (20.0 * way - (8.0 * v1 + 12.0 * v0) * t + (a1 - 3.0 * a0) * t**2) / (2.0 * t**3)
+    c4 = (-30.0 * way + (14.0 * v1 + 16.0 * v0) * t + (3.0 * a0 - 2.0 * a1) * t**2) / (2.0 * t**4)
+    c5 = (12.0 * way - 6.0 * (v1 + v0) * t + (a1 - a0) * t**2) / (2.0 * t**5)
+    return (p0, v0, 0.5 * a0, c3, c4, c5)
+
 
 MOST_POINTS = 20_000
 """A trajectory has at most so many points: 80 s at 250 Hz, or hours of waypoints."""
@@ -270,3 +617,213 @@ def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name:
             f"{name} would have the {what} {out.value:.2f} {unit} at {piece.begin + out.time:.3f} s; "
             f"its limit is {limit:.2f} {unit}; give it more time."
         )
+
+
+START_TOLERANCE = 0.02
+"""A trajectory whose first point is due at 0 s begins at most so far from the arm [rad], a little over 1°."""
+
+_DURATIONS = (0.1, 0.2, 0.4, 0.8, 1.6)  # [s] tried in this order, until the limits are kept
+_SAME_POSITION = 1e-6  # [rad]
+_SAME_VELOCITY = 1e-4  # [rad/s]
+
+
+def join(
+    plan: ArmPlan, setpoint: Setpoint, now: float, limits: JointLimits, tolerance: float = START_TOLERANCE
+) -> Spline:
+    """The whole way, from ``setpoint`` to the end of the trajectory.
+
+    An arm at rest waits for the start of the trajectory; one that moves leaves for it at once. A trajectory that has
+    started without the arm is caught up with.
+
+    Args:
+        plan: the trajectory.
+        setpoint: what the arm is told now.
+        now: the time on the trajectory's own clock [s], below 0 before its start.
+        limits: what the joints may do.
+        tolerance: how far from ``setpoint`` the trajectory may begin where it leaves no time to go there [rad].
+
+    Raises:
+        TrajectoryRefused: it is over, it begins somewhere else, or its first point cannot be reached in time.
+    """
+    spline = plan.spline
+    if now > spline.end:
+        raise refused(
+            f"it ended {now - spline.end:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
+            ResultCode.OLD_HEADER_TIMESTAMP,
+        )
+    is_at_rest = setpoint.velocity is ZERO
+    begin = max(now, 0.0) if is_at_rest else now
+    if begin < plan.first.time > 0.0:
+        return _lead_in(plan, setpoint, begin, limits)
+    begin = max(begin, 0.0)
+    _check_begin(plan, setpoint, begin, tolerance)
+    return _merge(plan, setpoint, begin, limits)
+
+
+def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, tolerance: float) -> None:
+    """The arm must be where the trajectory begins, or between there and where it is by now."""
+    by_now = Walk(plan.spline).position(begin)
+    for index, (first, now, told) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
+        if min(first, now) - tolerance <= told <= max(first, now) + tolerance:
+            continue
+        where = f"{joint_names(plan.side)[index]} at {degrees(first):.1f}°"
+        if begin > plan.first.time:
+            where += f" and moved it to {degrees(now):.1f}° in the {begin - plan.first.time:.3f} s since then"
+        raise refused(
+            f"its first point, due at {plan.first.time:g} s, has {where}, while the arm is told to be at "
+            f"{degrees(told):.1f}°; begin where the arm is, or give it time to go there."
+        )
+
+
+def _lead_in(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:
+    """To the first point, in the time it leaves; as smooth as its fields at rest, without any step in motion."""
+    first = plan.first
+    if setpoint.velocity is ZERO:
+        end = first
+    else:
+        after = Walk(plan.spline).setpoint(first.time)
+        end = TrajectoryPoint(
+            first.time, first.position, first.velocity or after.velocity, first.acceleration or after.acceleration
+        )
+    piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
+    check_motion((piece,), joint_names(plan.side), limits)
+    return Spline(plan.spline.pieces.behind(piece), plan.spline.last)
+
+
+def _merge(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:
+    """Onto the running trajectory, as soon as the limits let it."""
+    spline, walk = plan.spline, Walk(plan.spline)
+    if _is_there(setpoint, walk.setpoint(begin)):
+        return spline
+    refusal: TrajectoryRefused | None = None
+    for duration in _DURATIONS:
+        meeting = begin + duration
+        end = TrajectoryPoint(meeting, *walk.setpoint(meeting))
+        piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
+        try:
+            check_motion((piece,), joint_names(plan.side), limits)
+            check_jerk(piece, joint_names(plan.side), limits.jerk)
+        except TrajectoryRefused as error:
+            refusal = error
+            continue
+        return _continued(piece, end, spline)
+    raise refused(f"the arm is too far from it to join it in motion, within {_DURATIONS[-1]:g} s.") from refusal
+
+
+def _continued(piece: Piece, meeting: TrajectoryPoint, spline: Spline) -> Spline:
+    return Spline(spline.pieces.behind(piece), spline.last if spline.end > meeting.time else meeting)
+
+
+def _is_there(setpoint: Setpoint, wanted: Setpoint) -> bool:
+    return (
+        max(abs(a - b) for a, b in zip(setpoint.position, wanted.position, strict=True)) <= _SAME_POSITION
+        and max(abs(a - b) for a, b in zip(setpoint.velocity, wanted.velocity, strict=True)) <= _SAME_VELOCITY
+    )
+
+
+PARTNER_SIZE = 6
+"""Numbers in a partner's mailbox."""
+
+PARTNER_SILENCE = 0.250
+"""An arm that says nothing for so long follows no longer [s]. What ends its motion it tells at once, the loss of its
+robot, too; what remains is a process that has died, and on a busy machine each may be late by tens of milliseconds."""
+
+
+class Phase(IntEnum):
+    """How far an arm is with its part."""
+
+    RUNNING = 0
+    REACHED = 1
+    SUCCEEDED = 2
+    CANCELED = 3
+    ABORTED = 4
+
+
+class PartnerReport(NamedTuple):
+    """What an arm tells its partner.
+
+    Attributes:
+        goal: number of the order it is about.
+        phase: how far it is.
+        time: when it was so, on the machine's monotonic clock [s].
+        first: when the first cycle came in which it was told to move, on the same clock; 0 before [s].
+        progress: where on the trajectory it was told to be [s].
+        code: the result code, once it has failed.
+    """
+
+    goal: int
+    phase: Phase
+    time: float
+    first: float
+    progress: float
+    code: int = 0
+
+
+class Partner(Protocol):
+    """The arm that follows the other part of the trajectory, or nobody."""
+
+    def tell(self, report: PartnerReport) -> None:
+        """Let it know."""
+
+    def hear(self) -> PartnerReport | None:
+        """What it told last; None when there is nobody, or it has never told anything."""
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a partner at all."""
+
+
+class Nobody:
+    """The partner of an arm that follows a trajectory alone."""
+
+    is_there = False
+
+    def tell(self, report: PartnerReport) -> None: ...
+
+    def hear(self) -> PartnerReport | None:
+        return None
+
+
+class OtherArm:
+    """The other arm, in this process or another.
+
+    Args:
+        ours: where it looks.
+        theirs: where it tells.
+    """
+
+    is_there = True
+
+    def __init__(self, ours: Mailbox, theirs: Mailbox) -> None:
+        self._ours = ours
+        self._theirs = theirs
+
+    def tell(self, report: PartnerReport) -> None:
+        self._ours.put(tuple(map(float, report)))
+
+    def hear(self) -> PartnerReport | None:
+        letter = self._theirs.peek()
+        if letter is None:
+            return None
+        goal, phase, time, first, progress, code = letter[1]
+        return PartnerReport(int(goal), Phase(int(phase)), time, first, progress, int(code))
+
+
+class SkewWatch:
+    """The largest differences in time between two arms that follow one trajectory."""
+
+    def __init__(self) -> None:
+        self._start = self._worst = 0.0
+
+    def note(self, ours: PartnerReport, theirs: PartnerReport, rate: float) -> None:
+        """Compare where both are, at the same moment; ``rate`` is how fast time goes by on the trajectory."""
+        if not ours.first or not theirs.first:
+            return
+        self._start = ours.first - theirs.first
+        if rate > 0.0:
+            difference = (ours.progress - theirs.progress) / rate - (ours.time - theirs.time)
+            self._worst = max(self._worst, abs(difference))
+
+    @property
+    def skew(self) -> Skew:
+        return Skew(self._start, self._worst)

@@ -1,50 +1,221 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
 Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The fast line has
-a leaner codec, see :mod:`yumi.egm.joint_codec`.
+a leaner codec, see :mod:`yumi.egm.codec`.
+
+The parts of EGM's messages between protobuf and SI values: joints, poses, clocks, forces, data of the program.
+
+The fast line's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
+
+It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
+behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always has
+the same length, so it is written as such a run, too. Not thread-safe.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import isfinite
+from collections.abc import Callable, Iterable, Sequence
+from math import hypot, isfinite
+from struct import Struct
 from typing import TypeVar, cast
 
 from google.protobuf.message import DecodeError
 
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.messages import (
+    DEG_PER_RAD,
+    M_PER_MM,
+    MM_PER_M,
+    NS_PER_S,
+    RAD_PER_DEG,
+    UINT32,
+    Collision,
+    JointReport,
+    MciState,
+    MotorState,
     PartialJoints,
     PathCorrection,
     Pose,
     RapidData,
+    RapidState,
     RobotMessage,
     SensorMessage,
+    Twist,
+    clock_fields,
+    single,
 )
-from yumi.egm.parts import (
-    MCI_STATES,
-    MOTOR_STATES,
-    RAPID_STATES,
-    ROBOT_AXES,
-    Motion,
-    read_axes,
-    read_clock,
-    read_collision,
-    read_data,
-    read_goal,
-    read_partial,
-    read_pose,
-    read_stamp,
-    read_twist,
-    write_axes,
-    write_data,
-    write_goal,
-    write_motion,
-    write_times,
-    write_twist,
-)
-from yumi.egm.units import M_PER_MM, MM_PER_M, UINT32
 from yumi.errors import ProtocolError
+from yumi.robot.joints import Joints, Quaternion, Vector
+from yumi.robot.kinematics import euler_zyx, quaternion_from_euler_zyx
+
+Motion = pb.EgmFeedBack | pb.EgmPlanned
+Reference = pb.EgmPlanned | pb.EgmSpeedRef
+
+ROBOT_AXES = 6
+"""Axes in EgmJoints; a seventh travels as the first external one (reference/egm.md §3.2)."""
+
+MOTOR_STATES = {int(state): state for state in MotorState}
+MCI_STATES = {int(state): state for state in MciState}
+RAPID_STATES = {int(state): state for state in RapidState}
+
+
+def radians_of(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple([value * RAD_PER_DEG for value in values])
+
+
+def read_axes(motion: Motion, axes: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The arm's joints, seven in chain order or those of ``EgmJoints``, and what external axes are left [rad]."""
+    robax, external = radians_of(motion.joints.joints), radians_of(motion.externalJoints.joints)
+    if axes <= ROBOT_AXES:
+        return robax, external
+    a1, a2, a3, a4, a5, a6 = robax
+    return (a1, a2, external[0], a3, a4, a5, a6), external[1:]
+
+
+def read_partial(part: Reference, axes: int) -> tuple[PartialJoints | None, tuple[float, ...]]:
+    """As :func:`read_axes`, of what a sensor wrote: axes it left out are None (reference/egm.md §10 item 18)."""
+    robax, external = part.joints.joints[:ROBOT_AXES], radians_of(part.externalJoints.joints)
+    known: list[float | None] = [*radians_of(robax), *[None] * (ROBOT_AXES - len(robax))]
+    rest = external
+    if axes > ROBOT_AXES:
+        known.insert(2, external[0] if external else None)
+        rest = external[1:]
+    return (None if known == [None] * len(known) else tuple(known)), rest
+
+
+def write_axes(
+    part: Motion | pb.EgmSpeedRef,
+    values: Sequence[float],
+    external: Sequence[float],
+    rounded: Callable[[float], float] = float,
+) -> None:
+    """The opposite of :func:`read_axes`; seven values are in chain order [rad]."""
+    robax = list(values)
+    beside = list(external)
+    if len(robax) > ROBOT_AXES:
+        beside.insert(0, robax.pop(2))
+    if robax:
+        part.joints.joints[:] = [rounded(value * DEG_PER_RAD) for value in robax]
+    if beside:
+        part.externalJoints.joints[:] = [rounded(value * DEG_PER_RAD) for value in beside]
+
+
+def read_pose(motion: Motion) -> Pose | None:
+    """The robot's pose; the quaternion counts, and the Euler angles where there is none."""
+    if not motion.HasField("cartesian"):
+        return None
+    cartesian = motion.cartesian
+    orientation = _quaternion(cartesian.orient) if cartesian.HasField("orient") else _from_euler(cartesian.euler)
+    return Pose(_position(cartesian.pos), orientation)
+
+
+def read_goal(cartesian: pb.EgmPose) -> tuple[Vector | None, Quaternion | None]:
+    """A sensor's pose: where both are given Euler angles win over the quaternion (reference/egm.md §1.1)."""
+    position = _position(cartesian.pos) if cartesian.HasField("pos") else None
+    if cartesian.HasField("euler"):
+        return position, _from_euler(cartesian.euler)
+    return position, _unit(_quaternion(cartesian.orient)) if cartesian.HasField("orient") else None
+
+
+def write_goal(cartesian: pb.EgmPose, position: Vector | None, orientation: Quaternion | None) -> None:
+    if position is not None:
+        _put_vector(cartesian.pos, [value * MM_PER_M for value in position])
+    if orientation is not None:
+        _put_quaternion(cartesian.orient, orientation)
+
+
+def write_pose(cartesian: pb.EgmPose, pose: Pose) -> None:
+    """As the controller does: in single precision, with Euler angles made of the rounded quaternion (§2.4)."""
+    _put_vector(cartesian.pos, [single(value * MM_PER_M) for value in pose.position])
+    w, x, y, z = (single(value) for value in pose.orientation)
+    _put_quaternion(cartesian.orient, (w, x, y, z))
+    _put_vector(cartesian.euler, [angle * DEG_PER_RAD for angle in euler_zyx((w, x, y, z))])
+
+
+def read_twist(speed: pb.EgmSpeedRef) -> Twist | None:
+    """Missing values are zero; None when there are none."""
+    values = speed.cartesians.value
+    if not values:
+        return None
+    vx, vy, vz, wx, wy, wz = [*values[:6], *[0.0] * (6 - len(values))]
+    return (vx * M_PER_MM, vy * M_PER_MM, vz * M_PER_MM, wx * RAD_PER_DEG, wy * RAD_PER_DEG, wz * RAD_PER_DEG)
+
+
+def write_twist(speed: pb.EgmSpeedRef, twist: Twist) -> None:
+    linear, angular = twist[:3], twist[3:]
+    speed.cartesians.value[:] = [v * MM_PER_M for v in linear] + [w * DEG_PER_RAD for w in angular]
+
+
+def read_clock(motion: Motion) -> float | None:
+    return motion.time.sec + motion.time.usec * 1e-6 if motion.HasField("time") else None
+
+
+def read_stamp(motion: Motion) -> int | None:
+    return motion.timeStamp.sec * NS_PER_S + motion.timeStamp.nsec if motion.HasField("timeStamp") else None
+
+
+def write_motion(motion: Motion, values: Sequence[float], external: Sequence[float], pose: Pose | None) -> None:
+    """A part of the robot's message, in single precision."""
+    write_axes(motion, values, external, single)
+    if pose is not None:
+        write_pose(motion.cartesian, pose)
+
+
+def write_times(motion: Motion, time: float | None, stamp_ns: int | None) -> None:
+    if time is not None:
+        motion.time.sec, motion.time.usec = clock_fields(time)
+    if stamp_ns is not None:
+        motion.timeStamp.sec, motion.timeStamp.nsec = divmod(stamp_ns, NS_PER_S)
+
+
+def read_collision(robot: pb.EgmRobot) -> Collision | None:
+    if not robot.HasField("CollisionInfo"):
+        return None
+    return Collision(robot.CollisionInfo.collsionTriggered, tuple(robot.CollisionInfo.collDetQuota))
+
+
+def read_data(data: pb.EgmRAPIDdata) -> RapidData | None:
+    """None when it is empty."""
+    flag = data.digVal if data.HasField("digVal") else None
+    return RapidData(flag, tuple(data.dnum)) if data.dnum or flag is not None else None
+
+
+def write_data(data: pb.EgmRAPIDdata, value: RapidData) -> None:
+    if value.flag is not None:
+        data.digVal = value.flag
+    data.dnum[:] = value.numbers
+
+
+def _position(part: pb.EgmCartesian) -> Vector:
+    return (part.x * M_PER_MM, part.y * M_PER_MM, part.z * M_PER_MM)
+
+
+def _quaternion(part: pb.EgmQuaternion) -> Quaternion:
+    return (part.u0, part.u1, part.u2, part.u3)
+
+
+def _from_euler(part: pb.EgmEuler) -> Quaternion:
+    angles = (part.x * RAD_PER_DEG, part.y * RAD_PER_DEG, part.z * RAD_PER_DEG)
+    if not all(isfinite(angle) for angle in angles):
+        return angles[0], *angles  # trigonometry refuses what is not finite; who reads it shall see it
+    return quaternion_from_euler_zyx(angles)
+
+
+def _unit(quaternion: Quaternion) -> Quaternion:
+    norm = hypot(*quaternion)
+    if norm == 0.0:
+        return quaternion
+    w, x, y, z = quaternion
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def _put_vector(part: pb.EgmCartesian | pb.EgmEuler, values: Sequence[float]) -> None:
+    part.x, part.y, part.z = values
+
+
+def _put_quaternion(part: pb.EgmQuaternion, values: Quaternion) -> None:
+    part.u0, part.u1, part.u2, part.u3 = values
+
 
 LARGEST_DATAGRAM = 1024
 """Longer datagrams are no EGM: the usual servers cut them there (reference/egm.md §8.1) [bytes]."""
@@ -351,3 +522,128 @@ def _finite(values: Sequence[float | None]) -> Sequence[float]:
 
 def _are_finite(values: Sequence[float]) -> bool:
     return all(map(isfinite, values))
+
+
+_TAG = b"\x09"  # field 1, a double
+_SIX_TAGS = _TAG * 6
+_read_six, _read_one = Struct("<xdxdxdxdxdxd").unpack, Struct("<xd").unpack
+_write_reference = Struct("<2B 2B BdBdBdBdBdBd 2B Bd").pack
+_PLANNED, _SPEED_REF = 0x12, 0x1A  # tags of EgmSensor's fields 2 and 3
+_HEADER, _JOINTS, _EXTERNAL = 0x0A, 0x0A, 0x1A  # and of fields 1, 1 and 3 of what holds them
+
+_IMPLAUSIBLE = 7 * 400.0**2
+"""Sum of squares no arm reaches whose joints turn by less than 400 degrees; not a number fails every comparison."""
+
+
+class JointCodec:
+    """Our end of a seven-axis arm in joint mode."""
+
+    def __init__(self) -> None:
+        self._header = pb.EgmHeader(mtype=pb.EgmHeader.MSGTYPE_CORRECTION)
+
+    def decode(self, datagram: bytes) -> JointReport:
+        """The joints and the state in the robot's message.
+
+        Raises:
+            ProtocolError: the datagram is not a complete message of a seven-axis robot.
+        """
+        robot = parse(pb.JointRobot, datagram)
+        header, feedback = robot.header, robot.feedBack
+        seqno = header.seqno
+        if header.mtype != DATA or not (seqno or header.HasField("seqno")):
+            raise ProtocolError(
+                f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
+            )
+        motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
+        if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
+            check_states(robot)
+        return JointReport(
+            seqno,
+            _read_joints(feedback, "feedBack"),
+            _read_joints(robot.planned, "planned"),
+            _read_time(feedback),
+            MOTOR_STATES[motors],
+            MCI_STATES[mci],
+            RAPID_STATES[rapid],
+        )
+
+    def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
+        """The datagram that tells the arm its position [rad] and velocity [rad/s].
+
+        Raises:
+            ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
+        """
+        self._header.seqno = seqno % UINT32
+        header = self._header.SerializeToString()
+        start = b"%c%c%b%b" % (_HEADER, len(header), header, _reference(_PLANNED, position))
+        return start if velocity is None else start + _reference(_SPEED_REF, velocity)
+
+
+def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
+    robax, external = motion.joints, motion.externalJoints
+    if robax[::9] == _SIX_TAGS and external[::9] == _TAG and len(robax) == 54 and len(external) == 9:
+        a1, a2, a3, a4, a5, a6 = _read_six(robax)
+        (a7,) = _read_one(external)
+    else:
+        a1, a2, a3, a4, a5, a6, a7 = _read_packed(robax, external, name)
+    if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
+        raise ProtocolError(
+            f"EGM {name} has a joint that no arm has: {[a1, a2, a3, a4, a5, a6]}, {[a7]} are to be finite degrees."
+        )
+    return (
+        a1 * RAD_PER_DEG,
+        a2 * RAD_PER_DEG,
+        a7 * RAD_PER_DEG,
+        a3 * RAD_PER_DEG,
+        a4 * RAD_PER_DEG,
+        a5 * RAD_PER_DEG,
+        a6 * RAD_PER_DEG,
+    )
+
+
+def _read_packed(robax: bytes, external: bytes, name: str) -> list[float]:
+    joints, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
+    if len(joints) != 6 or not extra:
+        raise ProtocolError(
+            f"EGM {name} has {len(joints)} joints and {len(extra)} external joints: a YuMi arm sends 6 and 1."
+        )
+    return [*joints, extra[0]]
+
+
+def _read_time(feedback: pb.JointMotion) -> float:
+    time = feedback.time
+    sec, usec = time.sec, time.usec
+    if not sec and not feedback.HasField("time"):
+        raise ProtocolError(
+            "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
+        )
+    return sec + usec * 1e-6
+
+
+def _reference(tag: int, chain: Joints) -> bytes:
+    """EgmPlanned or EgmSpeedRef with EgmJoints for axes 1 to 6 and for axis 7."""
+    a1, a2, a7, a3, a4, a5, a6 = chain
+    if not isfinite(a1 + a2 + a3 + a4 + a5 + a6 + a7):
+        raise ValueError(f"a reference needs seven finite values, got {chain}")
+    return _write_reference(
+        tag,
+        67,
+        _JOINTS,
+        54,
+        9,
+        a1 * DEG_PER_RAD,
+        9,
+        a2 * DEG_PER_RAD,
+        9,
+        a3 * DEG_PER_RAD,
+        9,
+        a4 * DEG_PER_RAD,
+        9,
+        a5 * DEG_PER_RAD,
+        9,
+        a6 * DEG_PER_RAD,
+        _EXTERNAL,
+        9,
+        9,
+        a7 * DEG_PER_RAD,
+    )

@@ -3,16 +3,19 @@
 The names follow ABB: the *robot* sends :class:`RobotMessage`, the *sensor* (that is us, or anyone who guides the
 robot) answers with :class:`SensorMessage` or :class:`PathCorrection` (reference/egm.md §1-3). The joints of a
 seven-axis arm come in chain order, those of another robot in ABB's, axes 1 to 6.
+
+The wire units of EGM: degrees, millimetres, microseconds and percent; everything inside is SI.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import pi
+from struct import pack, unpack
 from typing import NamedTuple
 
-from yumi.robot.joints import Joints
-from yumi.robot.values import Pose, Quaternion, Vector
+from yumi.robot.joints import Joints, Pose, Quaternion, Vector
 
 __all__ = [
     "Collision",
@@ -213,3 +216,22 @@ class PathCorrection:
     seqno: int | None
     offset: Vector
     age_ms: int = 0
+
+
+RAD_PER_DEG = pi / 180.0
+DEG_PER_RAD = 180.0 / pi
+M_PER_MM = 1e-3
+MM_PER_M = 1e3
+UINT32 = 2**32
+NS_PER_S = 1_000_000_000
+
+
+def clock_fields(seconds: float) -> tuple[int, int]:
+    """Split a controller time [s] into EgmClock's whole seconds and microseconds."""
+    microseconds = round(seconds * 1e6)
+    return microseconds // 1_000_000, microseconds % 1_000_000
+
+
+def single(value: float) -> float:
+    """Round to single precision, in which the controller computes (reference/egm.md §2.4)."""
+    return float(unpack("<f", pack("<f", value))[0])

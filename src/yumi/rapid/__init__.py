@@ -3,6 +3,8 @@
 A host registers the robot's instructions in an `InstructionSet`, and lets a `Task` load modules and advance.
 """
 
+from yumi.rapid.ast import Module
+from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.errors import (
     RapidReferenceError,
     RapidRuntimeError,
@@ -13,8 +15,6 @@ from yumi.rapid.errors import (
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.library import Call, Wait
 from yumi.rapid.parser import parse_module
-from yumi.rapid.standard import InstructionSet
-from yumi.rapid.syntax import Module
 from yumi.rapid.task import ModuleInfo, Task
 from yumi.rapid.types import Signal
 

@@ -1,14 +1,20 @@
-"""Interrupts: which trap belongs to which interrupt number, what orders it, and the queue of those that came."""
+"""Interrupts: which trap belongs to which interrupt number, what orders it, and the queue of those that came.
+
+The agenda: what a task has promised to do at a later time while its program goes on, such as ending a pulse.
+"""
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+from yumi.rapid.compiler import UserRoutine
 from yumi.rapid.errors import RapidRuntimeError
-from yumi.rapid.scope import UserRoutine
 
 MOST_INTERRUPTS = 100
 LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
@@ -135,3 +141,35 @@ class Interrupts:
         if found is None:
             raise RapidRuntimeError("ERR_UNKINO", f"The interrupt {number} has no trap; CONNECT it first.")
         return found
+
+
+Action = Callable[[], None]
+MOST_ACTIONS = 1000
+
+
+class Agenda:
+    """Actions in the order of their task time [s]."""
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[float, int, Action]] = []
+        self._order = itertools.count()
+
+    def add(self, time: float, action: Action) -> None:
+        """Have an action done at a task time [s].
+
+        Raises:
+            RapidRuntimeError: ERR_EXECPHR, too many wait already.
+        """
+        if len(self._entries) >= MOST_ACTIONS:
+            raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_ACTIONS} delayed outputs and pulses are under way already.")
+        heapq.heappush(self._entries, (time, next(self._order), action))
+
+    @property
+    def next_time(self) -> float:
+        """When the next action is due [s]; infinite when there is none."""
+        return self._entries[0][0] if self._entries else math.inf
+
+    def perform(self, now: float) -> None:
+        """Do everything that is due."""
+        while self._entries and self._entries[0][0] <= now:
+            heapq.heappop(self._entries)[2]()

@@ -28,12 +28,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from yumi.rapid.data import ABSENT, Place, Variable
-from yumi.rapid.error_numbers import ERROR_NAMES, FIRST_ERROR_NUMBER
-from yumi.rapid.errors import RapidReferenceError
+from yumi.rapid.ast import Mode, Storage
+from yumi.rapid.errors import ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError
 from yumi.rapid.parser import parse_parameters
-from yumi.rapid.syntax import Mode, Storage
 from yumi.rapid.types import (
+    ABSENT,
     ANY_NUM,
     ANY_SIGNAL,
     ANY_TYPE,
@@ -45,9 +44,11 @@ from yumi.rapid.types import (
     AliasType,
     ArrayType,
     ObjectType,
+    Place,
     RecordType,
     SignalType,
     Type,
+    Variable,
 )
 
 if TYPE_CHECKING:

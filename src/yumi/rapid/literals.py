@@ -5,21 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from yumi.rapid.ast import Aggregate, Expression, Literal, Unary
 from yumi.rapid.errors import RapidRuntimeError, RapidSyntaxError, RapidValueError
 from yumi.rapid.parser import parse_expression
-from yumi.rapid.syntax import Aggregate, Expression, Literal, Unary
-from yumi.rapid.types import (
-    BOOL,
-    DNUM,
-    NUM,
-    STRING,
-    ArrayType,
-    AtomicType,
-    RecordType,
-    Type,
-    described,
-    resolved,
-)
+from yumi.rapid.types import BOOL, DNUM, NUM, STRING, ArrayType, AtomicType, RecordType, Type, described, resolved
 
 NUM_DIGITS = 6  # significant, of a num with decimals
 DNUM_DIGITS = 15

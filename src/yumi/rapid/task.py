@@ -9,13 +9,25 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from yumi.errors import RobotNotReady
-from yumi.rapid import syntax as s
-from yumi.rapid.agenda import Agenda
-from yumi.rapid.calls import Places
-from yumi.rapid.code import Code, Step
-from yumi.rapid.data import UNSET, Place, Variable
-from yumi.rapid.error_numbers import FIRST_BOOKED_NUMBER
+from yumi.rapid import ast as s
+from yumi.rapid.compiler import (
+    CONSTANT_FRAME,
+    MOST_VALUES,
+    Code,
+    Expressions,
+    Linker,
+    LoadedModule,
+    Places,
+    Program,
+    Scope,
+    Step,
+    UserRoutine,
+    advanced,
+    compiling,
+    loaded,
+)
 from yumi.rapid.errors import (
+    FIRST_BOOKED_NUMBER,
     ModuleNameTaken,
     ProgramTooLarge,
     RapidReferenceError,
@@ -24,18 +36,13 @@ from yumi.rapid.errors import (
     RapidValueError,
     UnknownSymbol,
 )
-from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.frame import Frame
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
-from yumi.rapid.interrupts import Interrupts
+from yumi.rapid.interrupts import Agenda, Interrupts
 from yumi.rapid.library import Call, Library
-from yumi.rapid.linker import MOST_VALUES, Linker, loaded
 from yumi.rapid.literals import format_value, parse_value
-from yumi.rapid.machine import Machine
+from yumi.rapid.machine import Frame, Machine
 from yumi.rapid.parser import parse_module, parse_reference
-from yumi.rapid.scope import LoadedModule, Program, UserRoutine
-from yumi.rapid.statements import CONSTANT_FRAME, advanced, compiling
-from yumi.rapid.types import resolved, value_count
+from yumi.rapid.types import UNSET, Place, Variable, resolved, value_count
 
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
 STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need

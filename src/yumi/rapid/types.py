@@ -3,17 +3,23 @@
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
 tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. Types that hold no value
 (clock, egmident) are the objects their instructions work on.
+
+Data in memory: variables, parts of variables, and the parameter that was not passed.
+
+The operators of RAPID: which types each takes, what type it gives, and how it computes.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 import struct
 from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
+from yumi.rapid.ast import Storage
 from yumi.rapid.errors import RapidRuntimeError
 
 SINGLE = struct.Struct("f")
@@ -244,3 +250,214 @@ def one(type_: Type) -> str:
     """The type with its article, for sentences."""
     text = described(type_)
     return f"{'an' if text[0].lower() in 'aeiou' else 'a'} {text}"
+
+
+Path = tuple[int, ...]
+UNSET: Any = object()  # the value of a declared datum before the program is linked
+
+
+class Place(Protocol):
+    """Something a value can be read from and written to: what VAR, PERS and INOUT parameters receive."""
+
+    value: Any
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def type(self) -> Type: ...
+
+
+class Variable:
+    """A named datum; `value` is always a converted value of `type`.
+
+    Attributes:
+        initial: what a VAR begins with at each PP to main, UNSET for objects, which are made anew.
+    """
+
+    __slots__ = ("initial", "is_local", "is_task", "name", "storage", "type", "value")
+
+    def __init__(
+        self,
+        name: str,
+        type_: Type,
+        value: Any = UNSET,
+        storage: Storage = Storage.VAR,
+        *,
+        is_local: bool = True,
+        is_task: bool = False,
+    ) -> None:
+        self.name = name
+        self.type = type_
+        self.value = value
+        self.storage = storage
+        self.is_local = is_local
+        self.is_task = is_task
+        self.initial: Any = UNSET
+
+    @property
+    def is_constant(self) -> bool:
+        return self.storage is Storage.CONST
+
+
+class Part:
+    """A component or element of another place; writing it replaces the whole value there."""
+
+    __slots__ = ("path", "type", "whole")
+
+    def __init__(self, whole: Place, path: Path, type_: Type) -> None:
+        self.whole = whole
+        self.path = path
+        self.type = type_
+
+    @property
+    def name(self) -> str:
+        return self.whole.name
+
+    @property
+    def value(self) -> Any:
+        value = self.whole.value
+        for index in self.path:
+            value = value[index]
+        return value
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        self.whole.value = replaced(self.whole.value, self.path, new)
+
+
+def replaced(value: Any, path: Path, new: Any) -> Any:
+    """The record or array `value` with the part at `path` being `new`."""
+    if not path:
+        return new
+    items = list(value)
+    items[path[0]] = replaced(items[path[0]], path[1:], new)
+    return tuple(items) if type(value) is tuple else value._make(items)
+
+
+class Absent:
+    """What stands in the place of an optional parameter that was not passed."""
+
+    __slots__ = ()
+    name = "an optional parameter"
+
+    @property
+    def type(self) -> Type:
+        raise RapidRuntimeError("ERR_NOTPRES", "An optional parameter is used that the caller did not pass.")
+
+    @property
+    def value(self) -> Any:
+        raise RapidRuntimeError("ERR_NOTPRES", "An optional parameter is used that the caller did not pass.")
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        raise RapidRuntimeError("ERR_NOTPRES", "An optional parameter is used that the caller did not pass.")
+
+
+ABSENT = Absent()
+
+
+Operation = Callable[[Any, Any], Any]
+
+
+def _divided(left: float, right: float) -> float:
+    if right == 0.0:
+        raise RapidRuntimeError("ERR_DIVZERO", f"{left:g} is divided by zero.")
+    return left / right
+
+
+def _whole(left: float, right: float) -> tuple[int, int]:
+    if right == 0.0:
+        raise RapidRuntimeError("ERR_DIVZERO", f"{left:g} is divided by zero.")
+    if left != int(left) or right != int(right):
+        raise RapidRuntimeError("ERR_INT_NOTVAL", f"DIV and MOD take integers, not {left:g} and {right:g}.")
+    return int(left), int(right)
+
+
+def _integer_quotient(left: float, right: float) -> float:
+    dividend, divisor = _whole(left, right)
+    quotient = abs(dividend) // abs(divisor)
+    return float(quotient if (dividend < 0) == (divisor < 0) else -quotient)
+
+
+def _remainder(left: float, right: float) -> float:
+    return math.fmod(*_whole(left, right))
+
+
+def _sum(left: Any, right: Any) -> Any:
+    return type(left)._make(map(operator.add, left, right))
+
+
+def _difference(left: Any, right: Any) -> Any:
+    return type(left)._make(map(operator.sub, left, right))
+
+
+def _scaled(position: Any, factor: float) -> Any:
+    return type(position)._make(component * factor for component in position)
+
+
+def _cross(left: Any, right: Any) -> Any:
+    (ax, ay, az), (bx, by, bz) = left, right
+    return type(left)(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
+def _rotation_product(left: Any, right: Any) -> Any:
+    (a, b, c, d), (e, f, g, h) = left, right
+    return type(left)(
+        a * e - b * f - c * g - d * h,
+        a * f + b * e + c * h - d * g,
+        a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    )
+
+
+NUMERIC: dict[str, tuple[Operation, bool]] = {
+    "+": (operator.add, False),
+    "-": (operator.sub, False),
+    "*": (operator.mul, False),
+    "/": (_divided, False),
+    "DIV": (_integer_quotient, False),
+    "MOD": (_remainder, False),
+    "<": (operator.lt, True),
+    "<=": (operator.le, True),
+    ">": (operator.gt, True),
+    ">=": (operator.ge, True),
+}
+RECORDS: dict[tuple[str, str, str], Operation] = {
+    ("+", "pos", "pos"): _sum,
+    ("-", "pos", "pos"): _difference,
+    ("*", "pos", "num"): _scaled,
+    ("*", "num", "pos"): lambda factor, position: _scaled(position, factor),
+    ("*", "pos", "pos"): _cross,
+    ("*", "orient", "orient"): _rotation_product,
+}
+
+
+def binary_operation(symbol: str, left: Type, right: Type) -> tuple[Operation, Type] | None:
+    """The operation and the type of its result; None when the types do not go with the operator.
+
+    AND and OR are not here: their right side is evaluated only when the left one has not decided.
+    """
+    if symbol in {"=", "<>"}:
+        operation = operator.eq if symbol == "=" else operator.ne
+        return (operation, BOOL) if is_assignable(left, right) else None
+    left, right = resolved(left), resolved(right)
+    if is_numeric(left) and left == right and symbol in NUMERIC:
+        operation, is_comparison = NUMERIC[symbol]
+        return operation, BOOL if is_comparison else left
+    if symbol == "+" and left == right == STRING:
+        return operator.add, STRING
+    if symbol == "XOR" and left == right == BOOL:
+        return operator.ne, BOOL
+    record = RECORDS.get((symbol, left.name, right.name))
+    return None if record is None else (record, right if left == NUM else left)
+
+
+def unary_operation(symbol: str, operand: Type) -> Callable[[Any], Any] | None:
+    """The operation, which gives the operand's type; None when the type does not go with the operator."""
+    operand = resolved(operand)
+    if symbol == "NOT":
+        return operator.not_ if operand == BOOL else None
+    if operand in (NUM, DNUM):
+        return operator.neg if symbol == "-" else operator.pos
+    return (lambda position: _scaled(position, -1.0)) if symbol == "-" and operand.name == "pos" else None

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from math import cos, pi, sin, tanh
 from typing import cast
 
-from yumi.robot.joints import JOINT_COUNT, Joints, Side
+from yumi.robot.description import JOINT_FRICTION, JOINT_ORIGINS, Mass, link_mass
+from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Quaternion, Side, Vector
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
     FLANGE,
@@ -27,8 +28,6 @@ from yumi.robot.kinematics import (
     quaternion_from_euler_zyx,
     rotate,
 )
-from yumi.robot.model import JOINT_FRICTION, JOINT_ORIGINS, Mass, link_mass
-from yumi.robot.values import ZERO, Pose, Quaternion, Vector
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s²]."""

@@ -1,8 +1,15 @@
-"""The Smart Gripper: its ranges and modules, what it says and hears by number, and how a command can end."""
+"""The Smart Gripper: its ranges and modules, what it says and hears by number, and how a command can end.
+
+What a hand tells of itself, and what it can be ordered to do; SI throughout.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+
+from yumi.errors import CommandRefused, ProtocolError
 
 TOP_SPEED = 0.025
 """Highest speed of each finger [m/s] (reference/yumi.md §2.1)."""
@@ -131,3 +138,207 @@ def outcome_of(position: float, effort: float, *, stalled: bool, reached_goal: b
     if position <= ALLOWANCE:
         return Outcome.CLOSED
     return Outcome.OPEN if position >= TRAVEL - ALLOWANCE else Outcome.IN_PLACE
+
+
+_M_PER_COUNT = 1e-4  # positions and speeds count 0.1 mm
+_N_PER_COUNT = 0.1
+_PA_PER_COUNT = 1e3
+
+_SERVO_SIGNALS = (
+    "hand_SysState",
+    "hand_SysError",
+    "hand_StatusCalibrated",
+    "hand_ActualPosition",
+    "hand_ActualSpeed",
+    "hand_HoldForce",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CupReading:
+    """One vacuum module as the hand shows it.
+
+    Attributes:
+        sucks: whether its vacuum is on.
+        blows: whether its blow-off is on.
+        pressure: absolute [Pa].
+    """
+
+    sucks: bool
+    blows: bool
+    pressure: float
+
+    def has_picked(self, threshold: float) -> bool:
+        """Whether something closes the cup: it sucks, and the pressure is not above ``threshold`` [Pa]."""
+        return self.sucks and self.pressure <= threshold
+
+
+@dataclass(frozen=True, slots=True)
+class HandReading:
+    """A hand as its signals show it.
+
+    Attributes:
+        state: what it is doing.
+        error: its own error number; 0 is none.
+        is_calibrated: whether its position means anything.
+        position: of each finger from the middle [m].
+        speed: of each finger, positive when opening [m/s].
+        force: what it holds an object with; 0 while it holds none [N].
+        is_camera_linked: whether it sees its camera; False where it shall have none.
+        cups: its vacuum modules by number.
+    """
+
+    state: HandState
+    error: int
+    is_calibrated: bool
+    position: float
+    speed: float
+    force: float
+    is_camera_linked: bool = False
+    cups: Mapping[int, CupReading] = field(default_factory=dict)
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether the fingers press on something; closed ones press on each other."""
+        return self.state is HandState.KEEP_OBJECT and self.position > THINNEST
+
+
+def signal_names(modules: GripperModules) -> tuple[str, ...]:
+    """The signals a reading of a hand needs, without the arm's suffix (reference/statemachine.md §5.4)."""
+    names = list(_SERVO_SIGNALS)
+    if modules.has_camera:
+        names.append("hand_StatusCamLinked")
+    for channel in modules.vacuum_channels:
+        names += [f"hand_StatusVacuum{channel}", f"hand_StatusBlowoff{channel}", f"hand_ActualPressure{channel}"]
+    return tuple(names)
+
+
+def hand_state(value: float) -> HandState:
+    """The state of ``hand_SysState``.
+
+    Raises:
+        ProtocolError: no Smart Gripper has it.
+    """
+    try:
+        return HandState(int(value))
+    except ValueError as error:
+        raise ProtocolError(
+            f"The gripper reports state {value:g}, which no Smart Gripper has; check its firmware and its fieldbus "
+            "configuration."
+        ) from error
+
+
+def position_of(value: float) -> float:
+    """The position of ``hand_ActualPosition`` [m]."""
+    return value * _M_PER_COUNT
+
+
+def pressure_of(value: float) -> float:
+    """The pressure of ``hand_ActualPressure`` [Pa]."""
+    return value * _PA_PER_COUNT
+
+
+def speed_count(speed: float) -> int:
+    """``hand_MaxSpeed`` of a speed [m/s]."""
+    return round(speed / _M_PER_COUNT)
+
+
+def read_hand(value: Callable[[str], float], modules: GripperModules) -> HandReading:
+    """The reading that signals make up.
+
+    Args:
+        value: of a signal by its name without the arm's suffix.
+        modules: what the hand is made of.
+
+    Raises:
+        ProtocolError: it reports a state that no Smart Gripper has.
+    """
+    state = hand_state(value("hand_SysState"))
+    return HandReading(
+        state=state,
+        error=int(value("hand_SysError")),
+        is_calibrated=value("hand_StatusCalibrated") != 0,
+        position=position_of(value("hand_ActualPosition")),
+        speed=signed_speed(value("hand_ActualSpeed") * _M_PER_COUNT, state),
+        force=value("hand_HoldForce") * _N_PER_COUNT if state is HandState.KEEP_OBJECT else 0.0,
+        is_camera_linked=modules.has_camera and value("hand_StatusCamLinked") != 0,
+        cups={channel: _read_cup(value, channel) for channel in modules.vacuum_channels},
+    )
+
+
+def _read_cup(value: Callable[[str], float], channel: int) -> CupReading:
+    return CupReading(
+        sucks=value(f"hand_StatusVacuum{channel}") != 0,
+        blows=value(f"hand_StatusBlowoff{channel}") != 0,
+        pressure=pressure_of(value(f"hand_ActualPressure{channel}")),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class HandOrder:
+    """What the fingers shall do: go to a position, or grip in a direction.
+
+    Attributes:
+        position: where they go, at most [m].
+        direction: which way they grip; None when they only go there.
+        force: what they hold with, when they grip [N].
+        speed: how fast they go [m/s]; None as usual.
+
+    Raises:
+        CommandRefused: a value is out of range.
+    """
+
+    position: float
+    direction: Direction | None = None
+    force: float = 0.0
+    speed: float | None = None
+
+    def is_held(self, state: HandState, position: float) -> bool:
+        """Whether a hand that came to rest in ``state`` at ``position`` [m] holds something as ordered."""
+        is_free = position <= THINNEST if self.direction is Direction.INWARDS else position >= TRAVEL - THINNEST
+        return self.direction is not None and state is HandState.KEEP_OBJECT and not is_free
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.position <= TRAVEL:  # NaN too
+            raise CommandRefused(
+                f"Gripper position {self.position} m is out of range; each finger travels 0 to {TRAVEL} m."
+            )
+        if self.direction is not None and not 0.0 < self.force <= MAX_FORCE:
+            raise CommandRefused(
+                f"Gripper force {self.force} N is out of range; allowed is above 0 to {MAX_FORCE:g} N."
+            )
+        if self.speed is not None and not LOWEST_SPEED <= self.speed <= TOP_SPEED:
+            raise CommandRefused(
+                f"Gripper speed {self.speed} m/s is out of range; each finger moves with {LOWEST_SPEED} to "
+                f"{TOP_SPEED} m/s."
+            )
+
+
+def go_to(position: float, speed: float | None = None) -> HandOrder:
+    """Go to ``position`` [m]; what is in the way stops the fingers."""
+    return HandOrder(position, speed=speed)
+
+
+def grip(direction: Direction, force: float, speed: float | None = None) -> HandOrder:
+    """Close, or open, until something is held with ``force`` [N]."""
+    return HandOrder(0.0 if direction is Direction.INWARDS else TRAVEL, direction, force, speed)
+
+
+def order_of(position: float, effort: float, usual_force: float, speed: float | None = None) -> HandOrder:
+    """What ROS's gripper actions ask for with a position and an effort.
+
+    Closed (0) grips inwards, with the usual force when the effort is 0. Open (0.025) grips outwards when there is an
+    effort. Anything else is a position to go to.
+
+    Raises:
+        CommandRefused: a value is out of range.
+    """
+    if not 0.0 <= effort <= MAX_FORCE:
+        raise CommandRefused(
+            f"Gripper effort {effort} N is out of range; allowed is 0 (the usual force) to {MAX_FORCE:g} N."
+        )
+    if position == 0.0:
+        return grip(Direction.INWARDS, effort or usual_force, speed)
+    if position == TRAVEL and effort > 0.0:
+        return grip(Direction.OUTWARDS, effort, speed)
+    return go_to(position, speed)

@@ -3,12 +3,23 @@
 Chain order lists the axes from body to flange in ABB's numbers: 1, 2, 7, 3, 4, 5, 6. RAPID and EGM keep axis 7
 apart: ``robax`` (EGM ``joints``) holds axes 1-6 and ``extax.eax_a`` (EGM ``externalJoints[0]``) axis 7
 (reference/yumi.md §1.1, reference/egm.md §3.2).
+
+The values that flow along the fast line: what an arm reports, what it is told, and where its tool is.
+
+The cycle of the robot's motion control: how often it sends a datagram and takes a reference.
+
+Named joint positions of the robot.
+
+What the joints may do: positions from the robot's own motion configuration, speeds from ABB, the rest ours.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
+from math import degrees, radians
+from typing import NamedTuple
 
 Joints = tuple[float, float, float, float, float, float, float]
 """Seven joint values in chain order; [rad] or [rad/s] unless the name says otherwise."""
@@ -72,3 +83,116 @@ def abb_from_chain(chain: Joints) -> tuple[tuple[float, float, float, float, flo
     """RAPID's split (axes 1-6, axis 7) from chain order; units are kept."""
     a1, a2, a7, a3, a4, a5, a6 = chain
     return (a1, a2, a3, a4, a5, a6), a7
+
+
+ZERO: Joints = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+Vector = tuple[float, float, float]
+"""x, y, z; [m] or [rad] as the name says."""
+
+Quaternion = tuple[float, float, float, float]
+"""A unit quaternion, w first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """One frame seen from another, which the name of the value gives (``tool0_to_body``).
+
+    Attributes:
+        position: x, y, z [m].
+        orientation: unit quaternion w, x, y, z.
+    """
+
+    position: Vector
+    orientation: Quaternion
+
+
+class ArmState(NamedTuple):
+    """One arm as the robot reported it in one datagram; a tuple, since that is made fastest.
+
+    Attributes:
+        time: when the datagram arrived, on the machine's monotonic clock [s].
+        dt: robot time since the state before, 0 for the first of a session [s].
+        session: counts EGM sessions from 1; a change means that the robot started anew.
+        position: measured joint positions, chain order [rad], (7,).
+        velocity: measured joint velocities, chain order [rad/s], (7,).
+        planned: joint positions the controller is heading for, chain order [rad], (7,).
+        is_running: whether the robot follows our commands: motors on, RAPID running, EGM running.
+    """
+
+    time: float
+    dt: float
+    session: int
+    position: Joints
+    velocity: Joints
+    planned: Joints
+    is_running: bool
+
+
+class ArmCommand(NamedTuple):
+    """What an arm is told in one datagram; a tuple, since that is made fastest.
+
+    Attributes:
+        position: joint positions to reach, chain order [rad], (7,).
+        velocity: joint velocities fed forward, chain order [rad/s], (7,).
+    """
+
+    position: Joints
+    velocity: Joints = ZERO
+
+
+CYCLE = 0.004032
+"""Period of the motion control of a real controller [s] (reference/egm.md §2.5)."""
+
+
+def home(side: Side) -> Joints:
+    """The calibration pose (``cal_position`` of the controller): both arms folded in front of the body [rad]."""
+    axis_7_deg = -135.0 if side is Side.RIGHT else 135.0
+    return joints([radians(angle_deg) for angle_deg in (0.0, -130.0, axis_7_deg, 30.0, 0.0, 40.0, 0.0)])
+
+
+@dataclass(frozen=True, slots=True)
+class JointLimits:
+    """What the joints of one arm may do, in chain order.
+
+    Attributes:
+        lower: lowest positions [rad], (7,).
+        upper: highest positions [rad], (7,).
+        velocity: highest speeds [rad/s], (7,).
+        acceleration: highest accelerations a commander should ask for [rad/s²], (7,).
+        jerk: highest jerks a commander should ask for [rad/s³], (7,).
+    """
+
+    lower: Joints
+    upper: Joints
+    velocity: Joints
+    acceleration: Joints
+    jerk: Joints
+
+    def slowed_to(self, speed: float) -> JointLimits:
+        """The same joints where none may be faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation has it."""
+        return replace(self, velocity=joints([min(top, speed) for top in self.velocity]))
+
+    def outside(self, position: Joints) -> int | None:
+        """Index of the first joint whose position [rad] is out of range (or not a number), or None."""
+        for index, value in enumerate(position):
+            if not self.lower[index] <= value <= self.upper[index]:
+                return index
+        return None
+
+    def range_deg(self, index: int) -> str:
+        """The joint's range for a sentence, e.g. ``-143.5° to 43.5°``."""
+        return f"{degrees(self.lower[index]):.1f}° to {degrees(self.upper[index]):.1f}°"
+
+
+# Positions: MOC.cfg of three real robots, equal for both arms (reference/yumi.md §1.2); speeds: ABB's specification.
+# ABB publishes no accelerations of joints, only 11 m/s² at the tool. Ours give about that at half a metre with one
+# large joint, and the drives' torque (ArmModel.torque) suffices for all joints at once, at full speed, in any pose,
+# with 0.5 kg in the hand. The jerks build that up in 67 ms, over the period of what bends in the arm.
+YUMI_LIMITS = JointLimits(
+    lower=(-2.94088, -2.50455, -2.94088, -2.15548, -5.06145, -1.53589, -3.9968),
+    upper=(2.94088, 0.759218, 2.94088, 1.39626, 5.06145, 2.40855, 3.9968),
+    velocity=joints([radians(speed_deg) for speed_deg in (180, 180, 180, 180, 400, 400, 400)]),
+    acceleration=(20.0, 20.0, 20.0, 20.0, 40.0, 40.0, 40.0),
+    jerk=(300.0, 300.0, 300.0, 300.0, 600.0, 600.0, 600.0),
+)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, pi, sin
 
-from yumi.robot.joints import Joints, Side
-from yumi.robot.values import Pose, Quaternion, Vector
+from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector
 
 # The arm in its all-zero pose, in the foot frame: x forward, z along axis 1 [m].
 SHOULDER_HEIGHT = 0.166

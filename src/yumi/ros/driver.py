@@ -33,36 +33,30 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.control_process import FastLines
+from yumi.driver.gripper import GripperSetup, close_as_test
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.settings import CalibrateWhen, ControllerSettings
 from yumi.errors import MissingPrerequisite, RobotNotReady, SettingsError, YumiError
-from yumi.hardware.bringup import ANNOUNCEMENT
-from yumi.hardware.fast_lines import FastLines
-from yumi.hardware.hand_setup import GripperSetup, close_as_test
-from yumi.hardware.robot_manager import RobotManager
-from yumi.links.ticker import Ticker
-from yumi.robot.joints import Side
-from yumi.robot.limits import JointLimits
-from yumi.ros.arm_manager import ArmManager
-from yumi.ros.command_topics import (
+from yumi.robot.joints import JointLimits, Side
+from yumi.ros.controller_manager import ArmManager
+from yumi.ros.controllers import MakeInterface
+from yumi.ros.executors import Executors, Ticker
+from yumi.ros.gripper import HandParts, Hands
+from yumi.ros.health import HealthTopics, RobotStateTopic
+from yumi.ros.lifecycle import Connection, ManagedNodes, demand
+from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
+from yumi.ros.topics import (
     CommandTopic,
     JointCommandTopic,
+    JointStatePublisher,
     JointVelocityTopic,
+    MergedJointStates,
+    forward_interfaces,
+    publish_descriptions,
 )
-from yumi.ros.controller_nodes import MakeInterface
-from yumi.ros.description_topic import publish_descriptions
-from yumi.ros.executors import Executors
-from yumi.ros.forward_controllers import forward_interfaces
-from yumi.ros.hands import HandParts, Hands
-from yumi.ros.health_topics import HealthTopics
-from yumi.ros.joint_state_topics import JointStatePublisher, MergedJointStates
-from yumi.ros.lives import Connection
-from yumi.ros.managed_node import demand
-from yumi.ros.managed_nodes import ManagedNodes
-from yumi.ros.robot_actions import RobotManagerActions
-from yumi.ros.robot_manager import RobotManagerServices
-from yumi.ros.robot_state_topic import RobotStateTopic
-from yumi.ros.speed_scale import SpeedScaleInterface
-from yumi.ros.trajectory_controllers import DUAL_ARM, TrajectoryControllers
-from yumi.settings import CalibrateWhen, ControllerSettings
+from yumi.ros.trajectory import DUAL_ARM, TrajectoryControllers
 
 
 class DriverNodes(NamedTuple):

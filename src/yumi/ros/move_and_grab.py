@@ -11,8 +11,8 @@ from typing import Any, Protocol, TypeVar
 
 import rclpy
 
+from yumi.driver.stops import demand_confirmation
 from yumi.errors import GoalNotReached, RobotNotReady, YumiError
-from yumi.hardware.stops import demand_confirmation
 from yumi.robot.joints import Joints, Side, joints
 from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
 

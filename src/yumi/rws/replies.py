@@ -14,17 +14,9 @@ from urllib.parse import unquote, unquote_plus
 
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
-from yumi.rws import codes
-from yumi.rws.pages import Page, State, Status
-from yumi.rws.representations import read_status
-from yumi.rws.states import (
-    ControllerState,
-    EventType,
-    ExecutionState,
-    OperatingMode,
-    SignalType,
-    TaskExecution,
-)
+from yumi.rws import types as codes
+from yumi.rws.documents import Page, State, Status, representations_read_status
+from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution
 
 E = TypeVar("E", bound=Enum)
 SixAxes = tuple[float, float, float, float, float, float]
@@ -251,7 +243,7 @@ def refusal(what: str, status: int, content_type: str, body: bytes) -> Controlle
 def _status(content_type: str, body: bytes) -> Status | None:
     """The status in an error body; None for a body of another kind, which gateways and old versions send."""
     try:
-        return read_status(content_type, body)
+        return representations_read_status(content_type, body)
     except ProtocolError:
         return None
 

@@ -7,20 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import yumi.controller_files
-import yumi.virtual
+import yumi.virtual.controller
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.configuration import Configuration
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_line import Departure, EgmLines
-from yumi.virtual.egm_options import EgmOptions
-from yumi.virtual.gripper import VirtualGripper, Workpiece
-from yumi.virtual.identity import Identity
-from yumi.virtual.irc5 import Irc5
-from yumi.virtual.station import Station
-from yumi.virtual.vacuum_cup import CupObject
+from yumi.virtual.controller.configuration import Configuration
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.egm import Departure, EgmClient, EgmLines, EgmOptions
+from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.units import Identity
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
 _HOME = "HOME:/yumi/"
 
@@ -136,7 +132,7 @@ def _station(side: Side, settings: WorldSettings) -> Station:
 
 def _configuration(settings: WorldSettings) -> Configuration:
     """A stock YuMi's parameters, then ours, then the addresses of this machine instead of the robot cell's."""
-    folders = (Path(next(iter(yumi.virtual.__path__))) / "stock", _controller_files())
+    folders = (Path(next(iter(yumi.virtual.controller.__path__))) / "stock", _controller_files())
     paths = [path for folder in folders for path in sorted(folder.glob("*.cfg"))]
     configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
     for side in Side:

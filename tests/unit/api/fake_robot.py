@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance
-from yumi.api.motions import MotionBook
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance, MotionBook
 from yumi.clock import ManualClock
-from yumi.control.inventory import ControllerInfo
-from yumi.control.lifecycle import State
-from yumi.control.mailbox import MemoryMailbox
+from yumi.control.commands import MemoryMailbox
+from yumi.control.controller import ControllerInfo, State
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
 from yumi.control.requests import (
     ControllerNotice,
     Done,
@@ -20,12 +19,9 @@ from yumi.control.requests import (
     SendOrders,
     SwitchControllers,
 )
-from yumi.control.snapshot import Snapshot
-from yumi.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
+from yumi.control.shared_state import Snapshot
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.robot.joints import YUMI_LIMITS, Side, home
 
 NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER)
 

@@ -6,16 +6,14 @@ from dataclasses import replace
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.arm import Arm, ArmMode
 from yumi.api.gripper import Gripper
+from yumi.api.robot import Arm, ArmMode
+from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.requests import SessionLost
-from yumi.control.snapshot import Snapshot
-from yumi.controllers.joint_goal import StopMotion
+from yumi.control.shared_state import Snapshot
 from yumi.errors import RobotNotReady
-from yumi.robot.joints import Side, joint_names
+from yumi.robot.joints import ZERO, Side, home, joint_names
 from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.poses import home
-from yumi.robot.values import ZERO
 
 RIGHT = home(Side.RIGHT)
 

@@ -7,18 +7,15 @@ from typing import cast
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.arm import Arm
 from yumi.api.asynchronous import AsyncArm, AsyncRobot
 from yumi.api.gripper import Gripper
-from yumi.api.motions import Motion
-from yumi.api.robot import Robot
-from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.api.motion import Motion
+from yumi.api.robot import Arm, Robot
+from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.driver.gripper import Gripper as Hand
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.hardware.gripper import Gripper as Hand
-from yumi.robot.gripper import Outcome
-from yumi.robot.hand import HandOrder
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
+from yumi.robot.gripper import HandOrder, Outcome
+from yumi.robot.joints import Side, home
 
 RIGHT = home(Side.RIGHT)
 

@@ -10,8 +10,8 @@ import pytest
 import yumi
 from yumi.api.asynchronous import AsyncRobot
 from yumi.api.connect import controllers_for, settings_for
+from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
-from yumi.links.udp import free_port
 from yumi.robot.joints import Side
 
 NOBODY = "127.0.0.1:1"

@@ -6,10 +6,9 @@ from typing import cast
 import pytest
 
 from yumi.api.gripper import Grip, Gripper
+from yumi.driver.gripper import Gripper as Hand
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.hardware.gripper import Gripper as Hand
-from yumi.robot.gripper import Direction, Outcome
-from yumi.robot.hand import CupReading, HandOrder, go_to, grip
+from yumi.robot.gripper import CupReading, Direction, HandOrder, Outcome, go_to, grip
 from yumi.robot.joints import Side
 
 

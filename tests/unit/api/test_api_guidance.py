@@ -7,8 +7,10 @@ from math import inf, nan
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.guidance import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
-from yumi.control.goals import UNKNOWN, Goal, peek_goal
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.control.commands import UNKNOWN, Goal, peek_goal
+from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.requests import (
     ControllerFailed,
     ControllerNotice,
@@ -18,12 +20,9 @@ from yumi.control.requests import (
     SwitchControllers,
 )
 from yumi.control.trajectory import ResultCode
-from yumi.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.controllers.trajectory_orders import FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.hardware.stops import Cause
-from yumi.robot.joints import CHAIN_AXES, Side, joint_names
-from yumi.robot.poses import home
+from yumi.robot.joints import CHAIN_AXES, Side, home, joint_names
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))

@@ -6,12 +6,11 @@ from unittest.mock import patch
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api import waiting
-from yumi.api.waiting import wait_for
-from yumi.controllers.joint_goal import GoalOutcome, StopMotion
+from yumi.api import motion as waiting
+from yumi.api.motion import wait_for
+from yumi.control.controllers.joint_goal import GoalOutcome, StopMotion
 from yumi.errors import GoalNotReached
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
+from yumi.robot.joints import Side, home
 
 BOTH = {side: home(side) for side in Side}
 

@@ -8,13 +8,13 @@ import pytest
 from click.testing import CliRunner
 
 from memory_http import MemoryHttp
-from yumi.cli import main
+from yumi.cli.main import main
 from yumi.clock import ManualClock
-from yumi.links.http import HttpReply
-from yumi.links.http_server import HttpServer
 from yumi.robot.joints import Side
-from yumi.virtual.fault_desk import FaultDesk
-from yumi.virtual.fault_names import Fault, Way
+from yumi.rws.http import HttpReply
+from yumi.virtual.controller.fault_injection import FaultDesk
+from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.world import World
 
 

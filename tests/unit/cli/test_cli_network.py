@@ -7,8 +7,8 @@ import os
 import pytest
 from click.testing import CliRunner
 
-from yumi.cli import main
-from yumi.cli_options import limit_discovery
+from yumi.cli.main import main
+from yumi.cli.options import limit_discovery
 
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
 

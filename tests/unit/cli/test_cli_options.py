@@ -9,7 +9,7 @@ from typing import NoReturn
 import pytest
 from click.testing import CliRunner, Result
 
-from yumi.cli import main
+from yumi.cli.main import main
 
 
 def run(*arguments: str) -> Result:
@@ -62,7 +62,7 @@ def test_what_the_machine_does_not_give_is_said_in_one_sentence(
     def refuse(*_: object, **__: object) -> NoReturn:
         raise error
 
-    monkeypatch.setattr("yumi.virtual_controller.VirtualController.run", refuse)
+    monkeypatch.setattr("yumi.virtual.server.VirtualController.run", refuse)
     result = run("controller", "--rws-port", "0")
     assert result.exit_code == 1
     assert result.output == (
@@ -73,11 +73,11 @@ def test_what_the_machine_does_not_give_is_said_in_one_sentence(
 
 HANGS = """
 from threading import Event, Thread
-from yumi import run_driver
+from yumi.cli import up
 
-run_driver.END = 0.1
+up.END = 0.1
 is_over, never = Event(), Event()
-run_driver.end_by_force(is_over)
+up.end_by_force(is_over)
 Thread(target=never.wait, name="answers-pool").start()
 is_over.set()
 never.wait()
@@ -106,11 +106,9 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
     monkeypatch: pytest.MonkeyPatch, reason: str, line: str
 ) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setattr("yumi.cli._demand_ros", lambda: None)
-    monkeypatch.setattr("yumi.cli._end_flag", lambda until_stdin_closes: Event())
-    monkeypatch.setattr("yumi.run_driver.end_by_force", lambda is_over: None)
-    monkeypatch.setattr(
-        "yumi.run_driver.run_driver", lambda settings, chosen, is_over, on_ready, record: on_ready(reason)
-    )
+    monkeypatch.setattr("yumi.cli.main._demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli.main._end_flag", lambda until_stdin_closes: Event())
+    monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda settings, chosen, is_over, on_ready, record: on_ready(reason))
     result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
     assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)

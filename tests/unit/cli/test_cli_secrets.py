@@ -9,10 +9,10 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from yumi.cli import main
-from yumi.cli_options import password_options
+from yumi.cli.main import main
+from yumi.cli.options import password_options
+from yumi.driver.settings import RobotSettings, Settings, override, read_settings
 from yumi.errors import SettingsError
-from yumi.settings import RobotSettings, Settings, override, read_settings
 
 SECRET = "pass-4711"
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from yumi.control.controller import Controller
-from yumi.control.parameter import Parameter, Values
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints
-from yumi.robot.values import ZERO, ArmCommand, ArmState
+from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
+from yumi.settings import Parameter, Values
 
 RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
 STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)

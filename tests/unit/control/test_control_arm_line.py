@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
-from yumi.control.arm_line import ArmLine
+from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
-from yumi.control.guard import Guard
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.port import WireCounters
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.cycle import WireCounters
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLine
 from yumi.control.requests import (
     ControllerFailed,
     RobotFollows,
@@ -17,10 +17,8 @@ from yumi.control.requests import (
     SessionResumed,
     SessionStarted,
 )
-from yumi.control.snapshot import Snapshot, peek_snapshot
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO, ArmCommand, ArmState
+from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 
 class ScriptedArm:

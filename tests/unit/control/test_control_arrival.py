@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.arrival import ArrivalForecast
-from yumi.robot.cycle import CYCLE
+from yumi.driver.control_process import ArrivalForecast
+from yumi.robot.joints import CYCLE
 
 SHARE = 0.1
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruckig import ControlInterface, InputParameter, Ruckig, Trajectory
 
-from yumi.control.braking import Reach, braking_reach
+from yumi.control.limiter import Reach, braking_reach
 
 TOP, JERK = 20.0, 300.0
 

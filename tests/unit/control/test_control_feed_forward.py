@@ -11,14 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.controller import Controller
-from yumi.control.feed_forward import FeedForward
-from yumi.control.guard import Guard
-from yumi.evaluation.guided_arm import FULL_SPEED, GuidedArm
-from yumi.hardware.state_machine import EgmMotionSettings
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO, ArmCommand, ArmState
+from yumi.control.limiter import Guard
+from yumi.control.motion import FeedForward
+from yumi.driver.state_machine import EgmMotionSettings
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
+from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, flight_memory
-from yumi.control.stations import RECEIVE, StationClock
-from yumi.robot.joints import Joints, joints
-from yumi.robot.values import ArmCommand, ArmState
+from yumi.control.statistics import RECEIVE, StationClock
+from yumi.robot.joints import ArmCommand, ArmState, Joints, joints
 
 STATIONS = StationClock()
 

@@ -9,11 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller_states import moved
-from yumi.control.forecast import GoalForecast
-from yumi.control.goals import UNKNOWN
-from yumi.robot.joints import Joints, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
+from yumi.control.commands import UNKNOWN
+from yumi.control.tracking import GoalForecast
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 
 PERIOD = 0.004
 AHEAD = 0.030

@@ -10,13 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruckig import RuckigError
 
-from yumi.control.feed_forward import EGM_GAIN
-from yumi.control.guard import FEEDBACK_DELAY, Guard
-from yumi.control.shaper import MotionShaper
-from yumi.control.snapshot import Problem
-from yumi.robot.joints import Joints, joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO, ArmCommand, ArmState
+from yumi.control.limiter import FEEDBACK_DELAY, Guard, MotionShaper
+from yumi.control.motion import EGM_GAIN
+from yumi.control.shared_state import Problem
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
 
 DT = 0.004
 WANTED = st.tuples(*[st.floats(-100.0, 100.0)] * 7)

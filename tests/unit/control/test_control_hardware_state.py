@@ -3,11 +3,9 @@ from __future__ import annotations
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.control.inventory import InterfaceInfo
-from yumi.control.lifecycle import State
-from yumi.control.manager import ControllerManager
-from yumi.control.stations import MARK_COUNT
-from yumi.control.statistics import Statistics
+from yumi.control.controller import InterfaceInfo, State
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.statistics import MARK_COUNT, Statistics
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side, joint_names
 

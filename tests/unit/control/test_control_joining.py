@@ -8,14 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trajectories import REST, moved, planned, swing
-from yumi.control.joining import START_TOLERANCE, join
-from yumi.control.point_motion import Setpoint
-from yumi.control.spline import Spline, TrajectoryPoint, Walk
-from yumi.control.trajectory import ResultCode, check_motion
+from yumi.control.motion import Setpoint
+from yumi.control.trajectory import START_TOLERANCE, ResultCode, Spline, TrajectoryPoint, Walk, check_motion, join
 from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 
 HOME = home(Side.LEFT)
 AT_HOME = Setpoint(HOME)

@@ -5,13 +5,11 @@ import re
 
 import pytest
 
-from yumi.control.controller import Controller
-from yumi.control.lifecycle import TRANSITIONS, State, Transition
-from yumi.control.manager import ControllerManager
-from yumi.control.parameter import Parameter, Values
+from yumi.control.controller import TRANSITIONS, Controller, State, Transition
+from yumi.control.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.values import ZERO, ArmCommand, ArmState
+from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+from yumi.settings import Parameter, Values
 
 RUNNING = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=True)
 STOPPED = ArmState(1.0, 0.004, 1, ZERO, ZERO, ZERO, is_running=False)

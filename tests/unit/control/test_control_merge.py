@@ -5,10 +5,9 @@ import itertools
 import pytest
 
 from unit.control.controller_doubles import RUNNING, THERE, Double
-from yumi.control.manager import ControllerManager
+from yumi.control.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Side, joint_names
-from yumi.robot.values import ZERO, ArmCommand
+from yumi.robot.joints import ZERO, ArmCommand, Joints, Side, joint_names
 
 FAST: Joints = (0.5,) * 7
 ELSEWHERE: Joints = (0.7,) * 7

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.control.orders import Ask, check_orders, send_orders
-from yumi.control.requests import CheckOrders, Done, HoldArm, Order, SendOrders
+from yumi.control.requests import Ask, CheckOrders, Done, HoldArm, Order, SendOrders, check_orders, send_orders
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 

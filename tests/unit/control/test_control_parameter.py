@@ -5,9 +5,9 @@ from math import inf, nan
 
 import pytest
 
-from yumi.control import parameter
-from yumi.control.parameter import Parameter, ParameterType, Value
+from yumi import settings as parameter
 from yumi.errors import CommandRefused
+from yumi.settings import Parameter, ParameterType, Value
 
 GAIN = Parameter("p", 1.0, 0.0, 2.0, "1/s", "A gain.")
 COUNT = Parameter("count", 3, 1, 9)

@@ -4,7 +4,7 @@ from math import inf, isnan, nan
 
 import pytest
 
-from yumi.control.polynomial import excess
+from yumi.control.trajectory import excess
 
 
 def test_polynomial_inside_of_its_range_has_no_excess() -> None:

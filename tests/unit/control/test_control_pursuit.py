@@ -10,12 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller_states import moved
-from yumi.control.forecast import Target
-from yumi.control.pursuit import Pursuit
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
+from yumi.control.tracking import Pursuit, Target
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
 
 Path = Callable[[float], tuple[float, float, float]]
 

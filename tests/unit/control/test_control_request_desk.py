@@ -5,12 +5,11 @@ from typing import get_args
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double
-from yumi.control.arm_line import ArmLine
-from yumi.control.guard import Guard
-from yumi.control.lifecycle import State
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.manager import ControllerManager
-from yumi.control.request_desk import RequestDesk
+from yumi.control.commands import MemoryMailbox
+from yumi.control.controller import State
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import (
     ArmRequest,
     CheckOrders,
@@ -34,11 +33,9 @@ from yumi.control.requests import (
     SwitchControllers,
     UnloadController,
 )
-from yumi.control.snapshot import Snapshot, peek_snapshot
-from yumi.hardware.perfect_arm import PerfectArm
-from yumi.robot.joints import Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
+from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.driver.arm import PerfectArm
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

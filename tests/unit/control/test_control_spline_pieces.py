@@ -8,9 +8,8 @@ from itertools import pairwise
 import pytest
 
 from trajectories import moved
-from yumi.control.spline import Piece, Pieces, Spline, TrajectoryPoint, Walk, piece_between, spline_through
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
+from yumi.control.trajectory import Piece, Pieces, Spline, TrajectoryPoint, Walk, piece_between, spline_through
+from yumi.robot.joints import Side, home
 
 HOME = home(Side.LEFT)
 POINTS = [TrajectoryPoint(0.1 * number, moved(HOME, 0.01 * (number % 3))) for number in range(3200)]

@@ -5,7 +5,7 @@ from dataclasses import astuple
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.stations import (
+from yumi.control.statistics import (
     ADMIT,
     AFTER_REPLY,
     DECODE,

@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.control.lifecycle import State
-from yumi.control.manager import ControllerManager
+from yumi.control.controller import State
+from yumi.control.controller_manager import ControllerManager
 from yumi.control.requests import Strictness
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import Side, joint_names

@@ -5,12 +5,16 @@ from math import inf, nan
 
 import pytest
 
-from yumi.control.spline import TrajectoryPoint
-from yumi.control.trajectory import MOST_POINTS, JointTrajectory, ResultCode, plan_trajectory, time_to_start
+from yumi.control.trajectory import (
+    MOST_POINTS,
+    JointTrajectory,
+    ResultCode,
+    TrajectoryPoint,
+    plan_trajectory,
+    time_to_start,
+)
 from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import JOINT_COUNT, Side, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, home, joint_names
 
 RIGHT, LEFT = joint_names(Side.RIGHT), joint_names(Side.LEFT)
 HOME = home(Side.RIGHT)

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import yumi.controller_files
+from yumi.rapid.ast import Module, RoutineKind, Storage
 from yumi.rapid.parser import parse_module
-from yumi.rapid.syntax import Module, RoutineKind, Storage
-from yumi.virtual.configuration import Configuration
+from yumi.virtual.controller.configuration import Configuration
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 MODULES = sorted([*FOLDER.glob("*.mod"), *FOLDER.glob("*.sys")])

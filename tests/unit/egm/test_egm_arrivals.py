@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.egm.arrivals import Arrivals
+from yumi.egm.session import Arrivals
 
 CYCLE = 0.004032
 

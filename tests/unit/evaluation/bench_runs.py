@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from yumi.evaluation.bench_contenders import ECHO, PEERS, Case, Contender, Mode, busy_ros_graph, fast_line, ros_graph
-from yumi.evaluation.bench_figures import ArmRun, Figures, Run
-from yumi.evaluation.bench_statistics import LatencyFigures
+from yumi_evaluation.bench.build import ECHO, PEERS, Case, Contender, Mode, busy_ros_graph, fast_line, ros_graph
+from yumi_evaluation.bench.figures import ArmRun, Figures, LatencyFigures, Run
 
 LINE = fast_line("blocking")
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from yumi.errors import MissingPrerequisite
-from yumi.evaluation import bench_build
-from yumi.evaluation.bench_build import Workshop, compile_programs, find_workshop
-from yumi.evaluation.bench_contenders import contenders
+from yumi_evaluation.bench import build as bench_build
+from yumi_evaluation.bench.build import Workshop, compile_programs, contenders, find_workshop
 
 
 @pytest.fixture

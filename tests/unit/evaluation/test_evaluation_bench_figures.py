@@ -7,10 +7,9 @@ from bench_runs import LINE, figures, run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.evaluation.bench_contenders import ECHO, PEERS, Case, Mode, cases_of, contenders, schedule
-from yumi.evaluation.bench_figures import Figures
-from yumi.evaluation.bench_statistics import Spread
-from yumi.evaluation.bench_targets import targets
+from yumi_evaluation.bench.build import ECHO, PEERS, Case, Mode, cases_of, contenders, schedule
+from yumi_evaluation.bench.figures import Figures, Spread
+from yumi_evaluation.bench.targets import targets
 
 
 def test_ratio_to_peers_takes_the_better_one_of_each_round() -> None:

@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from yumi.evaluation.bench_figures import Figures
-from yumi.evaluation.bench_histograms import draw_histograms, histogram, line_styles
-from yumi.evaluation.bench_processes import cpu_percent
-from yumi.evaluation.bench_report import document, latency_table, ratio_table, target_table
+from yumi_evaluation.bench.figures import Figures, draw_histograms, histogram, line_styles
+from yumi_evaluation.bench.report import document, latency_table, ratio_table, target_table
+from yumi_evaluation.bench.run import cpu_percent
 
 SPREAD = {"median", "lowest", "highest", "rounds"}
 COUNTERS = {"missed", "stale", "bad", "recovering", "unparsed", "duplicates"}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.evaluation.bench_statistics import Spread, latency_figures, quantile, ratio, spread_of
+from yumi_evaluation.bench.figures import Spread, latency_figures, quantile, ratio, spread_of
 
 LATENCIES = st.lists(st.integers(1, 10**9), min_size=1, max_size=200)
 FIGURES = st.lists(st.floats(0.0, 1e9), min_size=1, max_size=20)

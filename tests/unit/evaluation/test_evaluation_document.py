@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from yumi.evaluation.document import Block, Heading, Paragraph, Picture, Table, to_html, to_markdown
+from yumi_evaluation.document import Block, Heading, Paragraph, Picture, Table, to_html, to_markdown
 
 BLOCKS: list[Block] = [
     Heading("Evaluation", 1),

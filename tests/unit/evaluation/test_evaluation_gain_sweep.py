@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.evaluation.evaluation_screen import recommendation_text
-from yumi.evaluation.experiment import Trace, proportional, step
-from yumi.evaluation.gain_sweep import GainPoint, Recommendation, Task, onset_of, recommend
-from yumi.evaluation.tracking_figures import StepFigures
+from yumi_evaluation.experiment import Trace, proportional, step
+from yumi_evaluation.experiments import GainPoint, Recommendation, Task, onset_of, recommend
+from yumi_evaluation.screen import recommendation_text
+from yumi_evaluation.tracking_figures import StepFigures
 
 
 def point(gain: float, overshoot_deg: float) -> GainPoint:

@@ -4,8 +4,8 @@ from dataclasses import astuple
 
 import pytest
 
-from yumi.evaluation.kpis import Measured, kpis, legs, machine_legs
-from yumi.evaluation.loop_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
+from yumi_evaluation.kpis import Measured, kpis, legs, machine_legs
+from yumi_evaluation.round_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
 
 PERIOD = 0.004
 

@@ -5,18 +5,16 @@ from math import pi, radians, sin
 
 import pytest
 
+from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.controllers.joint_position import DELAY, JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
-from yumi.control.goals import put_goal
-from yumi.control.mailbox import MemoryMailbox
-from yumi.control.parameter import Values
-from yumi.control.stations import StationClock
-from yumi.controllers.joint_position import DELAY, JointPositionController
+from yumi.control.statistics import StationClock
 from yumi.errors import CommandRefused
-from yumi.evaluation.guided_arm import GuidedArm
-from yumi.evaluation.transport_delay import transport_delay
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import joints
-from yumi.virtual.arm_model import ArmModel
+from yumi.robot.joints import CYCLE, joints
+from yumi.settings import Values
+from yumi.virtual.mechanics.arm import ArmModel
+from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.metrics import transport_delay
 
 
 def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:

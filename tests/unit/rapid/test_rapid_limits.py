@@ -13,14 +13,13 @@ from lark import Token, Tree, UnexpectedToken
 from rapid_bench import Bench, error_of, evaluated, started
 
 from yumi.rapid import InstructionSet, parser
+from yumi.rapid.ast import Expression, Module
+from yumi.rapid.compiler import Compiled, Expressions, UserRoutine
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
-from yumi.rapid.expressions import Compiled, Expressions
 from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
 from yumi.rapid.machine import COMPILED_AT_ONCE, TIME_AT_ONCE
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
-from yumi.rapid.scope import UserRoutine
-from yumi.rapid.syntax import Expression, Module
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
 from yumi.rapid.types import Type
 

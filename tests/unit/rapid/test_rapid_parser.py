@@ -3,7 +3,7 @@
 import pytest
 
 from yumi.rapid import RapidSyntaxError, parse_module
-from yumi.rapid import syntax as s
+from yumi.rapid import ast as s
 from yumi.rapid.parser import parse_expression, parse_parameters, parse_reference
 
 

@@ -6,11 +6,9 @@ import random
 
 import pytest
 
+from yumi.robot.description import JOINT_FRICTION, Mass
 from yumi.robot.dynamics import DRIVE_INERTIA, ArmDynamics
-from yumi.robot.joints import Joints, Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.model import JOINT_FRICTION, Mass
-from yumi.robot.values import ZERO
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
 
 HALF_KILO = Mass(0.5, (0.0, 0.0, 0.05), (0.0,) * 6)
 

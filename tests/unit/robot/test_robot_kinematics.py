@@ -6,10 +6,8 @@ from math import degrees, radians
 
 import pytest
 
-from yumi.robot.joints import Joints, Side, joints
+from yumi.robot.joints import Joints, Pose, Side, home, joints
 from yumi.robot.kinematics import euler_zyx, foot_to_body, tool0_to_body, tool0_to_foot
-from yumi.robot.poses import home
-from yumi.robot.values import Pose
 
 STAND = 0.140  # RobotStudio's single arm stands on a base that raises its foot [m]
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import radians
 
-from yumi.robot.limits import YUMI_LIMITS
+from yumi.robot.joints import YUMI_LIMITS
 
 
 def test_joints_can_be_slowed_down_together() -> None:

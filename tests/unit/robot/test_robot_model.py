@@ -8,10 +8,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from yumi.robot.description import GRIPPER_MASSES, joint_1_origin, robot_description
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side, finger_names, joint_names
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.model import GRIPPER_MASSES, joint_1_origin, robot_description
+from yumi.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 
 CUP = 0.0075
 

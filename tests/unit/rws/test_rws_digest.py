@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import digest
+from yumi.rws import auth as digest
 
 NONCE = "MGY0Yjc2MGY2Y2QyZjAwNzp2YWxpZHVzZXJzQHJvYmFwaS5hYmI6MTkwMjg5NjRlNGE6MA=="
 USER, PASSWORD = "Default User", "robotics"

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.rws import forms
+from yumi.rws import documents as forms
 
 texts = st.text(alphabet=st.characters(exclude_categories=("Cs",)))
 

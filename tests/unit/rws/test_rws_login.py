@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.rws import digest
-from yumi.rws.login import Login
+from yumi.rws import auth as digest
+from yumi.rws.auth import Login
 
 SET_COOKIES = (
     ("Set-Cookie", "-http-session-=16::http.session::5ed6; path=/; httponly"),

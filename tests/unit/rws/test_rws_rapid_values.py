@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.errors import CommandRefused, ProtocolError
-from yumi.rws.rapid_values import RapidValue, decode, encode, split
+from yumi.rws.types import RapidValue, decode, encode, split
 
 atoms = st.one_of(st.booleans(), st.floats(allow_nan=False, allow_infinity=False), st.text())
 values = st.recursive(atoms, lambda inner: st.lists(inner, max_size=5).map(tuple), max_leaves=20)

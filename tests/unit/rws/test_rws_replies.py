@@ -6,11 +6,9 @@ import pytest
 
 from yumi.errors import ProtocolError
 from yumi.rws import replies
-from yumi.rws.codes import Code
-from yumi.rws.pages import Page, State, Status
+from yumi.rws.documents import Form, Page, State, Status, representations_write_status
 from yumi.rws.replies import Event, Signal, SystemInfo, TaskInfo
-from yumi.rws.representations import Form, write_status
-from yumi.rws.states import EventType, OperatingMode, SignalType, TaskExecution
+from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
 
 JOINTS = {f"rax_{axis}": str(10 * axis) for axis in range(1, 7)}
 EXTERNAL = {"eax_a": "-135"} | {f"eax_{letter}": "8.999999e+009" for letter in "bcdef"}
@@ -22,7 +20,7 @@ def page(kind: str, **fields: str) -> Page:
 
 
 def refused(status: Status, form: Form = Form.XHTML) -> str:
-    body = write_status(status, form, base="")
+    body = representations_write_status(status, form, base="")
     return str(replies.refusal("writing signal x", 403, form.value, body))
 
 

@@ -10,8 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.errors import ProtocolError
-from yumi.rws.pages import Argument, Link, Page, State, Status
-from yumi.rws.representations import Form, read_page, read_status, write_page, write_status
+from yumi.rws.documents import (
+    Argument,
+    Form,
+    Link,
+    Page,
+    State,
+    Status,
+    representations_read_page,
+    representations_read_status,
+    representations_write_page,
+    representations_write_status,
+)
 
 LEGAL = st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="￾￿")
 texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)
@@ -34,26 +44,30 @@ CTRLSTATE = Page(
 
 
 def json_of(page: Page) -> dict[str, object]:
-    return json.loads(write_page(page, Form.JSON))  # type: ignore[no-any-return]
+    return json.loads(representations_write_page(page, Form.JSON))  # type: ignore[no-any-return]
 
 
 @given(pages)
 def test_xhtml_page_brings_back_what_was_written(page: Page) -> None:
-    assert read_page(Form.XHTML.value, write_page(page, Form.XHTML)) == page
+    assert representations_read_page(Form.XHTML.value, representations_write_page(page, Form.XHTML)) == page
 
 
 @given(pages)
 def test_json_page_brings_back_all_but_the_title(page: Page) -> None:
-    assert read_page(Form.JSON.value, write_page(page, Form.JSON)) == replace(page, title="")
+    assert representations_read_page(Form.JSON.value, representations_write_page(page, Form.JSON)) == replace(
+        page, title=""
+    )
 
 
 @given(st.builds(Status, st.integers(), texts), st.sampled_from(Form))
 def test_status_survives_either_form(status: Status, form: Form) -> None:
-    assert read_status(form.value, write_status(status, form, base="http://h/")) == status
+    assert (
+        representations_read_status(form.value, representations_write_status(status, form, base="http://h/")) == status
+    )
 
 
 def test_xhtml_is_one_line_after_the_declaration() -> None:
-    assert write_page(CTRLSTATE, Form.XHTML).decode() == (
+    assert representations_write_page(CTRLSTATE, Form.XHTML).decode() == (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<html xmlns="http://www.w3.org/1999/xhtml"><head><title>panel</title>'
         '<base href="http://192.168.125.1/rw/panel/"/></head><body><div class="state">'
@@ -71,13 +85,13 @@ def test_json_has_the_controllers_shape() -> None:
 
 def test_rapid_string_is_escaped_in_xhtml() -> None:
     page = Page("rapid", "", (State("rap-data", "x", {"value": '"a<b"'}),))
-    assert b"&quot;a&lt;b&quot;" in write_page(page, Form.XHTML)
+    assert b"&quot;a&lt;b&quot;" in representations_write_page(page, Form.XHTML)
 
 
 def test_logical_value_is_a_number_in_json_only() -> None:
     page = Page("io", "", (State("ios-signal", "x", {"lvalue": "1"}),))
-    assert b'"lvalue":1' in write_page(page, Form.JSON)
-    assert read_page(Form.JSON.value, write_page(page, Form.JSON)).states == page.states
+    assert b'"lvalue":1' in representations_write_page(page, Form.JSON)
+    assert representations_read_page(Form.JSON.value, representations_write_page(page, Form.JSON)).states == page.states
 
 
 @pytest.mark.parametrize(
@@ -90,13 +104,18 @@ def test_logical_value_is_a_number_in_json_only() -> None:
 )
 def test_json_spells_some_fields_otherwise(kind: str, ours: str, theirs: str) -> None:
     page = Page("", "", (State(kind, "x", {ours: "1"}),))
-    assert f'"{theirs}":"1"'.encode() in write_page(page, Form.JSON)
-    assert read_page(Form.JSON.value, write_page(page, Form.JSON)) == page
+    assert f'"{theirs}":"1"'.encode() in representations_write_page(page, Form.JSON)
+    assert representations_read_page(Form.JSON.value, representations_write_page(page, Form.JSON)) == page
 
 
 def test_character_xml_cannot_carry_is_replaced() -> None:
     page = Page("", "", (State("rap-data", "x", {"value": "a\x00\ud800b"}),))
-    assert read_page(Form.XHTML.value, write_page(page, Form.XHTML)).states[0].text("value") == "a��b"
+    assert (
+        representations_read_page(Form.XHTML.value, representations_write_page(page, Form.XHTML))
+        .states[0]
+        .text("value")
+        == "a��b"
+    )
 
 
 BOMB = b'<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><html><body>&b;</body></html>'
@@ -120,18 +139,18 @@ BOMB = b'<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><html><body>&b;</b
 )
 def test_body_of_another_kind_is_refused_with_a_sentence(kind: str, body: bytes, sentence: str) -> None:
     with pytest.raises(ProtocolError, match=sentence):
-        read_page(kind, body)
+        representations_read_page(kind, body)
 
 
 @pytest.mark.parametrize("body", [b'{"_embedded":{"status":{}}}', b'{"_embedded":{"_state":[]}}'])
 def test_json_status_without_a_code_is_refused(body: bytes) -> None:
     with pytest.raises(ProtocolError, match="no code"):
-        read_status("application/json", body)
+        representations_read_status("application/json", body)
 
 
 def test_xhtml_status_without_a_code_is_refused() -> None:
     with pytest.raises(ProtocolError, match="no code"):
-        read_status("text/html", b'<html><body><div class="status"></div></body></html>')
+        representations_read_status("text/html", b'<html><body><div class="status"></div></body></html>')
 
 
 def test_page_says_which_state_is_missing() -> None:
@@ -160,21 +179,21 @@ def nested_json(depth: int) -> bytes:
 def test_page_is_read_to_a_depth_that_no_controller_needs_and_no_further(
     kind: str, nested: Callable[[int], bytes]
 ) -> None:
-    assert len(read_page(kind, nested(32)).states) == 1
+    assert len(representations_read_page(kind, nested(32)).states) == 1
     for depth in (33, 300, 1000, 100_000):
         with pytest.raises(ProtocolError) as refused:
-            read_page(kind, nested(depth))
+            representations_read_page(kind, nested(depth))
         assert str(refused.value).count(".") == 1
 
 
 @pytest.mark.parametrize("kind", ["application/xhtml+xml", "application/json"])
 def test_page_that_is_larger_than_any_of_a_controller_is_not_read(kind: str) -> None:
     with pytest.raises(ProtocolError, match="document of 16777217 bytes; a controller's has 16777216 at most"):
-        read_page(kind, b" " * (16 * 1024 * 1024 + 1))
+        representations_read_page(kind, b" " * (16 * 1024 * 1024 + 1))
 
 
 @pytest.mark.parametrize("kind", ["application/xhtml+xml", "application/json"])
 @given(body=st.binary(max_size=300))
 def test_page_of_any_bytes_is_read_or_refused(kind: str, body: bytes) -> None:
     with suppress(ProtocolError):
-        read_page(kind, body)
+        representations_read_page(kind, body)

@@ -4,7 +4,7 @@ import pytest
 
 from yumi.rws import requests
 from yumi.rws.requests import Request
-from yumi.rws.states import ControllerState
+from yumi.rws.types import ControllerState
 
 
 @pytest.mark.parametrize(

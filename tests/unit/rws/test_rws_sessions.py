@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.rws import cookies
-from yumi.rws.sessions import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
+from yumi.rws import auth as cookies
+from yumi.virtual.rws.sessions import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
 
 
 @pytest.fixture

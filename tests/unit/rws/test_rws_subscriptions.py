@@ -7,9 +7,10 @@ import re
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import event_pages, forms
-from yumi.rws.pages import Link, State
-from yumi.rws.subscriptions import (
+from yumi.rws import documents as forms
+from yumi.rws import requests as event_pages
+from yumi.rws.documents import Link, State
+from yumi.rws.requests import (
     Change,
     Priority,
     Resource,

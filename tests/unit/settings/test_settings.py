@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from yumi.controllers.joint_goal import JointGoalController
-from yumi.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_goal import JointGoalController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
-from yumi.settings import Settings, config_folder, override, read_controllers, read_settings
 
 
 @pytest.fixture

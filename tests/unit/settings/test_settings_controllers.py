@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from yumi.app import check_controllers
-from yumi.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
+from yumi.driver.wiring import check_controllers
 from yumi.errors import SettingsError
-from yumi.parameter_file import read_parameter_file
 from yumi.robot.joints import Side
-from yumi.settings import ControllerSettings, InitialState, read_controllers
+from yumi.settings import read_parameter_file
 
 RIGHT = Side.RIGHT
 LISTED = """

@@ -13,7 +13,7 @@ import pytest
 from conftest import ROOT
 
 READ_SETTINGS = (
-    "import yumi.settings as s; from yumi.robot.joints import Side; "
+    "import yumi.driver.settings as s; from yumi.robot.joints import Side; "
     "s.read_settings(); [s.read_controllers(side) for side in Side]; print(s.config_folder())"
 )
 
@@ -55,7 +55,7 @@ def run(command: list[str], folder: Path) -> str:
 def test_installation_has_every_file_of_the_package(installed: Path) -> None:
     package = ROOT / "src" / "yumi"
     files = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    assert {Path("rapid/grammar.lark"), Path("egm/egm.proto"), Path("virtual/stock/EIO.cfg")} < files
+    assert {Path("rapid/grammar.lark"), Path("egm/egm.proto"), Path("virtual/controller/stock/EIO.cfg")} < files
     assert {Path("controller_files/TRobSG.mod"), Path("controller_files/TRobSystem.sys")} < files
     assert [str(path) for path in sorted(files) if not (installed / "yumi" / path).is_file()] == []
 

@@ -7,23 +7,21 @@ from pathlib import Path
 import yumi.controller_files
 from yumi.rapid.host import Execution
 from yumi.rapid.task import Task
-from yumi.robot.cycle import CYCLE
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.configuration import Configuration
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.events import EventLog
-from yumi.virtual.gripper import VirtualGripper, Workpiece
-from yumi.virtual.instructions import robot_library
-from yumi.virtual.mechanical_units import YUMI_UNITS
-from yumi.virtual.signals import Signals
-from yumi.virtual.station import Station
-from yumi.virtual.sync_points import SyncPoints
-from yumi.virtual.task_host import TaskHost
+from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.controller.configuration import Configuration
+from yumi.virtual.controller.controller import TaskHost
+from yumi.virtual.controller.egm import EgmClient
+from yumi.virtual.controller.events import EventLog
+from yumi.virtual.controller.signals import Signals
+from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.units import YUMI_UNITS, SyncPoints
+from yumi.virtual.instructions.library import robot_library
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
-STOCK = FOLDER.parent / "virtual" / "stock"
+STOCK = FOLDER.parent / "virtual" / "controller" / "stock"
 
 MODULE = """MODULE Program
     TASK PERS tooldata my_tool:=[TRUE,[[0,0,100],[1,0,0,0]],[0.2,[0,0,50],[1,0,0,0],0,0,0]];

@@ -7,13 +7,9 @@ from math import dist, inf, nan
 import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import ZERO, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.poses import home
-from yumi.robot.values import ZERO
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.egm_settings import EgmSettings
+from yumi.virtual.mechanics.arm import ArmModel, EgmSettings, VirtualArm
 
 CYCLE = 0.004032
 VELOCITY_MODE = EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0)

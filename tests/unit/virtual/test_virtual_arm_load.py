@@ -7,14 +7,8 @@ from dataclasses import replace
 import pytest
 
 from yumi.robot.dynamics import ArmDynamics
-from yumi.robot.joints import Joints, Side
-from yumi.robot.poses import home
-from yumi.robot.values import ZERO
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.arm_load import LoadSupervision
-from yumi.virtual.arm_model import ArmModel
-from yumi.virtual.arm_motion import MotionState
-from yumi.virtual.egm_settings import EgmSettings
+from yumi.robot.joints import ZERO, Joints, Side, home
+from yumi.virtual.mechanics.arm import ArmModel, EgmSettings, LoadSupervision, MotionState, VirtualArm
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

@@ -13,10 +13,10 @@ from lark import UnexpectedInput
 
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
-from yumi.virtual import rws_rapid
-from yumi.virtual.rws_routes import Call, answer
+from yumi.virtual.rws import rapid as rws_rapid
+from yumi.virtual.rws.routes import Call, answer
+from yumi.virtual.server import Background, parsed
 from yumi.virtual.world import World
-from yumi.virtual_controller import Background, parsed
 
 
 @pytest.fixture

@@ -12,21 +12,10 @@ from yumi.egm.codec import SensorCodec
 from yumi.egm.egm_pb2 import EgmSensor
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
 from yumi.errors import RobotNotReady
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side, abb_from_chain
+from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.poses import home
-from yumi.robot.values import Pose
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_adapter import EgmClient, EgmOutcome, EgmState
-from yumi.virtual.egm_options import EgmOptions, InvalidReference, RobotWare
-from yumi.virtual.egm_settings import (
-    EgmActivation,
-    EgmRun,
-    ExternalMotionData,
-    StopMode,
-    same_band,
-)
+from yumi.virtual.controller.egm import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
+from yumi.virtual.mechanics.arm import EgmActivation, EgmRun, ExternalMotionData, StopMode, VirtualArm, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

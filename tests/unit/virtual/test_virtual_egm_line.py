@@ -10,13 +10,10 @@ import pytest
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import SensorCodec, parse
 from yumi.egm.messages import RobotMessage
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Side
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_adapter import EgmClient
-from yumi.virtual.egm_line import Departure, EgmLines, field_borders
-from yumi.virtual.egm_settings import EgmRun
-from yumi.virtual.fault_names import Fault, Way
+from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.controller.egm import Departure, EgmClient, EgmLines, field_borders
+from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.mechanics.arm import EgmRun, VirtualArm
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

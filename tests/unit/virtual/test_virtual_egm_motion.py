@@ -8,12 +8,16 @@ from math import cos, pi, radians, sin
 
 import pytest
 
-from yumi.robot.joints import Joints, Side
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.values import ZERO
-from yumi.virtual.arm import VirtualArm
-from yumi.virtual.egm_motion import EgmMotion
-from yumi.virtual.egm_settings import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, law_settings
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
+from yumi.virtual.mechanics.arm import (
+    EgmActivation,
+    EgmMotion,
+    EgmRun,
+    EgmSettings,
+    ExternalMotionData,
+    VirtualArm,
+    law_settings,
+)
 
 CYCLE = 0.004032
 FAST = 400.0

@@ -11,12 +11,12 @@ from memory_http import MemoryHttp
 from system.virtual_time_bench import System
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
-from yumi.links.http import HttpReply, HttpRequest
 from yumi.robot.joints import Side
-from yumi.rws.states import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.egm_adapter import EgmOutcome
-from yumi.virtual.fault_desk import PATH, FaultDesk
-from yumi.virtual.fault_names import Fault, Way
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.virtual.controller.egm import EgmOutcome
+from yumi.virtual.controller.fault_injection import PATH, FaultDesk
+from yumi.virtual.controller.fault_names import Fault, Way
 from yumi.virtual.world import World
 
 LOCAL = "127.0.0.1:4711"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.virtual import files
-from yumi.virtual.files import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
-from yumi.virtual.refusal import Refusal, Refused
+from yumi.virtual.controller import files
+from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.files import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
 
 
 @pytest.fixture

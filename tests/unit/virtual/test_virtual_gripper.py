@@ -8,8 +8,7 @@ import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.gripper import GripperModules, HandCommand, HandState
-from yumi.virtual.gripper import VirtualGripper
-from yumi.virtual.gripper_fingers import Workpiece
+from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
 
 CUBE = Workpiece(0.020)
 RING = Workpiece(0.030, is_hollow=True)

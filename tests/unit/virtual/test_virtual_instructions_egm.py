@@ -7,10 +7,9 @@ from instruction_bench import InstructionBench
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.virtual.egm_adapter import EgmState
-from yumi.virtual.egm_settings import EgmActivation
+from yumi.robot.joints import Side, home
+from yumi.virtual.controller.egm import EgmState
+from yumi.virtual.mechanics.arm import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

@@ -4,8 +4,7 @@ import pytest
 from instruction_bench import InstructionBench
 
 from yumi.robot.gripper import HandState
-from yumi.virtual.gripper import Workpiece
-from yumi.virtual.vacuum_cup import CupObject
+from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 
 @pytest.fixture

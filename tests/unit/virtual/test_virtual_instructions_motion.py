@@ -7,13 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
-from yumi.robot.limits import YUMI_LIMITS
-from yumi.robot.poses import home
-from yumi.virtual.arm_angle import arm_angle_deg
-from yumi.virtual.rapid_values import NOT_PRESENT, jointtarget, robtarget
+from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
+from yumi.virtual.mechanics.arm import arm_angle_deg
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 
@@ -50,7 +47,7 @@ def test_loop_of_moves_of_no_length_makes_one_in_a_cycle(bench: InstructionBench
 
 def test_move_of_no_length_is_not_planned(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
     planned: list[object] = []
-    monkeypatch.setattr("yumi.virtual.arm.tool0_to_body", planned.append)
+    monkeypatch.setattr("yumi.virtual.mechanics.arm.tool0_to_body", planned.append)
     bench.station.arm.move_to(bench.station.arm.planned)
     assert planned == []
 

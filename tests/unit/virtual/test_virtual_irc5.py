@@ -6,12 +6,11 @@ import pytest
 
 from yumi.egm.messages import RapidState
 from yumi.rapid.host import Execution
-from yumi.robot.joints import Side
-from yumi.robot.poses import home
-from yumi.rws.states import ControllerState, OperatingMode
-from yumi.virtual.faults import Faults
-from yumi.virtual.irc5 import Irc5
-from yumi.virtual.refusal import Refusal, Refused
+from yumi.robot.joints import Side, home
+from yumi.rws.types import ControllerState, OperatingMode
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.faults import Faults
 from yumi.virtual.world import World, WorldSettings
 
 Request = Callable[[Irc5], None]

@@ -3,7 +3,7 @@
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.virtual.events import EventLog, EventType
+from yumi.virtual.controller.events import EventLog, EventType
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.robot.cycle import CYCLE
-from yumi.virtual_controller import LONGEST_LAG, TIME_TO_ANSWER, Pace
+from yumi.robot.joints import CYCLE
+from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Pace
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 import pytest
 
-from yumi.virtual.refusal import Refusal, Refused
-from yumi.virtual.signals import Signal, Signals, SignalType
+from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.signals import Signal, Signals, SignalType
 
 Edge = tuple[str, float, float]
 

@@ -2,10 +2,8 @@
 
 import pytest
 
-from yumi.robot.cycle import CYCLE
-from yumi.robot.joints import Joints, Side
-from yumi.robot.poses import home
-from yumi.virtual.gripper import Workpiece
+from yumi.robot.joints import CYCLE, Joints, Side, home
+from yumi.virtual.mechanics.gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
 
 BENT: Joints = (0.0, -1.5, -2.0, 0.5, 0.0, 0.7, 0.1)

@@ -1,0 +1,486 @@
+"""Guides the arms on behalf of a script: who commands them, and which orders they get.
+
+Motions under way, and how each of them ends: what a script waits for.
+
+Waiting for motions: whoever stops waiting, for whatever reason, leaves no arm moving.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future
+from concurrent.futures import TimeoutError as NotInTime
+from concurrent.futures import wait as wait_for_futures
+from contextlib import suppress
+from dataclasses import replace
+from itertools import count
+from threading import Lock
+from typing import Any, Protocol, SupportsFloat
+
+from yumi.api.joints import in_chain_order
+from yumi.clock import Clock
+from yumi.control.commands import Mailbox, check_position, put_goal
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
+from yumi.control.motion import STANDING
+from yumi.control.requests import (
+    ControllerNotice,
+    Done,
+    Event,
+    ListControllers,
+    Order,
+    Request,
+    RobotStoppedFollowing,
+    SendOrders,
+    SessionLost,
+    SessionStarted,
+    SwitchControllers,
+    is_fault,
+)
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.trajectory import (
+    ArmPlan,
+    JointTrajectory,
+    TrajectoryPoint,
+    check_count,
+    plan_trajectory,
+    time_to_start,
+)
+from yumi.driver.stops import Cause, explained
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Side, joint_names, joints
+
+LAST_STOP = 5.0
+"""An arm must have come to rest within this time [s]; it takes a tenth of it."""
+
+log = logging.getLogger(__name__)
+
+
+class Motion:
+    """One motion of one arm.
+
+    Attributes:
+        side: the arm.
+        identity: its number.
+        future: done when the motion has ended; raises what :meth:`wait` raises.
+    """
+
+    def __init__(self, side: Side, identity: int) -> None:
+        self.side = side
+        self.identity = identity
+        self.future: Future[None] = Future()
+        self.future.set_running_or_notify_cancel()  # who no longer waits does not end the motion
+
+    def __repr__(self) -> str:
+        return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {'ended' if self.is_done else 'under way'}>"
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended, at its goal or elsewhere."""
+        return self.future.done()
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until the arm stands at its goal; waiting longer than ``timeout`` [s] does not stop the arm.
+
+        Raises:
+            GoalNotReached: the motion ended elsewhere, or its time is up; the message says why.
+        """
+        try:
+            self.future.result(timeout)
+        except NotInTime:
+            raise GoalNotReached(
+                f"The {self.side.word} arm has not reached its goal within {timeout:g} s; it is still on its way."
+            ) from None
+
+
+Explain = Callable[[Callable[[Cause], None]], None]
+"""Calls back with what stopped the robot, once that is known."""
+
+
+class MotionBook:
+    """All motions under way, and what has gone wrong since the last recovery; safe from any thread.
+
+    Attributes:
+        explain: a fault ends motions with the cause that it calls back with.
+    """
+
+    def __init__(self) -> None:
+        self.explain: Explain = lambda then: then(Cause())
+        self._recoveries = 0
+        self._numbers = count(1)
+        self._open: dict[int, Motion] = {}
+        self._faults: dict[Side, tuple[str, str]] = {}  # a sentence, and the stop that a person must confirm
+        self._lock = Lock()
+
+    def begin(self, side: Side) -> Motion:
+        """A new motion, to be ordered under its number."""
+        with self._lock:
+            motion = Motion(side, next(self._numbers))
+            self._open[motion.identity] = motion
+        return motion
+
+    def forget(self, motions: Iterable[Motion]) -> None:
+        """They were refused: nobody moves."""
+        with self._lock:
+            for motion in motions:
+                self._open.pop(motion.identity, None)
+
+    def fault(self, side: Side) -> str | None:
+        """What stopped the arm, in a sentence; None when nothing did."""
+        fault = self._faults.get(side)
+        return fault[0] if fault else None
+
+    def stop(self, side: Side) -> str:
+        """Id of the stop that a person must confirm before the arm moves again; empty where there is none."""
+        return self._faults.get(side, ("", ""))[1]
+
+    def clear_faults(self) -> None:
+        """The robot is ready again."""
+        with self._lock:
+            self._recoveries += 1
+            self._faults.clear()
+
+    def tell(self, event: Event) -> None:
+        """Take in what the fast line tells."""
+        if isinstance(event, ControllerNotice):
+            self._settle(event.notice)
+            return
+        if not is_fault(event):
+            log.info(_for_script(str(event)))
+            return
+        failed, recoveries = self._take_failed(event.side, _for_script(str(event)))
+
+        def end(cause: Cause) -> None:
+            sentence = _for_script(explained(event, cause))
+            log.warning(sentence)
+            with self._lock:
+                if self._recoveries == recoveries:
+                    self._faults[event.side] = (sentence, cause.stop)
+            for motion in failed:
+                motion.future.set_exception(GoalNotReached(sentence, cause.stop))
+
+        if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
+            self.explain(end)  # EGM's end arrives before the controller's event that tells why
+        else:
+            end(Cause())
+
+    def _take_failed(self, side: Side, sentence: str) -> tuple[list[Motion], int]:
+        """The motions of an arm that something has stopped; whatever else is told of them counts no more."""
+        with self._lock:
+            self._faults[side] = (sentence, "")
+            failed = [motion for motion in self._open.values() if motion.side is side]
+            for motion in failed:
+                del self._open[motion.identity]
+            return failed, self._recoveries
+
+    def _settle(self, notice: object) -> None:
+        if isinstance(notice, GoalEnded):
+            self._end(notice.identity, notice.outcome is GoalOutcome.REACHED, notice.sentence)
+        elif isinstance(notice, TrajectoryEnded):
+            self._end(notice.goal, notice.outcome is Outcome.SUCCEEDED, notice.sentence)
+
+    def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
+        with self._lock:
+            motion = self._open.pop(identity, None)
+        if motion is None:
+            return
+        if is_reached:
+            motion.future.set_result(None)
+        else:
+            reason = sentence.rstrip(".")
+            motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))
+
+
+def _for_script(sentence: str) -> str:
+    """In a script the way back is a method, with ROS it is a service."""
+    return sentence.replace("start_egm", "robot.recover()").replace("(recover)", "(robot.recover(confirm=...))")
+
+
+GOAL_CONTROLLER = "joint_goal_controller"
+"""Takes an arm to single points."""
+
+STREAM_CONTROLLER = "joint_position_controller"
+"""Follows a stream of points."""
+
+TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
+"""Follows points with times."""
+
+ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
+"""When a trajectory's last point is reached: the same as for single points."""
+
+Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat]
+"""Seven joint positions [rad]: a list, a tuple or an array in chain order (axes 1, 2, 7, 3, 4, 5, 6), or a mapping by
+joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``)."""
+
+
+TimedPosition = Sequence[Any]
+"""A time since the begin [s], the joint positions then [rad], and, if wanted, velocities [rad/s] and accelerations."""
+
+
+class FastLine(Protocol):
+    """What is needed of the fast line."""
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm."""
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles."""
+
+
+class Guidance:
+    """Orders for the arms of one robot.
+
+    Args:
+        fast_line: where the controllers live.
+        goals: where each arm's stream of goals goes.
+        book: of the motions under way.
+        arms: those that are guided.
+        limits: what a trajectory may ask of the joints.
+        clock: of the trajectories' begins, which the fast line shares.
+    """
+
+    def __init__(
+        self,
+        fast_line: FastLine,
+        goals: Mapping[Side, Mailbox],
+        book: MotionBook,
+        arms: tuple[Side, ...],
+        limits: JointLimits,
+        clock: Clock,
+    ) -> None:
+        self.arms = arms
+        self._limits = limits
+        self._clock = clock
+        self._fast_line = fast_line
+        self._goals = goals
+        self._book = book
+        self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
+
+    def snapshot(self, side: Side) -> Snapshot:
+        """What is known of an arm.
+
+        Raises:
+            RobotNotReady: it is not one of those that are guided.
+        """
+        if side not in self.arms:
+            raise RobotNotReady(f"The {side.word} arm is not guided; name it in connect(arms=...).")
+        return self._fast_line.snapshot(side)
+
+    def fault(self, side: Side) -> str | None:
+        """What stopped the arm, in a sentence; None when nothing did."""
+        return self._book.fault(side)
+
+    def move(
+        self, goals: Mapping[Side, Position], speed: float | None, acceleration: float | None
+    ) -> tuple[Motion, ...]:
+        """Send arms to goals, both in the same cycle period, or none of them.
+
+        Args:
+            goals: where each arm shall go.
+            speed: share of the joints' speeds, above 0 up to 1; None takes the connection's.
+            acceleration: the same for accelerations and jerks.
+
+        Raises:
+            CommandRefused: a goal is impossible; nothing moves.
+            RobotNotReady: an arm does not follow.
+        """
+        checked = {side: checked_goal(side, goal) for side, goal in goals.items()}
+        speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
+        self._lead(checked)
+        motions = {side: self._book.begin(side) for side in checked}
+        orders = [
+            Order(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
+            for side, goal in checked.items()
+        ]
+        return self._send(orders, tuple(motions.values()))
+
+    def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
+        """Have arms follow trajectories that begin at the same moment, or none of them.
+
+        Raises:
+            CommandRefused: a trajectory is impossible; nothing moves, but what moved has come to rest.
+            RobotNotReady: an arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        plans = {side: self._plan(side, _timed_points(side, points)) for side, points in trajectories.items()}
+        for side in plans:
+            self._check_follows(side)
+        for side in plans:
+            self._take_over(side, TRAJECTORY_CONTROLLER)
+        most = max(map(len, trajectories.values()))
+        start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
+        motions = {side: self._book.begin(side) for side in plans}
+        orders = [
+            Order(
+                side,
+                TRAJECTORY_CONTROLLER,
+                FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
+            )
+            for side, plan in plans.items()
+        ]
+        return self._send(orders, tuple(motions.values()))
+
+    def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
+        """Have arms come to rest, as fast as their joints may; those that do not follow stand already.
+
+        Returns:
+            The motions to standstill.
+        """
+        moving = [side for side in sides if self._fast_line.snapshot(side).is_commanded]
+        self._activate(moving, GOAL_CONTROLLER)
+        motions = tuple(self._book.begin(side) for side in moving)
+        return self._send([Order(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions)
+
+    def stream(self, side: Side, goal: Position) -> None:
+        """Let an arm follow a stream of goals, of which this is the next.
+
+        Raises:
+            CommandRefused: the goal is impossible; the arm keeps the one before.
+            RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        checked = checked_goal(side, goal)
+        snapshot = self.snapshot(side)
+        if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
+            self._check_follows(side)
+            self._take_over(side, STREAM_CONTROLLER)
+            snapshot = self._fast_line.snapshot(side)
+            self._streaming[side] = (snapshot.session, snapshot.activation)
+        put_goal(self._goals[side], snapshot.session, checked)
+
+    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...]) -> ArmPlan:
+        return plan_trajectory(JointTrajectory(joint_names(side), points), (side,), self._limits)[side]
+
+    def _take_over(self, side: Side, name: str) -> None:
+        """From standstill: the controllers lead an arm by different laws."""
+        if self._commanding(side) == (name,):
+            return
+        for motion in self.stop((side,)):
+            motion.wait(LAST_STOP)
+        self._activate([side], name)
+
+    def _lead(self, sides: Iterable[Side]) -> None:
+        for side in sides:
+            self._check_follows(side)
+        self._activate(sides, GOAL_CONTROLLER)
+
+    def _check_follows(self, side: Side) -> None:
+        snapshot, fault = self.snapshot(side), self._book.fault(side)
+        if fault is not None:
+            stop = self._book.stop(side)
+            raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}", stop)
+        if snapshot.problem is not Problem.NONE:
+            raise RobotNotReady(f"Goal refused: {side.word} arm: {CAUSES[snapshot.problem]}.")
+        if not snapshot.is_running:
+            raise RobotNotReady(f"EGM is not running on the {side.word} arm; call robot.recover().")
+
+    def _activate(self, sides: Iterable[Side], name: str) -> None:
+        """Give the arms to a controller; what commands one until then gives way in the same switch."""
+        for side in sides:
+            commanding = self._commanding(side)
+            if commanding != (name,):
+                self._streaming.pop(side, None)
+                self._fast_line.ask(SwitchControllers(side, activate=(name,), deactivate=commanding))
+
+    def _commanding(self, side: Side) -> tuple[str, ...]:
+        infos = self._fast_line.ask(ListControllers(side)).controllers
+        return tuple(info.name for info in infos if info.claimed)
+
+    def _send(self, orders: Sequence[Order], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
+        if not orders:
+            return ()
+        try:
+            self._fast_line.ask(SendOrders(tuple(orders)))
+        except YumiError:
+            self._book.forget(motions)
+            raise
+        return motions
+
+
+def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
+    try:
+        check_count(len(points))
+        return tuple(
+            TrajectoryPoint(float(time), *(tuple(map(float, in_chain_order(side, each))) for each in values))
+            for time, *values in points
+        )
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(
+            "Trajectory refused: each of its points is a time and seven positions, and no more than velocities and "
+            f"accelerations besides ({error})."
+        ) from error
+
+
+def checked_goal(side: Side, goal: Position) -> Joints:
+    """``goal`` [rad] in chain order, when an arm can be there.
+
+    Raises:
+        CommandRefused: not seven numbers, not the arm's joints, or a value is impossible.
+    """
+    try:
+        values = [float(value) for value in in_chain_order(side, goal)]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(goal)[:100]}.") from error
+    if len(values) != JOINT_COUNT:
+        raise CommandRefused(
+            f"Goal refused: it has {len(values)} positions; an arm has {JOINT_COUNT} joints: "
+            f"{', '.join(joint_names(side))}."
+        )
+    for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
+        check_position(name, index, value, "use yumi.degrees(...)")
+    return joints(values)
+
+
+def checked_scale(name: str, value: object) -> float | None:
+    """A share of the joints' limits as a plain number, which another process can read; None stays.
+
+    Raises:
+        CommandRefused: no number.
+    """
+    if value is None:
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error
+
+
+def wait_for(motions: Sequence[Motion], timeout: float | None, guidance: Guidance) -> None:
+    """Wait until all ``motions`` are at their goals; on any other way out those that still move are stopped.
+
+    Args:
+        motions: begun together.
+        timeout: longest wait [s]; None waits until they end.
+        guidance: what stops the arms.
+
+    Raises:
+        GoalNotReached: a motion ended elsewhere, or its time was up.
+    """
+    try:
+        wait_for_futures([motion.future for motion in motions], timeout, FIRST_EXCEPTION)
+        check_ended(motions, timeout)
+    except BaseException:  # Ctrl-C too
+        halt(motions, guidance)
+        raise
+
+
+def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
+    """Look how motions ended that were waited for.
+
+    Raises:
+        GoalNotReached: one ended elsewhere, or is not over.
+    """
+    for motion in [each for each in motions if each.is_done]:
+        motion.future.result()
+    late = [motion.side.word for motion in motions if not motion.is_done]
+    if late:
+        arms = " and ".join(late)
+        raise GoalNotReached(f"The {arms} arm did not arrive within {timeout:g} s and was stopped.")
+
+
+def halt(motions: Iterable[Motion], guidance: Guidance) -> None:
+    """Stop the arms of those motions that are under way, and wait until they stand."""
+    with suppress(YumiError):  # what ended the wait is what a person must read; the fast line holds what it can
+        for stopping in guidance.stop([motion.side for motion in motions if not motion.is_done]):
+            stopping.wait(LAST_STOP)

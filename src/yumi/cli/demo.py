@@ -1,0 +1,274 @@
+"""The demonstration: virtual controller, driver and move-and-grab application, each a process, from start to end.
+
+What a person sees of the demonstration: numbered steps, the joint error shrinking, a final table.
+"""
+
+from __future__ import annotations
+
+import sys
+import termios
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from math import degrees
+from pathlib import Path
+from select import select
+from types import TracebackType
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, TaskID, TextColumn
+from rich.progress import Progress as ProgressProgress
+from rich.table import Table
+
+from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.settings import RobotSettings
+from yumi.egm.udp import free_port
+from yumi.errors import RobotNotReady, YumiError
+from yumi.process.child import Command
+from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
+from yumi.ros.driver import close_ros, open_ros
+from yumi.ros.move_and_grab import GOALS, ArmReport, MoveAndGrab, Progress
+from yumi.rws.client import RwsClient
+
+OBJECT_WIDTH = 0.020
+"""What lies between the left fingers of the virtual robot [m]."""
+
+_READY_TIMEOUT = 60.0
+_REAL = (
+    "Look at the robot: is what stopped it gone, is nobody and nothing in its way, is what an arm touched freed? "
+    "The motors are switched on and the motion goes on to the same goals."
+)
+_VIRTUAL = "This robot is virtual: nothing can be hit. The motion goes on to the same goals."
+
+
+@dataclass(frozen=True, slots=True)
+class DemoPlan:
+    """What the demonstration runs on.
+
+    Attributes:
+        robot: address of a real controller; None brings a virtual one.
+        options: further options for the driver, e.g. a settings file.
+        logs: folder for the processes' output.
+        secrets: environment variables for the driver and the virtual controller: the password.
+    """
+
+    robot: str | None
+    options: tuple[str, ...]
+    logs: Path
+    secrets: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+
+class Cancelled(Exception):
+    """The demonstration was told to end."""
+
+
+Confirm = Callable[[str, Callable[[], None]], bool]
+"""Asks a person on the terminal, and calls a check again and again while it waits; False where there is nobody."""
+
+
+def run_demo(
+    plan: DemoPlan, progress: Progress, is_cancelled: Callable[[], bool], confirm: Confirm = lambda *_: False
+) -> Mapping[Side, ArmReport]:
+    """Run the task from start to end; on any way out motion is stopped and every process has ended.
+
+    Args:
+        plan: what it runs on.
+        progress: shows the steps.
+        is_cancelled: whether it shall end.
+        confirm: asked whether the robot may go on after a stop.
+
+    Raises:
+        YumiError: a step failed; the message says which.
+        Cancelled: it was told to end.
+    """
+
+    def check() -> None:
+        if is_cancelled():
+            raise Cancelled
+
+    plan.logs.mkdir(parents=True, exist_ok=True)
+    with _driver(plan, progress, check) as driver:
+
+        def check_driver() -> None:
+            check()
+            if driver.exit_code is not None:
+                raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+        def ask(sentence: str) -> bool:
+            return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
+
+        return _run_application(progress, check_driver, ask)
+
+
+def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: float = 1.0) -> str:
+    """What the demonstration will do to a robot, for a person who decides whether it may.
+
+    Args:
+        start: where the arms stand, chain order [rad].
+        top_speed: highest speed that a joint is given at a speed scale of 1 [rad/s].
+        speed_scale: share of all speeds.
+    """
+    lines = ["The motors are switched on, the program pointers are moved to main, and the grippers are calibrated."]
+    for side, goal in GOALS.items():
+        moves = [abs(end - begin) for begin, end in zip(start[side], goal, strict=True)]
+        name = joint_names(side)[moves.index(max(moves))]
+        lines += [
+            f"The {side.word} arm moves by up to {degrees(max(moves)):.1f}° ({name}), straight in joint space:",
+            f"  from {_degrees(start[side])}",
+            f"  to   {_degrees(goal)}",
+        ]
+    highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
+    lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
+    lines.append("Both grippers open before and close afterwards. Arms are not kept apart: look where they go.")
+    return "\n".join(lines)
+
+
+def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
+    """Where the arms of a robot stand, chain order [rad]; nothing is changed there.
+
+    Raises:
+        YumiError: its controller cannot be reached or asked.
+    """
+    address = f"{robot.address}:{robot.rws_port}"
+    with RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout) as client:
+        return {side: client.joint_target(side.unit) for side in Side}
+
+
+def _degrees(position: Joints) -> str:
+    return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
+
+
+def _run_application(
+    progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool]
+) -> Mapping[Side, ArmReport]:
+    open_ros()
+    application = MoveAndGrab(progress, check, confirm)
+    try:
+        application.run()
+    except BaseException:
+        with suppress(YumiError):  # what went wrong first is what a person must read; the driver ends EGM as well
+            application.stop_motion()
+        raise
+    finally:
+        application.close()
+        close_ros()
+    return application.reports
+
+
+@contextmanager
+def _driver(plan: DemoPlan, progress: Progress, check: Callable[[], None]) -> Iterator[Command]:
+    with ExitStack() as stack:
+        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack, check)
+        progress.step("start the driver")
+        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        driver = stack.enter_context(command)
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, lambda line: _pass_on(line, progress)))
+        yield driver
+
+
+def _pass_on(line: str, progress: Progress) -> None:
+    """Of what the driver logs, what it will do to the robot is for the person at the terminal."""
+    _, announces, steps = line.partition(ANNOUNCEMENT)
+    if announces:
+        progress.note(f"{ANNOUNCEMENT}{steps}")
+
+
+def _start_controller(
+    plan: DemoPlan, progress: Progress, stack: ExitStack, check: Callable[[], None]
+) -> tuple[str, ...]:
+    """Start the virtual controller on ports nobody uses; returns the driver's options to find it."""
+    progress.step("start the virtual controller")
+    left, right = free_port(), free_port()
+    ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
+    arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+    command = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
+    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT, check)
+    progress.note(address)
+    host, _, rws_port = address.removeprefix("http://").partition(":")
+    return ("--robot", host, "--rws-port", rws_port, *ports)
+
+
+_GLANCE = 0.1  # [s]
+
+
+class DemoScreen:
+    """Shows progress on the terminal, or as plain lines where there is none."""
+
+    def __init__(self) -> None:
+        self._console = Console(highlight=False)
+        self._bars = ProgressProgress(
+            TextColumn("     {task.description}"),
+            BarColumn(bar_width=32),
+            TextColumn("joint error {task.fields[error]:6.2f}°"),
+            console=self._console,
+            transient=False,
+        )
+        self._tasks: dict[Side, TaskID] = {}
+        self._told: dict[Side, float] = {}
+        self._count = 0
+
+    def __enter__(self) -> DemoScreen:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def step(self, sentence: str) -> None:
+        self._count += 1
+        self._bars.console.print(f"[bold cyan]{self._count:2d}[/]  {sentence}")
+
+    def note(self, sentence: str) -> None:
+        self._bars.console.print(f"    [green]✓[/] {sentence}")
+
+    def error(self, side: Side, error_deg: float, share: float) -> None:
+        if side not in self._tasks:
+            self._tasks[side] = self._bars.add_task(f"{side.word} arm", total=1.0, error=error_deg)
+        self._bars.update(self._tasks[side], completed=min(max(share, 0.0), 1.0), error=error_deg)
+        if not self._console.is_terminal:
+            self._tell(side, error_deg)
+
+    def confirm(self, sentence: str, check: Callable[[], None]) -> bool:
+        """Ask on the terminal whether the robot may go on; False without a terminal.
+
+        Args:
+            sentence: what happened, and what to look at.
+            check: called while nobody answers; raises when there is no use in waiting any more.
+        """
+        if not (sys.stdin.isatty() and self._console.is_terminal):
+            return False
+        was_shown = self._bars.live.is_started
+        self._bars.stop()
+        try:
+            self._console.print(f"[bold yellow]{escape(sentence)}[/]")
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # an answer to what was not yet on the screen is none
+            self._console.print("Type yes when the robot may move, anything else ends the demonstration: ", end="")
+            while not select([sys.stdin], [], [], _GLANCE)[0]:  # Ctrl-C must end it, which a plain read would not see
+                check()
+            return sys.stdin.readline().strip().lower() == "yes"
+        finally:
+            if was_shown:
+                self._bars.start()
+
+    def _tell(self, side: Side, error_deg: float) -> None:
+        """Where no bar can move: a line whenever the error has become half as large."""
+        if error_deg <= self._told.get(side, 2.0 * error_deg) / 2.0:
+            self._told[side] = error_deg
+            self._console.print(f"     {side.word} arm: joint error {error_deg:6.2f}°")
+
+    def table(self, reports: Mapping[Side, ArmReport]) -> None:
+        """Print what became of each arm."""
+        table = Table("arm", "time to goal", "joint error", "missed cycles", "gripper")
+        for side, report in reports.items():
+            grip = f"{report.grip.word} at {report.grip.position * 1e3:.1f} mm" if report.grip else "-"
+            table.add_row(
+                side.word,
+                f"{report.duration:.2f} s",
+                f"{degrees(report.final_error):.3f}°",
+                str(report.missed),
+                grip,
+            )
+        self._console.print(table)

@@ -1,0 +1,825 @@
+"""The controller manager of one arm: which controllers exist, who is active, who claims which interface.
+
+Switching happens between two cycles; an interface has one owner at a time; a controller whose update fails is
+deactivated and the arm holds (reference/ros2_control.md §1.11). What each cycle needs is prepared when controllers
+are switched.
+
+A loaded controller: the controller itself, where it is in its life, what is set on it and what it needs.
+
+What a switch of controllers comes to, decided before anything is done (reference/ros2_control.md §1.11).
+
+One command made of several controllers' commands, each taken where it has claimed the interface.
+
+The hardware component of one arm: which interfaces it offers, and in which state (reference/ros2_control.md §2).
+
+Its state decides who may use what; it never moves the arm. While it is inactive nobody may command the arm, which
+holds; while it is unconfigured nobody may read its interfaces either. The robot gets its answers in any state.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from sys import intern
+
+from yumi.control.commands import GoalKind
+from yumi.control.controller import (
+    TRANSITIONS,
+    Controller,
+    ControllerInfo,
+    HardwareInfo,
+    InterfaceInfo,
+    ParameterInfo,
+    State,
+    Transition,
+    allowed,
+)
+from yumi.control.requests import Strictness
+from yumi.control.statistics import ADMIT, BEGIN, DECODE, SEND, UPDATE, RunningStatistics
+from yumi.errors import CommandRefused, SwitchFailed
+from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
+from yumi.settings import Value, Values
+
+INTERFACE_KINDS = ("position", "velocity")
+"""What each joint offers, both as command and as state."""
+
+_ALLOWED = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE)
+
+
+class HardwareComponent:
+    """The component of one arm; active from the start.
+
+    Attributes:
+        name: its name.
+        state: unconfigured, inactive or active.
+        interfaces: names of its interfaces, each both a command and a state interface.
+
+    Args:
+        joint_names: the arm's joints, chain order.
+    """
+
+    def __init__(self, name: str, joint_names: tuple[str, ...]) -> None:
+        self.name = name
+        self.state = State.ACTIVE
+        self.interfaces = tuple(f"{joint}/{kind}" for joint in joint_names for kind in INTERFACE_KINDS)
+        self._read_time = RunningStatistics()
+        self._write_time = RunningStatistics()
+        self._period = RunningStatistics()
+        self._last: tuple[int, float] | None = None
+
+    @property
+    def is_available(self) -> bool:
+        """Whether its interfaces exist for anybody."""
+        return self.state is not State.UNCONFIGURED
+
+    def check_state(self, state: State) -> None:
+        """Whether it may be led to ``state``.
+
+        Raises:
+            CommandRefused: it may not.
+        """
+        if state not in _ALLOWED:
+            choices = ", ".join(choice.value for choice in _ALLOWED)
+            raise CommandRefused(
+                f"Hardware component {self.name!r} cannot become {state.value} while the driver runs; "
+                f"choose from: {choices}."
+            )
+
+    def check_interfaces(self, controller: str, required: Sequence[str], required_state: Sequence[str]) -> None:
+        """Whether a controller may begin to use these interfaces.
+
+        Raises:
+            CommandRefused: one does not exist, or the component's state forbids it.
+        """
+        for interface in (*required, *required_state):
+            if interface not in self.interfaces:
+                raise CommandRefused(
+                    f"Controller {controller!r} needs {interface}, which this arm does not have; "
+                    f"it has: {', '.join(self.interfaces)}."
+                )
+        if not self.is_available or (required and self.state is not State.ACTIVE):
+            raise CommandRefused(
+                f"Controller {controller!r} cannot start: hardware component {self.name!r} is {self.state.value}; "
+                "make it active first."
+            )
+
+    def note(self, session: int, now: float, marks: Sequence[float]) -> None:
+        """After a reply: how long reading and answering took.
+
+        Args:
+            session: EGM session of the cycle.
+            now: when the datagram arrived [s].
+            marks: of the cycle's stations, see :class:`yumi.control.statistics.StationClock`.
+        """
+        self._read_time.add(marks[DECODE] - marks[BEGIN])
+        self._write_time.add(max(0.0, marks[SEND] - marks[ADMIT]))
+        if self._last is not None and self._last[0] == session:
+            self._period.add(now - self._last[1])
+        self._last = (session, now)
+
+    def info(self, claimed: Collection[str]) -> HardwareInfo:
+        """The component as the outside sees it.
+
+        Args:
+            claimed: names of the command interfaces that are held by controllers.
+        """
+        available = self.is_available
+        return HardwareInfo(
+            name=self.name,
+            state=self.state,
+            command_interfaces=tuple(InterfaceInfo(name, available, name in claimed) for name in self.interfaces),
+            state_interfaces=tuple(InterfaceInfo(name, available) for name in self.interfaces),
+            read_time=self._read_time.result(),
+            write_time=self._write_time.result(),
+            period=self._period.result(),
+        )
+
+
+class LoadedController:
+    """One controller of one arm, from load to unload.
+
+    Attributes:
+        name: its name.
+        controller: what it is.
+        state: where it is in its life.
+        required: the command interfaces it claims when active, known once it is configured.
+        required_state: the state interfaces it needs when active, known once it is configured.
+        execution_time: how long its updates took since it was activated last [s].
+
+    Args:
+        joint_names: the arm's joints, chain order.
+    """
+
+    def __init__(self, name: str, controller: Controller, joint_names: tuple[str, ...]) -> None:
+        self.name = name
+        self.controller = controller
+        self.state = State.UNCONFIGURED
+        self.required: tuple[str, ...] = ()
+        self.required_state: tuple[str, ...] = ()
+        self.execution_time = RunningStatistics()
+        self._joint_names = joint_names
+        self._parameters = {parameter.name: parameter for parameter in controller.parameters(joint_names)}
+        self._values: Values = {key: parameter.default for key, parameter in self._parameters.items()}
+
+    def configure(self, values: Values | None = None) -> None:
+        """Take ``values`` and become inactive; an inactive one is cleaned up first.
+
+        Raises:
+            CommandRefused: wrong state or value, nothing was changed; or the controller or its interfaces do not go
+                with the values, then it is unconfigured.
+        """
+        if self.state is not State.INACTIVE:
+            self.check(Transition.CONFIGURE)
+        complete = self._complete(values or {}, is_settled=False)
+        self.clean_up()
+        self._configure(complete)
+        self.state = State.INACTIVE
+
+    def set_parameters(self, values: Values) -> None:
+        """Change parameters, all or none; an active controller uses them from the next cycle on.
+
+        Raises:
+            CommandRefused: unknown parameter, value not allowed, or it is settled by now; nothing was changed.
+        """
+        is_settled = self.state is not State.UNCONFIGURED
+        complete = self._complete(values, is_settled=is_settled)
+        if is_settled:
+            self.controller.configure(complete)
+        self._values = complete
+
+    def clean_up(self) -> None:
+        """Become unconfigured; nothing when it is so already.
+
+        Raises:
+            CommandRefused: it is active.
+        """
+        if self.state is State.UNCONFIGURED:
+            return
+        self.check(Transition.CLEANUP)
+        self.state = TRANSITIONS[self.state, Transition.CLEANUP]
+        self.required = self.required_state = ()
+        self.controller.clean_up()
+
+    def activate(self, state: ArmState) -> None:
+        """Begin from ``state``; whatever the controller raises is passed on, and it stays inactive."""
+        self.execution_time.reset()
+        self.controller.activate(state)
+        self.state = State.ACTIVE
+
+    def deactivate(self) -> None:
+        """End; inactive even when the controller raises, which is passed on."""
+        self.state = State.INACTIVE
+        self.controller.deactivate()
+
+    def check(self, transition: Transition) -> None:
+        """Whether it may make a transition.
+
+        Raises:
+            CommandRefused: it may not; the sentence says what it may.
+        """
+        if (self.state, transition) not in TRANSITIONS:
+            choices = ", ".join(choice.value for choice in allowed(self.state)) or "nothing"
+            raise CommandRefused(
+                f"Controller {self.name!r} is {self.state.value} and cannot {transition.value}; it can {choices}."
+            )
+
+    def check_order(self, message: object, state: ArmState | None) -> None:
+        """Whether it would take an order now.
+
+        Raises:
+            CommandRefused: it is not active, or it refuses.
+        """
+        if self.state is not State.ACTIVE:
+            raise CommandRefused(
+                f"Controller {self.name!r} is {self.state.value} and takes no orders; activate it first."
+            )
+        self.controller.check(message, state)
+
+    def parameters(self) -> tuple[ParameterInfo, ...]:
+        """What can be set and what is set."""
+        return tuple(ParameterInfo(parameter, self._values[key]) for key, parameter in self._parameters.items())
+
+    def info(self) -> ControllerInfo:
+        """The controller as the outside sees it."""
+        return ControllerInfo(
+            name=self.name,
+            kind=self.controller.kind,
+            state=self.state,
+            required=self.required,
+            claimed=self.required if self.state is State.ACTIVE else (),
+            required_state=self.required_state,
+            execution_time=self.execution_time.result(),
+        )
+
+    def _configure(self, complete: Values) -> None:
+        """The interfaces may depend on the parameters, so they are asked for afterwards."""
+        self.controller.configure(complete)
+        required = _interned(self.controller.command_interfaces(self._joint_names))
+        required_state = _interned(self.controller.state_interfaces(self._joint_names))
+        for interfaces in (required, required_state):
+            twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
+            if twice:
+                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
+        self.required, self.required_state, self._values = required, required_state, complete
+
+    def _complete(self, values: Values, *, is_settled: bool) -> Values:
+        accepted = {key: self._accepted(key, value, is_settled=is_settled) for key, value in values.items()}
+        return {**self._values, **accepted}
+
+    def _accepted(self, key: str, value: object, *, is_settled: bool) -> Value:
+        parameter = self._parameters.get(key)
+        if parameter is None:
+            known = ", ".join(self._parameters) or "none"
+            raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
+        try:
+            accepted = parameter.accept(value)
+        except CommandRefused as refusal:
+            raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
+        if is_settled and parameter.read_only and accepted != self._values[key]:
+            raise CommandRefused(
+                f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
+                "clean the controller up to change it."
+            )
+        return accepted
+
+
+def _interned(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The same names as one object each, which halves the time it takes to send lists of them."""
+    return tuple(map(intern, names))
+
+
+class MergedCommand:
+    """Asks several commanding controllers; who gives which value is settled when controllers are switched.
+
+    A joint's position is the one of the controller that claims it; where nobody does, of the one that claims the
+    joint's velocity, which has to say where its motion leads. Velocities likewise. When one of them holds, the arm
+    holds.
+
+    Attributes:
+        asked: index of the controller that was asked last, for the case that it failed.
+        times: how long each one's update took in the last cycle [s].
+
+    Args:
+        members: the controllers, at least one.
+        joint_names: the arm's joints, chain order.
+        now: tells the time [s], for ``times`` alone.
+    """
+
+    def __init__(
+        self, members: Sequence[LoadedController], joint_names: tuple[str, ...], now: Callable[[], float]
+    ) -> None:
+        self.asked = 0
+        self.times = [0.0] * len(members)
+        self._updates = tuple(member.controller.update for member in members)
+        self._now = now
+        self._positions = _owners(members, joint_names, ("position", "velocity"))
+        self._velocities = _owners(members, joint_names, ("velocity", "position"))
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        """The merged command for ``state``; None holds."""
+        commands = []
+        begin = self._now()
+        for index, update in enumerate(self._updates):
+            self.asked = index
+            command = update(state)
+            end = self._now()
+            self.times[index], begin = end - begin, end
+            if command is None:
+                return None
+            commands.append(command)
+        position = _gathered([command.position for command in commands], self._positions)
+        return ArmCommand(position, _gathered([command.velocity for command in commands], self._velocities))
+
+
+def _owners(
+    members: Sequence[LoadedController], joint_names: tuple[str, ...], kinds: tuple[str, ...]
+) -> tuple[int, ...]:
+    """For each joint the index of the controller that claims the first of ``kinds`` that somebody claims."""
+    claims = {interface: index for index, member in enumerate(members) for interface in member.required}
+    wanted = [[claims.get(f"{joint}/{kind}") for kind in kinds] for joint in joint_names]
+    return tuple(next((index for index in choices if index is not None), 0) for choices in wanted)
+
+
+def _gathered(values: Sequence[Joints], owners: tuple[int, ...]) -> Joints:
+    """One value for each joint; the very tuple where all come from one controller."""
+    first = owners[0]
+    if owners.count(first) == len(owners):
+        return values[first]
+    return joints([values[owner][joint] for joint, owner in enumerate(owners)])
+
+
+NOTHING_TO_SWITCH = "After checking the controllers, no controllers need to be activated or deactivated."
+SWITCHED = "Successfully switched controllers!"
+"""In the words that clients of ros2_control know."""
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """What is done in one step, in this order.
+
+    Attributes:
+        deactivate: active controllers.
+        activate: controllers that are inactive by then; one that is in both lists begins anew.
+        left_out: why something else that was asked for is not done.
+    """
+
+    deactivate: tuple[LoadedController, ...]
+    activate: tuple[LoadedController, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What was done, once it is done."""
+        if not self.deactivate and not self.activate:
+            return " ".join((NOTHING_TO_SWITCH, *self.left_out))
+        return " ".join((SWITCHED, *self.left_out))
+
+
+def plan_switch(
+    loaded: Mapping[str, LoadedController],
+    component: HardwareComponent,
+    activate: Sequence[str],
+    deactivate: Sequence[str],
+    strictness: Strictness,
+) -> Switch:
+    """What the switch comes to.
+
+    Args:
+        loaded: all controllers of the arm by name.
+        component: its hardware.
+        activate: names of controllers to activate.
+        deactivate: names of controllers to deactivate.
+        strictness: whether those that cannot are left out.
+
+    Raises:
+        CommandRefused: a name or a state stands against it and it is strict, or an interface does, however strict.
+    """
+    chooser = _Chooser(loaded, strictness)
+    stopping = chooser.chosen(deactivate, Transition.DEACTIVATE, ())
+    starting = chooser.chosen(activate, Transition.ACTIVATE, stopping)
+    if not stopping and not starting and chooser.known == 0 and chooser.left_out:
+        raise CommandRefused(" ".join(chooser.left_out))
+    for controller in starting:
+        component.check_interfaces(controller.name, controller.required, controller.required_state)
+    staying = [each for each in loaded.values() if each.state is State.ACTIVE and each not in stopping]
+    _check_claims((*staying, *starting))
+    return Switch(stopping, starting, tuple(chooser.left_out))
+
+
+class _Chooser:
+    """Goes through the names of a request; what cannot be done is left out or refused."""
+
+    def __init__(self, loaded: Mapping[str, LoadedController], strictness: Strictness) -> None:
+        self.left_out: list[str] = []
+        self.known = 0
+        self._loaded = loaded
+        self._is_strict = strictness is Strictness.STRICT
+
+    def chosen(
+        self, names: Sequence[str], transition: Transition, stopping: tuple[LoadedController, ...]
+    ) -> tuple[LoadedController, ...]:
+        """Those of ``names`` that can make the transition; who is ``stopping`` can begin anew."""
+        controllers = []
+        for name in dict.fromkeys(names):
+            try:
+                controller = find(self._loaded, name)
+                self.known += 1
+                if controller not in stopping:
+                    controller.check(transition)
+            except CommandRefused as refusal:
+                if self._is_strict:
+                    raise
+                self.left_out.append(str(refusal))
+            else:
+                controllers.append(controller)
+        return tuple(controllers)
+
+
+def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
+    """The controller of that name.
+
+    Raises:
+        CommandRefused: there is none; the sentence lists those there are.
+    """
+    if name not in loaded:
+        raise CommandRefused(f"There is no controller {name!r}; loaded are: {', '.join(loaded) or 'none'}.")
+    return loaded[name]
+
+
+def _check_claims(controllers: Iterable[LoadedController]) -> None:
+    owners: dict[str, str] = {}
+    for controller in controllers:
+        for interface in controller.required:
+            if interface in owners:
+                raise CommandRefused(
+                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
+                    f"deactivate {owners[interface]!r} in the same switch."
+                )
+            owners[interface] = controller.name
+
+
+Kinds = Mapping[str, Callable[[str], Controller]]
+"""How a controller of each type is made, given its name."""
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+class ControllerManager:
+    """Owns the controllers of one arm.
+
+    Attributes:
+        failures: sentences about controllers that failed; whoever tells them takes them out.
+        activations: how often a controller was activated.
+        activity: counts every change of what is loaded and in which state it is.
+        kinds: the types of controllers that can be loaded.
+
+    Args:
+        joint_names: the arm's joints, chain order.
+        kinds: how a controller of each type is made.
+        component: name of the arm's hardware component.
+        now: tells the time [s], for statistics alone.
+    """
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        kinds: Kinds | None = None,
+        component: str = "arm",
+        now: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self.failures: list[str] = []
+        self.activations = 0
+        self.activity = 0
+        self._joint_names = joint_names
+        self._kinds = kinds or {}
+        self._component = HardwareComponent(component, joint_names)
+        self._now = now
+        self._loaded: dict[str, LoadedController] = {}
+        self._notices: list[tuple[str, object]] = []
+        self._prepare()
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The types of controllers that can be loaded."""
+        return tuple(self._kinds)
+
+    def load(self, name: str, controller: Controller) -> None:
+        """Add a controller, unconfigured.
+
+        Raises:
+            CommandRefused: the name is taken or could not be that of a ROS node.
+        """
+        self._check_name(name)
+        self._loaded[name] = LoadedController(name, controller, self._joint_names)
+        self._note_change()
+
+    def load_kind(self, name: str, kind: str, values: Values | None = None) -> None:
+        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults.
+
+        Raises:
+            CommandRefused: the name is not allowed, the type unknown, or a value not allowed; nothing was changed.
+        """
+        self._check_name(name)
+        if kind not in self._kinds:
+            known = ", ".join(self._kinds) or "none"
+            raise CommandRefused(
+                f"Controller {name!r} cannot be loaded: type {kind!r} is not known; known are: {known}."
+            )
+        with _told(name, "loaded"):
+            loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
+            loaded.set_parameters(values or {})
+        self._loaded[name] = loaded
+        self._note_change()
+
+    def unload(self, name: str) -> None:
+        """Forget a controller.
+
+        Raises:
+            CommandRefused: no such controller, or it is active.
+        """
+        loaded = find(self._loaded, name)
+        if loaded.state is State.ACTIVE:
+            raise CommandRefused(f"Controller {name!r} is active and cannot be unloaded; deactivate it first.")
+        with _told(name, "unloaded"):
+            loaded.clean_up()
+        del self._loaded[name]
+        self._note_change()
+
+    def configure(self, name: str, values: Values | None = None) -> None:
+        """Give an unconfigured or inactive controller its parameters and make it inactive.
+
+        Raises:
+            CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
+        """
+        try:
+            with _told(name, "configured"):
+                find(self._loaded, name).configure(values)
+        finally:
+            self._note_change()
+
+    def clean_up(self, name: str) -> None:
+        """Make an inactive controller unconfigured.
+
+        Raises:
+            CommandRefused: no such controller, or it is active.
+        """
+        with _told(name, "cleaned up"):
+            find(self._loaded, name).clean_up()
+        self._note_change()
+
+    def set_parameters(self, name: str, values: Values) -> None:
+        """Change parameters; an active controller uses them from the next cycle on.
+
+        Raises:
+            CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
+        """
+        with _told(name, "given parameters"):
+            find(self._loaded, name).set_parameters(values)
+
+    def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
+        """What can be set on a controller and what is set.
+
+        Raises:
+            CommandRefused: no such controller.
+        """
+        return find(self._loaded, name).parameters()
+
+    def switch(
+        self,
+        activate: Sequence[str],
+        deactivate: Sequence[str],
+        state: ArmState | None,
+        strictness: Strictness = Strictness.STRICT,
+    ) -> str:
+        """Deactivate and activate controllers as one step, or change nothing at all; a sentence says what was done.
+
+        Args:
+            activate: names of inactive controllers, or of active ones that are deactivated, too: they begin anew.
+            deactivate: names of active controllers.
+            state: the arm's newest state; command controllers need one to begin from.
+            strictness: whether controllers that cannot do what they shall are left out.
+
+        Raises:
+            CommandRefused: a name, a state or a claim stands against it; nothing was changed.
+            SwitchFailed: a controller could not begin.
+        """
+        switch = plan_switch(self._loaded, self._component, activate, deactivate, strictness)
+        begin = self._state_to_begin(switch.activate, state)
+        self._deactivate(switch.deactivate)
+        try:
+            self._activate(switch, begin, strictness)
+        finally:
+            self._note_change()
+        return switch.sentence
+
+    def deactivate_commanding(self) -> tuple[str, ...]:
+        """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
+        commanding = self._commanding
+        if commanding:
+            self._deactivate(commanding)
+            self._note_change()
+        return tuple(loaded.name for loaded in commanding)
+
+    def set_hardware_state(self, name: str, state: State) -> HardwareInfo:
+        """Lead the hardware component to ``state``; who uses what it no longer offers is deactivated.
+
+        Raises:
+            CommandRefused: no such component, or a state it cannot have; nothing was changed.
+        """
+        if name != self._component.name:
+            raise CommandRefused(f"There is no hardware component {name!r}; this arm has: {self._component.name}.")
+        self._component.check_state(state)
+        if state is not State.ACTIVE:
+            leaving = self._active if state is State.UNCONFIGURED else self._commanding
+            self._deactivate(leaving)
+        self._component.state = state
+        self._note_change()
+        return self.hardware()
+
+    def check(self, name: str, message: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would have a controller take ``message``; changes nothing.
+
+        Raises:
+            CommandRefused: it would not, and why.
+        """
+        find(self._loaded, name).check_order(message, state)
+
+    def receive(self, name: str, message: object, state: ArmState | None) -> None:
+        """Have an active controller take an order.
+
+        Args:
+            name: the controller.
+            message: a value it knows.
+            state: the arm's newest state; None while it is not heard.
+
+        Raises:
+            CommandRefused: no such controller, not active, or it refuses the order; nothing was changed.
+        """
+        self.check(name, message, state)
+        self._loaded[name].controller.receive(message, state)
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        """What the active controllers want; None holds. Never raises: who fails is deactivated."""
+        try:
+            return self._ask(state)
+        except Exception as error:
+            self._fail(self._commanding[self._merged.asked if self._merged else 0], error)
+            return None
+
+    def watch(self, state: ArmState) -> None:
+        """Let the controllers that only watch see ``state``; after the reply has left. Never raises."""
+        for loaded in self._watching:
+            begin = self._now()
+            try:
+                loaded.controller.update(state)
+            except Exception as error:
+                self._fail(loaded, error)
+            loaded.execution_time.add(self._now() - begin)
+
+    def note_times(self, state: ArmState, marks: Sequence[float]) -> None:
+        """After the reply to ``state``: take the times of the cycle's stations into the statistics."""
+        self._component.note(state.session, state.time, marks)
+        if self._merged is not None:
+            for loaded, duration in zip(self._commanding, self._merged.times, strict=True):
+                loaded.execution_time.add(duration)
+        elif self._commanding:
+            self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
+
+    def take_notices(self) -> Sequence[tuple[str, object]]:
+        """What the controllers have to tell since the last call: their name and the notice."""
+        for loaded in self._active:
+            try:
+                for notice in loaded.controller.take_notices():
+                    self._notices.append((loaded.name, notice))
+            except Exception as error:
+                self._fail(loaded, error)
+        if not self._notices:
+            return ()
+        notices, self._notices = self._notices, []
+        return notices
+
+    @property
+    def is_commanding(self) -> bool:
+        """Whether a controller commands the arm."""
+        return bool(self._commanding)
+
+    @property
+    def goal_kind(self) -> GoalKind:
+        """Which goals those controllers take that command the arm."""
+        kinds = GoalKind.NONE
+        for loaded in self._commanding:
+            kinds |= loaded.controller.goal_kind
+        return kinds
+
+    @property
+    def reference(self) -> Joints | None:
+        """Where the commanding controllers are going [rad]; None when nobody commands."""
+        for loaded in self._commanding:
+            reference = loaded.controller.reference
+            if reference is not None:
+                return reference
+        return None
+
+    def controllers(self) -> tuple[ControllerInfo, ...]:
+        """All loaded controllers in the order of loading."""
+        return tuple(loaded.info() for loaded in self._loaded.values())
+
+    def hardware(self) -> HardwareInfo:
+        """The arm's hardware component and who claims its interfaces."""
+        claimed = {interface for loaded in self._commanding for interface in loaded.required}
+        return self._component.info(claimed)
+
+    def _check_name(self, name: str) -> None:
+        if name in self._loaded:
+            raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
+        if not _NAME.fullmatch(name):
+            raise CommandRefused(
+                f"Controller name {name!r} cannot be the name of a node; use letters, digits and underscores."
+            )
+
+    def _state_to_begin(self, starting: Iterable[LoadedController], state: ArmState | None) -> ArmState:
+        if state is not None and state.is_running:
+            return state
+        needy = next((loaded.name for loaded in starting if loaded.controller.is_command), None)
+        if needy:
+            raise CommandRefused(f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first.")
+        return state or _NOWHERE
+
+    def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:
+        """A strict switch in which one controller cannot begin leaves none of its controllers active."""
+        begun: list[LoadedController] = []
+        failures = []
+        for loaded in switch.activate:
+            try:
+                loaded.activate(begin)
+            except Exception as error:
+                failures.append(f"Controller {loaded.name!r} could not be activated: {_words(error)}.")
+                if strictness is Strictness.STRICT:
+                    self._deactivate(begun)
+                    break
+            else:
+                begun.append(loaded)
+                self.activations += 1
+        if failures:
+            active = ", ".join(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
+            raise SwitchFailed(f"{' '.join(failures)} Active now: {active or 'none'}.")
+
+    def _deactivate(self, leaving: Iterable[LoadedController]) -> None:
+        """Whatever a controller does on its way out, it is inactive then."""
+        for loaded in leaving:
+            try:
+                loaded.deactivate()
+                self._notices += [(loaded.name, notice) for notice in loaded.controller.take_notices()]
+            except Exception as error:
+                self.failures.append(f"Controller {loaded.name!r} failed while it was deactivated: {_words(error)}.")
+
+    def _fail(self, failed: LoadedController, error: Exception) -> None:
+        """Who made one command together goes together: what is left of it means nothing."""
+        is_commanding = failed in self._commanding
+        leaving = self._commanding if is_commanding else (failed,)
+        others = [repr(loaded.name) for loaded in leaving if loaded is not failed]
+        went = f"it and {', '.join(others)} were" if others else "it was"
+        consequence = f"{went} deactivated{' and the arm holds' if is_commanding else ''}."
+        self.failures.append(f"Controller {failed.name!r} failed with {_words(error)}; {consequence}")
+        self._deactivate(leaving)
+        self._note_change()
+
+    def _note_change(self) -> None:
+        self.activity += 1
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """What every cycle needs."""
+        active = tuple(loaded for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
+        self._active = active
+        self._commanding = tuple(loaded for loaded in active if loaded.controller.is_command)
+        self._watching = tuple(loaded for loaded in active if not loaded.controller.is_command)
+        self._merged = (
+            MergedCommand(self._commanding, self._joint_names, self._now) if len(self._commanding) > 1 else None
+        )
+        self._ask = self._merged.update if self._merged else _one_or_none(self._commanding)
+
+
+_NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
+"""Given to controllers that only watch, when no state has come yet."""
+
+
+def _one_or_none(commanding: Sequence[LoadedController]) -> Callable[[ArmState], ArmCommand | None]:
+    return commanding[0].controller.update if commanding else lambda state: None
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+@contextmanager
+def _told(name: str, done: str) -> Iterator[None]:
+    """Whatever else a controller raises when it is called is a refusal with its name."""
+    try:
+        yield
+    except CommandRefused:
+        raise
+    except Exception as error:
+        raise CommandRefused(f"Controller {name!r} could not be {done}: {_words(error)}.") from error

@@ -1,0 +1,283 @@
+"""The joint goal controller: takes an arm to single points, on ways it plans itself and may change at any moment.
+
+The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion`). Its speed is fed forward
+beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
+(reference/egm.md §6.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import degrees
+
+from yumi.control.commands import Mailbox, check_position, peek_goal
+from yumi.control.controller import Controller
+from yumi.control.limiter import LATE_CYCLE, SpeedScale
+from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, largest_difference, slower, stop, travel
+from yumi.errors import CommandRefused
+from yumi.robot.joints import (
+    CHAIN_AXES,
+    CYCLE,
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    JointLimits,
+    Joints,
+)
+from yumi.settings import Parameter, Values, number
+
+_PARAMETERS = (
+    Parameter("speed_scale", 0.5, 0.01, 1.0, "", "Share of the joints' speeds."),
+    Parameter("acceleration_scale", 0.5, 0.01, 1.0, "", "Share of the joints' accelerations and jerks."),
+    Parameter("top_speed", 3.14159, 0.01, 7.0, "rad/s", "EGM's MaxSpeedDeviation: the robot moves no faster."),
+    Parameter("goal_tolerance", 0.002, 1e-4, 0.1, "rad", "Joints this near to the goal have reached it."),
+    Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
+    Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
+)
+_ROOM = 0.9  # the guard counts what the position adds to the speed fed forward; a plan at the limits would exceed them
+_DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
+
+
+class GoalOutcome(Enum):
+    """How an order ended."""
+
+    REACHED = "reached"
+    REPLACED = "replaced"
+    STOPPED = "stopped"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True, slots=True)
+class JointGoal:
+    """An order: go there and stay.
+
+    Attributes:
+        position: where to, chain order [rad], (7,).
+        identity: number by which its end is told.
+        speed_scale: share of the joints' speeds, above 0 up to 1; None takes the parameter's.
+        acceleration_scale: the same for accelerations and jerks.
+    """
+
+    position: Joints
+    identity: int = 0
+    speed_scale: float | None = None
+    acceleration_scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StopMotion:
+    """An order: come to rest as fast as the joints may, and stay.
+
+    Attributes:
+        identity: number by which its end is told.
+    """
+
+    identity: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnded:
+    """A notice: an order has ended.
+
+    Attributes:
+        identity: the order's number.
+        outcome: how.
+        sentence: why, for a person.
+    """
+
+    identity: int
+    outcome: GoalOutcome
+    sentence: str
+
+
+class JointGoalController(Controller):
+    """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
+
+    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice. An arm that moves when the
+    controller is activated is held until it stands, and then sent to its goal: what commanded it until then may have
+    led it by another law, whose command is no place to go on from.
+
+    Args:
+        goals: where goals arrive that nobody waits for, see :mod:`yumi.control.commands`.
+        limits: what the joints may do.
+        period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
+        speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.
+    """
+
+    kind = "yumi_controllers/JointGoalController"
+
+    def __init__(
+        self,
+        goals: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        period: float = CYCLE,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        self._speed = speed or SpeedScale()
+        self._longest_step = LATE_CYCLE * period  # the guard's
+        self._goals = goals
+        self._limits = limits
+        self._values: Mapping[str, float] = _DEFAULTS
+        self._letter = 0
+        self._notices: list[GoalEnded] = []
+        self._order: JointGoal | StopMotion | None = None
+        self._calming: Calming | None = None
+        self._rest_at(ZERO)
+
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return _PARAMETERS
+
+    def configure(self, values: Values) -> None:
+        self._values = {item.name: number(values, item.name) for item in _PARAMETERS}
+
+    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
+
+    def activate(self, state: ArmState) -> None:
+        self._order = None
+        letter = self._goals.peek()
+        self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
+        self._hold(state)
+
+    def deactivate(self) -> None:
+        self._end(GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
+
+    def check(self, message: object, state: ArmState | None) -> None:
+        self._planned(message)
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        order, motion = self._planned(message)
+        is_stop = isinstance(order, StopMotion)
+        self._end(
+            GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
+            "the arm was told to stop" if is_stop else "another goal replaced this one",
+        )
+        self._order = order
+        self._start(motion)
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        letter = self._goals.peek()
+        if letter is not None and letter[0] != self._letter:
+            self._take(state)
+        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
+            return None
+        pace = self._pace
+        self._time += min(state.dt, self._longest_step) * (pace if self._time < self._motion.duration else 1.0)
+        self._setpoint = self._motion.at(self._time)
+        if self._order is not None:
+            self._watch(state)
+        return ArmCommand(*self._setpoint.scaled(pace)[:2])
+
+    def take_notices(self) -> Sequence[object]:
+        if not self._notices:
+            return ()
+        notices, self._notices = self._notices, []
+        return notices
+
+    @property
+    def reference(self) -> Joints | None:
+        return self._motion.end
+
+    @property
+    def _pace(self) -> float:
+        """How fast time goes by on the way to a goal; coming to rest is not slowed down."""
+        return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
+
+    def _take(self, state: ArmState) -> None:
+        """A goal from the mailbox; one that cannot be reached is told and left."""
+        number, goal = peek_goal(self._goals, state.session)
+        if goal is None:
+            return
+        self._letter = number
+        try:
+            self.receive(JointGoal(goal.position), state)
+        except CommandRefused as error:
+            self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
+
+    def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
+        if isinstance(message, StopMotion):
+            return message, stop(self._setpoint.scaled(self._pace), slower(self._limits, 1.0, _ROOM))
+        if not isinstance(message, JointGoal):
+            raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
+        check_goal(message.position)
+        return message, self._way_to(message)
+
+    def _way_to(self, goal: JointGoal) -> PointMotion:
+        speed = self._scale("speed_scale", goal.speed_scale)
+        acceleration = self._scale("acceleration_scale", goal.acceleration_scale)
+        top = self._values["top_speed"]
+        start = self._setpoint.unscaled(self._speed.value / self._pace)  # in the time of the new way
+        try:
+            return travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
+        except CommandRefused:
+            if acceleration == 1.0:
+                raise
+        return travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
+
+    def _scale(self, name: str, value: float | None) -> float:
+        if value is None:
+            return self._values[name]
+        if not 0.0 < value <= 1.0:
+            raise CommandRefused(f"Goal refused: {name} is {value}; allowed is above 0 up to 1.")
+        return value
+
+    def _hold(self, state: ArmState) -> None:
+        self._calming = Calming(state)
+        self._rest_at(state.planned)
+
+    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+        """Once it has, the order that came meanwhile begins, from where the robot plans to be: loads make it creep."""
+        self._setpoint = Setpoint(state.planned)
+        if not calming.is_over(state):
+            return False
+        self._calming = None
+        self._rest_at(state.planned)
+        if self._order is not None:
+            self._start(self._planned(self._order)[1])
+        return True
+
+    def _rest_at(self, position: Joints) -> None:
+        self._setpoint = Setpoint(position)
+        self._start(PointMotion(None, position))
+
+    def _start(self, motion: PointMotion) -> None:
+        self._motion = motion
+        self._time = 0.0
+
+    def _watch(self, state: ArmState) -> None:
+        values, wanted = self._values, self._setpoint.position
+        worst = largest_difference(state.position, wanted)
+        if self._time < self._motion.duration:
+            if 0.0 < values["path_tolerance"] < worst:
+                self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
+                self._hold(state)
+        elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
+            self._end(GoalOutcome.REACHED, "the goal is reached")
+        elif self._time > self._motion.duration + values["goal_time"]:
+            self._end(GoalOutcome.ABORTED, self._deviation(state, "from the goal when its time was up"))
+
+    def _deviation(self, state: ArmState, where: str) -> str:
+        errors = [abs(is_at - wanted) for is_at, wanted in zip(state.position, self._setpoint.position, strict=True)]
+        index = errors.index(max(errors))
+        return f"axis {CHAIN_AXES[index]} was {degrees(errors[index]):.1f}° {where}; see what holds the arm back"
+
+    def _end(self, outcome: GoalOutcome, sentence: str) -> None:
+        if self._order is not None:
+            self._notices.append(GoalEnded(self._order.identity, outcome, sentence))
+            self._order = None
+
+
+def check_goal(position: Joints) -> None:
+    """Refuse what is no position of an arm.
+
+    Raises:
+        CommandRefused: not seven numbers, or one of them is impossible.
+    """
+    if len(position) != JOINT_COUNT:
+        raise CommandRefused(f"Goal refused: it has {len(position)} positions; an arm has {JOINT_COUNT} joints.")
+    for index, value in enumerate(position):
+        check_position(f"axis {CHAIN_AXES[index]}", index, value)

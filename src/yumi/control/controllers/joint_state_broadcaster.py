@@ -1,0 +1,28 @@
+"""The joint state broadcaster: hands every measured state of an arm to whoever publishes it."""
+
+from __future__ import annotations
+
+from yumi.control.commands import Mailbox
+from yumi.control.controller import Controller
+from yumi.robot.joints import ArmCommand, ArmState
+
+
+class JointStateBroadcaster(Controller):
+    """Puts the time, the 7 positions [rad] and the 7 velocities [rad/s] of each state into a mailbox.
+
+    Args:
+        states: where the states go.
+    """
+
+    kind = "joint_state_broadcaster/JointStateBroadcaster"
+    is_command = False
+
+    def __init__(self, states: Mailbox) -> None:
+        self._states = states
+
+    def activate(self, state: ArmState) -> None:
+        """Begins with the next state."""
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        self._states.put((state.time, *state.position, *state.velocity))
+        return None

@@ -1,0 +1,729 @@
+"""The joint trajectory controller: follows splines through given points, in step with the arm's own delay.
+
+The arm is told where to be ``lookahead`` earlier than it shall be there, and its speed beside its position, so that the
+robot's own loop has no error left to make speed of (reference/egm.md §6.1). What is desired of the arm is therefore
+the trajectory a ``lookahead`` ago; it is what the measured position is judged by. Result codes and tolerances are
+upstream's (reference/ros2_control.md §3.2).
+
+One motion along a trajectory, and what is judged of it in every cycle: tolerances, arrival, the partner.
+
+What a trajectory controller is told, and what it tells: plain values that cross between processes.
+
+The parameters of a trajectory controller: upstream's names, and what lets an arm follow without lag.
+
+The dual-arm trajectory controller: one on each arm, both on one trajectory, starting and ending together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import degrees, inf, isnan
+from typing import Protocol, cast
+
+from yumi.control.commands import Mailbox
+from yumi.control.controller import Controller
+from yumi.control.limiter import SpeedScale
+from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, stop
+from yumi.control.shared_state import Skew, TrajectoryFeedback, put_feedback
+from yumi.control.trajectory import (
+    PARTNER_SILENCE,
+    ArmPlan,
+    Nobody,
+    OtherArm,
+    Partner,
+    PartnerReport,
+    Phase,
+    Pieces,
+    ResultCode,
+    SkewWatch,
+    Spline,
+    TrajectoryPoint,
+    Walk,
+    join,
+    refused,
+)
+from yumi.errors import CommandRefused
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, Side, joint_names, joints
+from yumi.settings import Parameter, Values, number
+
+DEFAULT = 0.0
+"""A tolerance that takes the controller's own value."""
+
+UNLIMITED = -1.0
+"""A tolerance that tolerates everything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far an arm may be from its trajectory; :data:`DEFAULT` and :data:`UNLIMITED` in place of any value.
+
+    Attributes:
+        path: on the way [rad], (7,).
+        path_velocity: on the way [rad/s], (7,).
+        goal: at the end [rad], (7,).
+        goal_velocity: at the end [rad/s], (7,).
+        goal_time: how much later than planned the goal may be reached [s].
+    """
+
+    path: Joints = ZERO
+    path_velocity: Joints = ZERO
+    goal: Joints = ZERO
+    goal_velocity: Joints = ZERO
+    goal_time: float = DEFAULT
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All of them."""
+        return (*self.path, *self.path_velocity, *self.goal, *self.goal_velocity, self.goal_time)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowTrajectory:
+    """An order: follow a trajectory, in place of whatever the arm does now.
+
+    Attributes:
+        plan: the arm's part of it.
+        goal: number by which its end is told; each order has its own.
+        tolerances: what ends it.
+    """
+
+    plan: ArmPlan
+    goal: int
+    tolerances: Tolerances = Tolerances()
+
+
+@dataclass(frozen=True, slots=True)
+class CancelTrajectory:
+    """An order: come to rest within the limits.
+
+    Attributes:
+        goal: which motion; another one goes on. None ends any.
+    """
+
+    goal: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleSpeed:
+    """An order: let time on the trajectory go by slower or faster than outside.
+
+    Attributes:
+        factor: of the speed, 0 to 1.
+    """
+
+    factor: float
+
+
+class Outcome(Enum):
+    """How a motion ended: the terminal states of a ROS action."""
+
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELED = "canceled"
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryEnded:
+    """A notice: a motion has ended.
+
+    Attributes:
+        goal: the number of its order.
+        outcome: how.
+        code: the result code that says so.
+        sentence: the same for a person.
+        skew: of the arms that followed it together; None for one arm.
+    """
+
+    goal: int
+    outcome: Outcome
+    code: ResultCode
+    sentence: str
+    skew: Skew | None = None
+
+    def __str__(self) -> str:
+        return f"{self.outcome.value}: {self.sentence}"
+
+
+LOOKAHEAD = 0.032
+"""What lies between a command and the measured position that shows it: transport and servo of the virtual arm [s]."""
+
+_RAD, _RATE = "rad", "rad/s"
+
+
+def trajectory_parameters(joint_names: Sequence[str]) -> tuple[Parameter, ...]:
+    """What can be set on a trajectory controller of these joints."""
+    common = (
+        Parameter("feedforward", 1.0, 0.0, 1.0, "", "Share of the planned speed that is sent beside the position."),
+        Parameter(
+            "lookahead",
+            LOOKAHEAD,
+            0.0,
+            0.2,
+            "s",
+            "How much earlier than due the arm is told: the delay from a command to its effect.",
+        ),
+        Parameter("start_tolerance", 0.02, 1e-4, 0.5, _RAD, "A first point due at 0 s is at most so far from the arm."),
+        Parameter("constraints.stopped_velocity_tolerance", 0.01, 0.0, 1.0, _RATE, "Speed at the goal; 0 is any."),
+        Parameter("constraints.goal_time", 0.0, 0.0, 3600.0, "s", "The goal may be reached so late; 0 waits for ever."),
+        Parameter(
+            "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until told otherwise."
+        ),
+        Parameter("action_monitor_rate", 20.0, 1.0, 250.0, "Hz", "How often feedback is given."),
+    )
+    return (*common, *(each for name in joint_names for each in _parameters_of(name)))
+
+
+def _parameters_of(joint: str) -> tuple[Parameter, ...]:
+    return (
+        Parameter(
+            f"constraints.{joint}.trajectory", 0.0, 0.0, 6.3, _RAD, "Distance on the way that ends it; 0 is any."
+        ),
+        Parameter(f"constraints.{joint}.goal", 0.0, 0.0, 6.3, _RAD, "Distance at which the goal is reached; 0 is any."),
+        Parameter(
+            f"constraints.{joint}.max_deceleration_on_cancel", 0.0, 0.0, 40.0, "rad/s²", "0 is the joint's own limit."
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Tolerances as they are applied: infinity where there is none.
+
+    Attributes:
+        path: on the way [rad], (7,).
+        path_velocity: on the way [rad/s], (7,).
+        goal: at the end [rad], (7,).
+        goal_velocity: at the end [rad/s], (7,).
+        goal_time: how much later than planned the goal may be reached [s].
+    """
+
+    path: Joints
+    path_velocity: Joints
+    goal: Joints
+    goal_velocity: Joints
+    goal_time: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectorySettings:
+    """The parameters' values as the controller uses them.
+
+    Attributes:
+        feedforward: share of the planned speed that is sent beside the position.
+        lookahead: how much earlier than due the arm is told [s].
+        start_tolerance: how far from the arm a trajectory may begin without time to go there [rad].
+        scale: share of the speed until told otherwise.
+        feedback_period: time between two feedbacks [s].
+        bounds: tolerances where an order names none.
+        deceleration: what a cancelled motion brakes with [rad/s²], (7,).
+    """
+
+    feedforward: float
+    lookahead: float
+    start_tolerance: float
+    scale: float
+    feedback_period: float
+    bounds: Bounds
+    deceleration: Joints
+
+    @staticmethod
+    def of(values: Values, joint_names: Sequence[str], strongest: Joints) -> TrajectorySettings:
+        """From complete parameter ``values``; ``strongest`` decelerations are the joints' own [rad/s²], (7,)."""
+        stopped = _or_any(number(values, "constraints.stopped_velocity_tolerance"))
+        own = [number(values, f"constraints.{name}.max_deceleration_on_cancel") for name in joint_names]
+        return TrajectorySettings(
+            feedforward=number(values, "feedforward"),
+            lookahead=number(values, "lookahead"),
+            start_tolerance=number(values, "start_tolerance"),
+            scale=number(values, "speed_scaling.initial_scaling_factor"),
+            feedback_period=1.0 / number(values, "action_monitor_rate"),
+            bounds=Bounds(
+                path=joints([_or_any(number(values, f"constraints.{name}.trajectory")) for name in joint_names]),
+                path_velocity=joints([inf] * len(joint_names)),
+                goal=joints([_or_any(number(values, f"constraints.{name}.goal")) for name in joint_names]),
+                goal_velocity=joints([stopped] * len(joint_names)),
+                goal_time=_or_any(number(values, "constraints.goal_time")),
+            ),
+            deceleration=joints([min(mine or most, most) for mine, most in zip(own, strongest, strict=True)]),
+        )
+
+    def bounds_with(self, wanted: Tolerances) -> Bounds:
+        """The tolerances an order wants, and the controller's own for the others."""
+        own = self.bounds
+        return Bounds(
+            path=_chosen(wanted.path, own.path),
+            path_velocity=_chosen(wanted.path_velocity, own.path_velocity),
+            goal=_chosen(wanted.goal, own.goal),
+            goal_velocity=_chosen(wanted.goal_velocity, own.goal_velocity),
+            goal_time=_choice(wanted.goal_time, own.goal_time),
+        )
+
+
+def _or_any(tolerance: float) -> float:
+    return tolerance or inf
+
+
+def _chosen(wanted: Joints, own: Joints) -> Joints:
+    return joints([_choice(*pair) for pair in zip(wanted, own, strict=True)])
+
+
+def _choice(wanted: float, own: float) -> float:
+    if wanted == DEFAULT:
+        return own
+    return inf if wanted == UNLIMITED else wanted
+
+
+Violation = tuple[ResultCode, str]
+"""Why a motion must end: the result code and a sentence."""
+
+
+class TrajectoryGoal:
+    """A motion that somebody waits for.
+
+    Args:
+        number: of its order.
+        names: of the joints, for sentences.
+        spline: the whole way.
+        bounds: what ends it.
+        start: when it starts, on the machine's monotonic clock [s].
+
+    Attributes:
+        number: as above.
+        begin: when the way begins, on its own clock [s].
+        end: when it ends, on the same clock [s].
+        phase: how far it is.
+        first: when the first cycle came in which the arm was told to move [s]; 0 before.
+        skew: between the partners.
+    """
+
+    def __init__(self, number: int, names: Sequence[str], spline: Spline, bounds: Bounds, start: float) -> None:
+        self.number = number
+        self.begin = spline.begin
+        self.phase = Phase.RUNNING
+        self.first = 0.0
+        self.skew = SkewWatch()
+        self._names = names
+        self._walk = Walk(spline)
+        self.end = spline.end
+        self._bounds = bounds
+        self._watches_velocity = min(bounds.path_velocity) < inf
+        self._heard = start
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether the arm comes to rest because somebody wants it."""
+        return self.phase is Phase.CANCELED
+
+    def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
+        """What is wrong with an arm that should be where the trajectory was at ``time`` [s]; notes its arrival.
+
+        ``pace`` is how fast time goes by on the trajectory; None while that changes, which leaves speeds unjudged.
+        """
+        if time < self.begin:
+            return None
+        if time < self.end:
+            return self._judge_way(time, state, pace)
+        if self.phase is Phase.RUNNING and self._has_arrived(state):
+            self.phase = Phase.REACHED
+        if self.phase is Phase.RUNNING and time - self.end > self._bounds.goal_time:
+            return ResultCode.GOAL_TOLERANCE_VIOLATED, self._missed_goal(time, state)
+        return None
+
+    def compare(self, ours: PartnerReport, theirs: PartnerReport | None, rate: float) -> Violation | None:
+        """What is wrong with the partner."""
+        if theirs is not None and theirs.goal == self.number:
+            if theirs.phase is Phase.ABORTED:
+                return ResultCode(theirs.code), "The other arm's part of the motion was aborted; both arms stop."
+            self._heard = max(self._heard, theirs.time)
+            is_under_way = rate == 1.0 or max(ours.progress, theirs.progress) < self.end  # waiting is not slowed down
+            if not self.is_cancelled and is_under_way and theirs.phase in (Phase.RUNNING, Phase.REACHED):
+                self.skew.note(ours, theirs, rate)
+            if theirs.phase in (Phase.SUCCEEDED, Phase.CANCELED):
+                return None
+        silence = ours.time - self._heard
+        if silence > PARTNER_SILENCE and not self.is_cancelled:
+            return ResultCode.INVALID_GOAL, (
+                f"The other arm has not followed the trajectory for {silence * 1e3:.0f} ms; both arms stop."
+            )
+        return None
+
+    def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
+        bounds, desired = self._bounds, self._walk.position(time)
+        for index, (wanted, actual, bound) in enumerate(zip(desired, state.position, bounds.path, strict=True)):
+            if not -bound <= actual - wanted <= bound:
+                return ResultCode.PATH_TOLERANCE_VIOLATED, (
+                    f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
+                    f"its path tolerance is {degrees(bound):.2f}°."
+                )
+        return None if pace is None or not self._watches_velocity else self._judge_speed(time, state, pace)
+
+    def _judge_speed(self, time: float, state: ArmState, pace: float) -> Violation | None:
+        desired = [pace * speed for speed in self._walk.motion(time)[1]]
+        for index, (wanted, actual, bound) in enumerate(
+            zip(desired, state.velocity, self._bounds.path_velocity, strict=True)
+        ):
+            if not -bound <= actual - wanted <= bound:
+                return ResultCode.PATH_TOLERANCE_VIOLATED, (
+                    f"{self._names[index]} was {actual - wanted:+.3f} rad/s off the planned speed at {time:.3f} s; "
+                    f"its path tolerance is {bound:.3f} rad/s."
+                )
+        return None
+
+    def _has_arrived(self, state: ArmState) -> bool:
+        goal, bounds = self._walk.position(self.end), self._bounds
+        return all(
+            -bound <= actual - wanted <= bound
+            for wanted, actual, bound in zip(goal, state.position, bounds.goal, strict=True)
+        ) and all(-bound <= speed <= bound for speed, bound in zip(state.velocity, bounds.goal_velocity, strict=True))
+
+    def _missed_goal(self, time: float, state: ArmState) -> str:
+        goal, late = self._walk.position(self.end), time - self.end
+        for index, (wanted, actual, bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
+            if not -bound <= actual - wanted <= bound:
+                return (
+                    f"{self._names[index]} was still {degrees(actual - wanted):+.2f}° from the goal {late:.2f} s after "
+                    f"the end of the trajectory; its goal tolerance is {degrees(bound):.2f}°."
+                )
+        return f"The arm still moved {late:.2f} s after the end of the trajectory."
+
+
+_SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
+_BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
+
+
+_SETTLING = 0.1  # [s] after a change of pace the measured speeds are those of the pace before
+
+
+class _Source(Protocol):
+    """Where the commanded motion comes from."""
+
+    def motion(self, time: float) -> tuple[Joints, Joints]: ...
+
+    def setpoint(self, time: float) -> Setpoint: ...
+
+
+class _Brake:
+    """Coming to rest."""
+
+    def __init__(self, motion: PointMotion) -> None:
+        self.duration = motion.duration
+        self.setpoint = motion.at
+
+    def motion(self, time: float) -> tuple[Joints, Joints]:
+        position, velocity, _ = self.setpoint(time)
+        return position, velocity
+
+
+class JointTrajectoryController(Controller):
+    """Follows one trajectory at a time; a new one replaces it, from whatever the arm is told then.
+
+    Orders come by :meth:`receive`; each motion's end is a notice.
+
+    Args:
+        side: its arm.
+        feedback: where others see how it follows.
+        limits: what the joints may do.
+        partner: the arm that follows the other part of its trajectories.
+        speed: the factor on the arm's speed; time on a trajectory goes by slower by it.
+    """
+
+    kind = "joint_trajectory_controller/JointTrajectoryController"
+
+    def __init__(
+        self,
+        side: Side,
+        feedback: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        partner: Partner | None = None,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        self._side = side
+        self._names = joint_names(side)
+        self._limits = limits
+        self._feedback = feedback
+        self._partner = partner or Nobody()
+        self._speed = speed or SpeedScale()
+        defaults = {each.name: each.default for each in self.parameters(self._names)}
+        self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
+        self._scale = self._rate = self._settings.scale
+        self._notices: list[TrajectoryEnded] = []
+        self._goal: TrajectoryGoal | None = None
+        self._state: ArmState | None = None
+        self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
+        self._feedback_due = -inf
+        self._calming: Calming | None = None
+        self._is_judged = True
+        self._judged_pace, self._paced_at = 1.0, -inf
+        self._source: _Source = _resting(ZERO)
+        self._time = 0.0
+        self._position = ZERO
+
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return trajectory_parameters(joint_names)
+
+    def configure(self, values: Values) -> None:
+        self._settings = TrajectorySettings.of(values, self._names, self._limits.acceleration)
+
+    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
+
+    def activate(self, state: ArmState) -> None:
+        """An arm that moves comes to rest first: it was led by another law, whose command is no place to go on from."""
+        self._goal, self._state, self._feedback_due = None, state, -inf
+        self._rate = self._scale = self._settings.scale
+        self._rest_at(state.planned)
+        self._calming = Calming(state)
+
+    def deactivate(self) -> None:
+        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
+        self._rest_at(self._position)
+
+    def check(self, message: object, state: ArmState | None) -> None:
+        if isinstance(message, FollowTrajectory):
+            self._prepared(message, state)
+        elif isinstance(message, ScaleSpeed):
+            if not 0.0 <= message.factor <= 1.0:
+                raise CommandRefused(f"Speed scaling refused: the factor is {message.factor}; allowed is 0 to 1.")
+        elif not isinstance(message, CancelTrajectory):
+            raise CommandRefused(f"A controller of type {self.kind} takes no {type(message).__name__}.")
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        self.check(message, state)
+        if isinstance(message, FollowTrajectory):
+            self._follow(message, *self._prepared(message, state))
+        elif isinstance(message, ScaleSpeed):
+            self._scale = message.factor
+        elif isinstance(message, CancelTrajectory):
+            self._cancel(message)
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        self._state = state
+        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
+            return None
+        self._advance(state.dt)
+        self._position, velocity = self._source.motion(self._time)
+        self._is_judged = False
+        return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
+
+    def take_notices(self) -> Sequence[object]:
+        """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
+        state = self._state
+        if state is not None and not self._is_judged:
+            self._is_judged = True
+            if self._goal is not None:
+                self._watch(self._goal, state)
+            if self._goal is not None and self._partner.is_there:
+                self._meet_partner(self._goal, state)
+            if state.time >= self._feedback_due:
+                self._give_feedback(state)
+        if not self._notices:
+            return ()
+        notices, self._notices = self._notices, []
+        return notices
+
+    @property
+    def reference(self) -> Joints | None:
+        return self._position
+
+    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+        self._rest_at(state.planned)
+        is_over = calming.is_over(state)
+        if is_over:
+            self._calming = None
+        return is_over
+
+    @property
+    def _pace(self) -> float:
+        """How fast time goes by on a trajectory."""
+        return self._rate * self._speed.value
+
+    def _advance(self, dt: float) -> None:
+        """Time goes by for what is followed; braking and waiting, for the begin or at the goal, take their time."""
+        if self._goal is None or self._goal.is_cancelled:
+            self._time += dt
+            return
+        if self._rate != self._scale:
+            change = _SCALING_RATE * dt
+            self._rate += max(-change, min(change, self._scale - self._rate))
+        self._time += dt * self._pace if self._goal.begin <= self._time < self._goal.end else dt
+
+    def _fed(self, velocity: Joints) -> Joints:
+        share = self._settings.feedforward
+        if self._goal is not None and not self._goal.is_cancelled:
+            share *= self._pace
+        return velocity if share == 1.0 else _scaled(velocity, share)
+
+    def _prepared(self, order: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
+        """The whole way, and the time on it that the newest command belongs to."""
+        if state is None:
+            raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
+        if self._calming is not None and max(map(abs, state.velocity)) > STANDING:
+            raise refused("the arm still moves from before this controller was activated; wait until it stands.")
+        if self._checked is not None and self._checked[0] is order and self._checked[1] is state:
+            return self._checked[2:]
+        plan, settings = order.plan, self._settings
+        if plan.side is not self._side:
+            raise refused(
+                f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
+            )
+        if any(isnan(value) for value in order.tolerances.values):
+            raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
+        now = 0.0 if plan.start is None else state.time - plan.start + settings.lookahead
+        late = now - settings.lookahead - plan.spline.end
+        if late > 0.0:
+            raise refused(
+                f"it ended {late:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
+                ResultCode.OLD_HEADER_TIMESTAMP,
+            )
+        setpoint = self._source.setpoint(self._time)
+        if self._is_braking:  # in the trajectory's time from here on
+            setpoint = setpoint.unscaled(self._speed.value)
+        if now > 0.0:
+            now *= self._speed.value
+        spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
+        self._checked = (order, state, spline, now)
+        return spline, now
+
+    def _follow(self, order: FollowTrajectory, spline: Spline, now: float) -> None:
+        assert self._state is not None
+        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", tells=False)
+        if isinstance(self._source, _Brake):
+            self._rate = 1.0 if self._is_braking else self._scale
+        begin = self._state.time if order.plan.start is None else max(self._state.time, order.plan.start)
+        self._goal = TrajectoryGoal(
+            order.goal, self._names, spline, self._settings.bounds_with(order.tolerances), begin
+        )
+        self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
+
+    def _cancel(self, order: CancelTrajectory) -> None:
+        goal = self._goal
+        if goal is None or goal.is_cancelled or order.goal not in (None, goal.number):
+            return
+        goal.phase = Phase.CANCELED
+        self._brake()
+
+    def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
+        if goal.is_cancelled:
+            if isinstance(self._source, _Brake) and self._time >= self._source.duration:
+                self._end(Outcome.CANCELED, ResultCode.SUCCESSFUL, "The motion was cancelled; the arm is at rest.")
+            return
+        if not goal.first and self._time > goal.begin:
+            goal.first = state.time
+        time = self._time - self._settings.lookahead * self._pace
+        if self._pace != self._judged_pace:
+            self._judged_pace, self._paced_at = self._pace, state.time
+        is_steady = state.time - self._paced_at > _SETTLING
+        violation = goal.judge(time, state, self._pace if is_steady else None)
+        if violation is not None:
+            self._abort(*violation)
+        elif goal.phase is Phase.REACHED and not self._partner.is_there:
+            self._succeed()
+
+    def _meet_partner(self, goal: TrajectoryGoal, state: ArmState) -> None:
+        ours = self._report(goal, state)
+        self._partner.tell(ours)
+        theirs = self._partner.hear()
+        problem = goal.compare(ours, theirs, self._pace)
+        if problem is not None:
+            self._abort(*problem)
+        elif theirs is not None and theirs.goal == goal.number:
+            if theirs.phase is Phase.CANCELED:
+                self._cancel(CancelTrajectory(goal.number))
+            elif goal.phase is Phase.REACHED and theirs.phase in (Phase.REACHED, Phase.SUCCEEDED):
+                self._succeed()
+
+    def _report(self, goal: TrajectoryGoal, state: ArmState, code: int = 0) -> PartnerReport:
+        return PartnerReport(goal.number, goal.phase, state.time, goal.first, self._time, code)
+
+    def _succeed(self) -> None:
+        self._end(Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, "The goal is reached.")
+        self._rest_at(self._position)
+
+    def _abort(self, code: ResultCode, sentence: str) -> None:
+        self._brake()
+        self._end(Outcome.ABORTED, code, sentence)
+
+    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, tells: bool = True) -> None:
+        """The motion is over for whoever waits for it; a partner that goes over to the same new one is not told."""
+        goal, self._goal = self._goal, None
+        if goal is None:
+            return
+        goal.phase = Phase[outcome.name]
+        skew = goal.skew.skew if self._partner.is_there else None
+        self._notices.append(TrajectoryEnded(goal.number, outcome, code, sentence, skew))
+        if tells and self._state is not None:
+            self._partner.tell(self._report(goal, self._state, code))
+
+    def _brake(self) -> None:
+        """From what the arm is told now, at the speed time goes by."""
+        setpoint = self._source.setpoint(self._time)
+        if self._goal is not None and not isinstance(self._source, _Brake):
+            setpoint = setpoint.scaled(self._pace)
+        self._brake_from(setpoint)
+
+    @property
+    def _is_braking(self) -> bool:
+        return isinstance(self._source, _Brake) and self._time < self._source.duration
+
+    def _brake_from(self, setpoint: Setpoint) -> None:
+        softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
+        strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
+        self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
+        self._time, self._position = 0.0, setpoint.position
+
+    def _rest_at(self, position: Joints) -> None:
+        self._source = _resting(position)
+        self._time, self._position = 0.0, position
+
+    def _give_feedback(self, state: ArmState) -> None:
+        goal, source = self._goal, self._source
+        if state.time - self._feedback_due > self._settings.feedback_period:
+            self._feedback_due = state.time
+        self._feedback_due += self._settings.feedback_period
+        time = self._time - self._settings.lookahead * self._pace if goal is not None else self._time
+        desired, velocity = source.motion(time)
+        if goal is not None and not goal.is_cancelled and self._pace != 1.0:
+            velocity = _scaled(velocity, self._pace)
+        number, skew = (goal.number, goal.skew.skew) if goal is not None else (0, Skew())
+        put_feedback(
+            self._feedback,
+            TrajectoryFeedback(
+                number, state.time, time, self._pace, skew, desired, velocity, state.position, state.velocity
+            ),
+        )
+
+
+def _resting(position: Joints) -> Walk:
+    return Walk(Spline(Pieces(), TrajectoryPoint(0.0, position)))
+
+
+def _scaled(values: Joints, factor: float) -> Joints:
+    return cast("Joints", tuple([value * factor for value in values]))
+
+
+class DualArmTrajectoryController(JointTrajectoryController):
+    """One arm's half; an end of one arm's motion ends the other's.
+
+    Args:
+        side: its arm.
+        feedback: where others see how it follows.
+        ours: where the other arm's controller looks.
+        theirs: where the other arm's controller tells.
+        limits: what the joints may do.
+        speed: the factor on the arm's speed.
+    """
+
+    kind = "yumi_controllers/DualArmTrajectoryController"
+
+    def __init__(
+        self,
+        side: Side,
+        feedback: Mailbox,
+        ours: Mailbox,
+        theirs: Mailbox,
+        limits: JointLimits = YUMI_LIMITS,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        super().__init__(side, feedback, limits, OtherArm(ours, theirs), speed)

@@ -1,0 +1,231 @@
+"""The EGM server: guides any ABB robot that has EGM from a plain Python loop, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from types import TracebackType
+
+from yumi.clock import Clock, SystemClock
+from yumi.control.cycle import WireCounters
+from yumi.driver.arm import (
+    RobotState,
+    accept_from,
+    correction,
+    is_placed,
+    moves,
+    period,
+    reference,
+    standstill,
+    wire_counters,
+)
+from yumi.egm.codec import SensorCodec
+from yumi.egm.messages import RapidData, RobotMessage, SensorMessage
+from yumi.egm.session import SILENCE, SensorSession
+from yumi.egm.udp import Poller, UdpServer, address_towards
+from yumi.errors import NoConnection, ProtocolError, RobotNotReady
+from yumi.robot.joints import Pose, Vector
+
+GLANCE = 0.050
+"""How often a wait looks whether it is to end [s]."""
+
+UNREADABLE = 25
+"""So many datagrams that cannot be read, and none that can: this is no robot we know."""
+
+
+class EgmServer:
+    """Listens for one robot, whose controller speaks first; each state it sends is to be answered with :meth:`send`.
+
+    ::
+
+        with EgmServer(6510) as server:
+            for state in server:
+                server.send(joints=[goal for goal in state.joints])
+
+    The loop goes on over sessions and waits while the robot is silent; it ends with :meth:`stop`, or when nothing
+    came for ``timeout`` seconds.
+
+    Args:
+        port: UDP port that the controller sends to; 0 for any free one.
+        host: address to listen on: this machine's own towards the robot, or ``""`` for all; by default the one that
+            faces ``robot``, else the loopback, where only programs of this machine are heard.
+        robot: only datagrams from this address are taken; None takes all.
+        axes: 7 for a seven-axis arm, 6 for a robot whose external axes are no part of it; None takes the first
+            external axis that the robot sends, if it does, for the arm's seventh.
+        timeout: longest wait of the loop for the robot [s]; None waits for ever.
+        silence: a robot that comes back after this time begins a new session [s].
+        clock: of the arrivals.
+
+    Raises:
+        NoConnection: the port is taken or the address is not this machine's.
+    """
+
+    def __init__(
+        self,
+        port: int,
+        *,
+        host: str | None = None,
+        robot: str | None = None,
+        axes: int | None = None,
+        timeout: float | None = None,
+        silence: float = SILENCE,
+        clock: Clock | None = None,
+    ) -> None:
+        self._codec = SensorCodec(axes=axes)
+        self._session = SensorSession[RobotMessage](self._codec, silence=silence)
+        self._silence = silence
+        self._timeout = timeout
+        self._clock = clock or SystemClock()
+        self._arrived: RobotState | None = None
+        self._state: RobotState | None = None
+        self._held = SensorMessage(0)
+        self._is_stopped = False
+        self._hint = "; without robot= or host= this machine alone is heard" if host is None and robot is None else ""
+        if host is None:
+            host = address_towards(robot) if robot else "127.0.0.1"
+        self._link = UdpServer(host, port, remote=robot)
+        self._poller = Poller()
+        self._poller.watch(self._link, self._take)
+
+    def __enter__(self) -> EgmServer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[RobotState]:
+        """The robot's states as they come, the newest where several wait.
+
+        Raises:
+            NoConnection: no robot spoke within the timeout.
+            ProtocolError: what speaks is no robot this server understands.
+        """
+        while (state := self.receive(self._timeout)) is not None:
+            yield state
+        if self._state is None and not self._is_stopped:
+            raise NoConnection(
+                f"No robot spoke on UDP port {self.port} within {self._timeout:g} s: start EGM in the RAPID program, "
+                f"and check the remote address and port of its UDPUC device{self._hint}."
+            )
+
+    @property
+    def port(self) -> int:
+        return self._link.port
+
+    @property
+    def address(self) -> str:
+        """Where it listens; 0.0.0.0 is all of this machine's addresses."""
+        return self._link.host
+
+    @property
+    def wire(self) -> WireCounters:
+        """What the connection has seen so far."""
+        return wire_counters(self._session, self._link.foreign)
+
+    def close(self) -> None:
+        """Free the port; the robot holds its last reference until its communication timeout."""
+        self._poller.close()
+        self._link.close()
+
+    def stop(self) -> None:
+        """End the loop; may be called from another thread or a signal handler."""
+        self._is_stopped = True
+
+    def receive(self, timeout: float | None = None) -> RobotState | None:
+        """The robot's next state; None after ``timeout`` [s] or :meth:`stop`.
+
+        Raises:
+            ProtocolError: what speaks is no robot this server understands.
+        """
+        self._session.settle()
+        self._arrived = None
+        end = None if timeout is None else self._clock.now() + timeout
+        while self._arrived is None and not self._is_stopped:
+            left = GLANCE if end is None else end - self._clock.now()
+            if left < 0.0:
+                return None
+            self._poller.wait(min(left, GLANCE))
+        return self._arrived
+
+    def send(
+        self,
+        *,
+        joints: Sequence[float] | None = None,
+        pose: Pose | None = None,
+        speed: Sequence[float] | None = None,
+        twist: Sequence[float] | None = None,
+        external: Sequence[float] | None = None,
+        external_speed: Sequence[float] | None = None,
+        data: RapidData | None = None,
+    ) -> None:
+        """Answer the state received last; to be called once for each.
+
+        Without any reference the robot is to hold: it is sent what it measured with its session's first answer, and
+        the position sent last afterwards. In joint mode the robot heeds joints and speed, in pose mode pose and twist.
+
+        Args:
+            joints: positions to reach, as many and in the order of :attr:`RobotState.joints` [rad].
+            pose: where the tool shall be, in EGM's correction frame.
+            speed: joint speeds [rad/s]; in a velocity loop (PosCorrGain 0) all there is.
+            twist: speed of the tool, along x, y, z [m/s] and about x, y, z [rad/s].
+            external: positions of the external axes that are no part of the arm [rad], linear ones [m].
+            external_speed: their speeds.
+            data: for the RAPID program; RobotWare 7.7.
+
+        Raises:
+            CommandRefused: a value is not finite, or there are not as many as the robot has; nothing was sent.
+            RobotNotReady: no robot has spoken yet.
+        """
+        wanted = reference(
+            self._answered(),
+            joints=joints,
+            pose=pose,
+            speed=speed,
+            twist=twist,
+            external=external,
+            external_speed=external_speed,
+            data=data,
+        )
+        if not moves(wanted):
+            wanted = replace(self._held, rapid_data=wanted.rapid_data)
+        elif is_placed(wanted):
+            self._held = replace(wanted, velocity=None, twist=None, external_velocity=(), rapid_data=None)
+        self._link.send(self._codec.encode(replace(wanted, seqno=self._session.next_seqno())))
+
+    def send_correction(self, offset: Vector, *, age: float = 0.0) -> None:
+        """Correct the path of a robot that moves with EGMMoveL or EGMMoveC.
+
+        Args:
+            offset: where the path was measured, seen from the sensor's tool frame [m].
+            age: of the measurement [s].
+
+        Raises:
+            CommandRefused: a value is not finite, or the age is negative; nothing was sent.
+            RobotNotReady: no robot has spoken yet.
+        """
+        self._answered()
+        wanted = correction(offset, age)
+        self._link.send(self._codec.encode_correction(replace(wanted, seqno=self._session.next_seqno())))
+
+    def _answered(self) -> RobotState:
+        if self._state is None:
+            raise RobotNotReady("No robot has spoken yet: receive a state first, then answer it.")
+        return self._state
+
+    def _take(self) -> None:
+        now, session = self._clock.now(), self._session
+        if session.silence(now) > self._silence:
+            self._link.release()  # the robot may come back from another port
+        message = accept_from(self._link, session, self._link.receive(), now)
+        if message is not None:
+            is_fresh = session.is_first or session.is_resumed
+            before = self._state.message if self._state and not is_fresh else None
+            self._arrived = self._state = RobotState(
+                now, period(before, message), session.number, session.is_first, message
+            )
+            if session.is_first:
+                self._held = standstill(message)
+        elif not session.number and session.counters.malformed >= UNREADABLE:
+            raise ProtocolError(f"What speaks on UDP port {self.port} cannot be guided: {session.last_error}")

@@ -1,0 +1,154 @@
+"""RAPID routines run by name, through the state machine's state "run RAPID routine"."""
+
+from __future__ import annotations
+
+import re
+
+from yumi.clock import Clock, wait_until
+from yumi.driver.panel import Cabinet
+from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
+from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
+from yumi.robot.joints import Side
+from yumi.rws import types as rapid_values
+from yumi.rws.client import RwsClient
+
+LONGEST_ROUTINE = 300.0
+"""Longest wait for the end of a routine [s]; it goes on, only nobody waits any more."""
+
+_ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
+
+
+_FILE = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
+_MODULE = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
+_OUR_MODULES = "trob"  # how those of the state machine begin
+
+
+class RapidRoutines:
+    """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
+
+    Attributes:
+        is_running: whether the end of one is awaited.
+
+    Args:
+        client: a connected client.
+        cabinet: says whether requests are accepted.
+        machines: the state machines.
+        clock: where waiting time comes from.
+    """
+
+    def __init__(self, client: RwsClient, cabinet: Cabinet, machines: StateMachines, clock: Clock) -> None:
+        self._client = client
+        self._cabinet = cabinet
+        self._machines = machines
+        self._clock = clock
+        self.is_running = False
+
+    def run(self, side: Side, name: str) -> None:
+        """Run a routine in one arm's task and wait for its end.
+
+        Args:
+            side: whose task.
+            name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
+                ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
+
+        Raises:
+            CommandRefused: it is no name of a routine; nothing was changed.
+            RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
+        """
+        if not _ROUTINE.fullmatch(name):
+            raise CommandRefused(f"{name!r} is no name of a RAPID routine; give one of up to 32 letters and digits.")
+        self._check_free(side)
+        self.is_running = True
+        try:
+            self._run_to_its_end(side, name)
+        finally:
+            self.is_running = False
+        if self._was_unknown(side):
+            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
+
+    def _run_to_its_end(self, side: Side, name: str) -> None:
+        self._write(side, "routine_name_input", name)
+        self._write(side.other, "routine_name_input", "")
+        self._client.pulse_signal(RUN_RAPID)
+        wait_until(
+            self._clock,
+            lambda: self._is_over(side),
+            LONGEST_ROUTINE,
+            lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
+        )
+
+    def load_module(self, side: Side, file_name: str, text: str) -> None:
+        """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
+
+        A module that was loaded from the same file before is replaced; the state machine loads it, so that the program
+        goes on meanwhile.
+
+        Args:
+            side: whose task.
+            file_name: such as ``Pick.mod``.
+            text: the module.
+
+        Raises:
+            CommandRefused: name or text cannot be, the text is no RAPID, or the module is there from another file.
+            RobotNotReady: the program does not run, or the arm is busy.
+        """
+        module = _module_in(file_name, text)
+        self._check_free(side)
+        path = f"HOME:/{file_name}"
+        if self._has_module(side, module):
+            self._run_with_file(side, "runModuleUnload", path)
+            if self._has_module(side, module):
+                raise CommandRefused(
+                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
+                )
+        self._client.upload(path, text)
+        self._run_with_file(side, "runModuleLoad", path)
+        if not self._has_module(side, module):
+            raise CommandRefused(f"{side.task} did not load {path}; it is no correct RAPID module, see the event log.")
+
+    def _run_with_file(self, side: Side, routine: str, path: str) -> None:
+        self._write(side, "module_file_path_input", path)
+        self.run(side, routine)
+
+    def _has_module(self, side: Side, name: str) -> bool:
+        return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
+
+    def _was_unknown(self, side: Side) -> bool:
+        """ABB's own state machine does not tell."""
+        try:
+            return self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+        except ControllerRefused:
+            return False
+
+    def _check_free(self, side: Side) -> None:
+        self._cabinet.check_automatic()
+        if not self._cabinet.is_running:
+            raise RobotNotReady("The RAPID program is stopped, no routine can run; start it first.")
+        state = self._machines.state(side)
+        if state is not MachineState.IDLE:
+            raise RobotNotReady(
+                f"The {side.word} arm's state machine is in {state.name}; a routine needs IDLE, so end EGM first."
+            )
+
+    def _is_over(self, side: Side) -> bool:
+        """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
+        if not self._cabinet.is_running:
+            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
+        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
+            return False
+        return self._machines.state(side) is MachineState.IDLE
+
+    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
+
+
+def _module_in(file_name: str, text: str) -> str:
+    """The name of the module that ``text`` declares."""
+    if not _FILE.fullmatch(file_name):
+        raise CommandRefused(f"{file_name!r} is no name of a RAPID file; give letters and digits and .mod or .sys.")
+    found = _MODULE.search(text)
+    if found is None:
+        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
+    if found[1].lower().startswith(_OUR_MODULES):
+        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
+    return found[1]

@@ -1,0 +1,107 @@
+"""The setting ``speed_scale``: what was asked for, what each arm's control loop is told, and the robot's own limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from threading import Lock
+
+from yumi.control.commands import Mailbox
+from yumi.control.limiter import FULL
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
+
+LOWEST = 0.01
+"""Slower than this, joints creep: a full turn would take hours."""
+
+FIRST_CONTACT = 0.1
+"""What holds at a robot that is not on this machine, until somebody raises it."""
+
+
+class SpeedSetting:
+    """The factor on the speed of every controller of both arms.
+
+    The robot's own limit, EGM's MaxSpeedDeviation, is lowered with it when EGM starts, and cannot be changed before the
+    next start; until then an arm is told no more than what it was started with. Safe from any thread.
+
+    Args:
+        value: to begin with.
+        boxes: where each arm's control loop looks for it.
+        is_guided: whether EGM runs on an arm.
+
+    Attributes:
+        is_guided: as above.
+
+    Raises:
+        CommandRefused: the value is out of range.
+    """
+
+    def __init__(
+        self,
+        value: float = FULL,
+        boxes: Mapping[Side, Mailbox] | None = None,
+        is_guided: Callable[[Side], bool] = lambda side: False,
+    ) -> None:
+        self._lock = Lock()
+        self._boxes = boxes or {}
+        self.is_guided = is_guided
+        self._started_with = dict.fromkeys(Side, FULL)
+        self._value = checked(value)
+        self._tell_arms()
+
+    @property
+    def value(self) -> float:
+        """What was asked for."""
+        return self._value
+
+    @property
+    def in_force(self) -> float:
+        """What holds now, on the slower arm."""
+        return min(map(self._of_arm, Side))
+
+    def set(self, value: float) -> str:
+        """Change it, for motions under way, too; returns a sentence.
+
+        Raises:
+            CommandRefused: the value is out of range; nothing was changed.
+        """
+        with self._lock:
+            self._value = checked(value)
+            self._tell_arms()
+        return str(self)
+
+    def note_start(self, arms: Iterable[Side], value: float) -> None:
+        """EGM has started on ``arms`` with the robot's own limit lowered to ``value``."""
+        with self._lock:
+            self._started_with.update(dict.fromkeys(arms, value))
+            self._tell_arms()
+
+    def __str__(self) -> str:
+        """In a sentence."""
+        if self.in_force < self._value:
+            return (
+                f"speed_scale is {self._value:g}, but EGM was started with {self.in_force:g}, which the robot's own "
+                "limit (MaxSpeedDeviation) keeps until EGM is started again: stop_egm, then start_egm."
+            )
+        return f"speed_scale is {self._value:g}: every controller moves with at most {self._value:.0%} of its speeds."
+
+    def _of_arm(self, side: Side) -> float:
+        return min(self._value, self._started_with[side]) if self.is_guided(side) else self._value
+
+    def _tell_arms(self) -> None:
+        for side, box in self._boxes.items():
+            box.put((self._of_arm(side),))
+
+
+def checked(value: float) -> float:
+    """``value`` as a plain number.
+
+    Raises:
+        CommandRefused: it is none, or out of range.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"speed_scale is {value!r}; give a number from {LOWEST:g} to 1.") from error
+    if not LOWEST <= number <= FULL:
+        raise CommandRefused(f"speed_scale is {number:g}; allowed is {LOWEST:g} to 1.")
+    return number

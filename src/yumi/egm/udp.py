@@ -1,0 +1,319 @@
+"""UDP sockets for EGM: our end, which listens and answers, and the robot's end, which speaks first.
+
+Waits for whichever of several sockets and pipes has something to read.
+
+Two ends of a connection inside one process: what one sends, the other receives. For virtual time and tests.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Protocol
+
+from yumi.errors import NoConnection
+
+_BUFFER_SIZE = 2048
+_WAITING = 256  # datagrams of other senders that are kept while it is open which of them is the robot
+
+_Address = tuple[str, int]
+
+
+class UdpServer:
+    """Listens on one port and answers one sender at a time; never waits.
+
+    Who that is, address and port, can be pinned: then nothing of any other sender is handed out. As long as it is not,
+    :meth:`receive` hands out what one sender sent, and at the next call what another one did.
+
+    Attributes:
+        foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned.
+        is_pinned: whether only one sender is heard.
+        newest: the datagram handed out last.
+
+    Args:
+        host: local address to listen on.
+        port: local port, 0 for any free one.
+        remote: only datagrams from this address are taken; None takes all.
+
+    Raises:
+        NoConnection: the port is taken or the address is not this machine's.
+    """
+
+    def __init__(self, host: str, port: int, *, remote: str | None = None) -> None:
+        self.foreign = 0
+        self.newest: bytes | None = None
+        self.is_pinned = False
+        self._remote = remote
+        self._peer: _Address | None = None
+        self._others: deque[tuple[bytes, _Address]] = deque(maxlen=_WAITING)
+        self._socket = _bound(host, port)
+        self._receive = self._socket.recvfrom
+
+    def __enter__(self) -> UdpServer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    @property
+    def host(self) -> str:
+        return str(self._socket.getsockname()[0])
+
+    @property
+    def port(self) -> int:
+        return int(self._socket.getsockname()[1])
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits; None when there is none, or what waits counts for nothing."""
+        try:
+            datagram, peer = self._receive(_BUFFER_SIZE)
+        except OSError:  # nothing waits, or an ICMP error of an earlier send
+            return None
+        if peer != self._peer and (self.is_pinned or not self._is_from_remote(peer)):
+            self.foreign += 1
+            return None
+        self._peer, self.newest = peer, datagram
+        return datagram
+
+    def receive(self) -> list[bytes]:
+        """All datagrams of one sender that wait, oldest first; of the pinned one, if there is one."""
+        datagrams: list[bytes] = []
+        while True:
+            try:
+                datagram, peer = self._receive(_BUFFER_SIZE)
+            except BlockingIOError:
+                break
+            except OSError:  # an ICMP error of an earlier send; it says nothing about what waits here
+                continue
+            if peer == self._peer:
+                datagrams.append(datagram)
+            elif self.is_pinned or not self._is_from_remote(peer):
+                self.foreign += 1
+            else:
+                self._others.append((datagram, peer))
+        if not datagrams and self._others:
+            peer = self._peer = self._others[0][1]
+            datagrams = [each for each, sender in self._others if sender == peer]
+            self._others = deque([each for each in self._others if each[1] != peer], maxlen=_WAITING)
+        if datagrams:
+            self.newest = datagrams[-1]
+        return datagrams
+
+    def pin(self) -> None:
+        """From now on hear only the sender of what was handed out last."""
+        self.is_pinned = True
+        self.foreign += len(self._others)
+        self._others.clear()
+
+    def release(self) -> None:
+        """From now on hear every sender again."""
+        self.is_pinned = False
+
+    def send(self, datagram: bytes) -> None:
+        """Answer the sender of what was handed out last; a reply that cannot leave is lost, as on any network."""
+        if self._peer is None:
+            return
+        _send(self._socket, datagram, self._peer)
+
+    def _is_from_remote(self, peer: _Address) -> bool:
+        return self._remote is None or peer[0] == self._remote
+
+
+class UdpClient:
+    """Speaks to one address and reads what it answers; never waits.
+
+    Raises:
+        NoConnection: the host's name is unknown.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = (resolve(host), port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def send(self, datagram: bytes) -> None:
+        _send(self._socket, datagram, self._address)
+
+    def receive(self) -> list[bytes]:
+        """All datagrams of the address that wait, oldest first."""
+        datagrams: list[bytes] = []
+        while True:
+            try:
+                datagram, peer = self._socket.recvfrom(_BUFFER_SIZE)
+            except BlockingIOError:
+                return datagrams
+            except OSError:  # as above: nobody listens there at the moment
+                continue
+            if peer[0] == self._address[0]:
+                datagrams.append(datagram)
+
+
+def address_towards(host: str, port: int = 80) -> str:
+    """This machine's own address on the way to ``host``; nothing is sent.
+
+    Raises:
+        NoConnection: ``host`` is no address, or there is no way to it.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((host, port))
+        except OSError as error:
+            raise NoConnection(f"There is no way to {host!r}: {error.strerror or error}; check the address.") from error
+        return str(probe.getsockname()[0])
+
+
+def resolve(host: str) -> str:
+    """The IPv4 address of ``host``.
+
+    Raises:
+        NoConnection: the name is unknown.
+    """
+    try:
+        return socket.gethostbyname(host)
+    except (OSError, UnicodeError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise NoConnection(f"The name {host!r} is not known: {reason}; give an address.") from error
+
+
+def free_port() -> int:
+    """A UDP port that is free at this moment."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    server.setblocking(False)
+    try:
+        server.bind((host, port))
+    except OSError as error:
+        server.close()
+        raise NoConnection(_why_not_bound(host, port, error)) from error
+    return server
+
+
+def _why_not_bound(host: str, port: int, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return f"UDP port {port} is taken: another driver may be running; stop it or choose another EGM port."
+    return f"Cannot listen for EGM on {host}:{port}: {error.strerror}."
+
+
+def _send(sender: socket.socket, datagram: bytes, address: tuple[str, int]) -> None:
+    try:
+        sender.sendto(datagram, address)
+    except BlockingIOError:
+        return  # the send buffer is full: UDP may lose a datagram anywhere, the next one follows in 4 ms
+    except OSError as error:
+        if error.errno not in {errno.ECONNREFUSED, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN}:
+            raise
+
+
+_MS = 1e3
+
+
+class HasFileno(Protocol):
+    """Anything the operating system can wait for."""
+
+    def fileno(self) -> int:
+        """Its descriptor."""
+
+
+class Poller:
+    """Calls a handler per readable thing; one thread only.
+
+    It stands between a datagram and its reply, with cold caches: hence ``poll`` itself, not the layers of a selector.
+    """
+
+    def __init__(self) -> None:
+        self._poll = select.poll()
+        self._handlers: dict[int, Callable[[], None]] = {}
+
+    def close(self) -> None:
+        for descriptor in tuple(self._handlers):
+            self._forget(descriptor)
+
+    def watch(self, thing: HasFileno, handler: Callable[[], None]) -> None:
+        self._handlers[thing.fileno()] = handler
+        self._poll.register(thing, select.POLLIN)
+
+    def forget(self, thing: HasFileno) -> None:
+        self._forget(thing.fileno())
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until something is readable, at most ``timeout`` [s] in whole milliseconds, and call its handlers.
+
+        Returns:
+            Whether anything was readable.
+        """
+        ready = self._poll.poll(timeout * _MS)
+        for descriptor, _ in ready:
+            self._handlers[descriptor]()
+        return bool(ready)
+
+    def doze(self, duration: float) -> bool:
+        """Sleep for ``duration`` [s], to the microsecond, or until something is readable; calls no handler.
+
+        Returns:
+            Whether something is readable.
+        """
+        return bool(select.select(tuple(self._handlers), (), (), duration)[0])
+
+    def _forget(self, descriptor: int) -> None:
+        self._poll.unregister(descriptor)
+        del self._handlers[descriptor]
+
+
+class MemoryLink:
+    """One end; make both with :func:`memory_links`."""
+
+    foreign = 0  # there is one sender only
+    is_pinned = True
+
+    def __init__(self, inbox: deque[bytes], outbox: deque[bytes]) -> None:
+        self._inbox = inbox
+        self._outbox = outbox
+
+    def send(self, datagram: bytes) -> None:
+        self._outbox.append(datagram)
+
+    def pin(self) -> None:
+        """It always is."""
+
+    def release(self) -> None:
+        """There is no other sender."""
+
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits."""
+        return self._inbox.popleft() if self._inbox else None
+
+    def receive(self) -> list[bytes]:
+        """All datagrams that wait, oldest first."""
+        datagrams = list(self._inbox)
+        self._inbox.clear()
+        return datagrams
+
+
+def memory_links() -> tuple[MemoryLink, MemoryLink]:
+    """Two connected ends."""
+    there: deque[bytes] = deque()
+    back: deque[bytes] = deque()
+    return MemoryLink(there, back), MemoryLink(back, there)

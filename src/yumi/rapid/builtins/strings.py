@@ -1,0 +1,116 @@
+"""RAPID's strings: conversions and searches; positions count from 1."""
+
+from __future__ import annotations
+
+from yumi.rapid.builtins.data import DATA
+from yumi.rapid.errors import RapidRuntimeError, RapidValueError
+from yumi.rapid.library import Call, Library
+from yumi.rapid.literals import format_value, parse_value
+from yumi.rapid.types import LONGEST_STRING, STRING, resolved, value_count
+
+STRINGS = Library(DATA)
+
+
+@STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
+def number_to_string(call: Call) -> str:
+    return _number_text(call)
+
+
+@STRINGS.function("DnumToStr", r"dnum Val, num Dec, \switch Exp", "string")
+def dnum_to_string(call: Call) -> str:
+    return _number_text(call)
+
+
+def _number_text(call: Call) -> str:
+    return f"{call['Val']:.{_decimals(call)}{'E' if call.present('Exp') else 'f'}}"
+
+
+def _decimals(call: Call) -> int:
+    decimals: float = call["Dec"]
+    if not 0 <= decimals == decimals // 1 <= LONGEST_STRING:
+        sentence = f"{call.name} takes a whole number of decimals, 0 to {LONGEST_STRING}, not {decimals:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    return int(decimals)
+
+
+@STRINGS.function("ValToStr", "anytype Val", "string")
+def value_to_string(call: Call) -> str:
+    type_, value = call.place("Val").type, call["Val"]
+    if value_count(type_) > LONGEST_STRING:
+        sentence = f"{value_count(type_)} values do not fit into the {LONGEST_STRING} characters of a string."
+        raise RapidRuntimeError("ERR_STRTOOLNG", sentence)
+    return str(value) if resolved(type_) == STRING else format_value(type_, value)
+
+
+@STRINGS.function("StrToVal", "string Str, INOUT anytype Val", "bool")
+def string_to_value(call: Call) -> bool:
+    type_ = call.place("Val").type
+    if resolved(type_) == STRING:
+        call["Val"] = call["Str"]
+        return True
+    try:
+        call["Val"] = parse_value(type_, call["Str"])
+    except RapidValueError:
+        return False
+    return True
+
+
+@STRINGS.function("StrLen", "string Str", "num")
+def length(call: Call) -> float:
+    return len(call["Str"])
+
+
+@STRINGS.function("StrPart", "string Str, num ChPos, num Len", "string")
+def part(call: Call) -> str:
+    start = _position(call)
+    text: str = call["Str"]
+    if call["Len"] < 0 or start + call["Len"] > len(text):
+        raise RapidRuntimeError("ERR_ARGVALERR", f"'{text}' has no {call['Len']:g} characters from {start + 1}.")
+    return text[start : start + int(call["Len"])]
+
+
+@STRINGS.function("StrFind", r"string Str, num ChPos, string Set, \switch NotInSet", "num")
+def find(call: Call) -> float:
+    text, wanted = call["Str"], not call.present("NotInSet")
+    places = range(_position(call, past_end=True), len(text))
+    return next((i + 1 for i in places if (text[i] in call["Set"]) == wanted), len(text) + 1)
+
+
+@STRINGS.function("StrMatch", "string Str, num ChPos, string Pattern", "num")
+def match(call: Call) -> float:
+    found: int = call["Str"].find(call["Pattern"], _position(call, past_end=True))
+    return found + 1 if found >= 0 else len(call["Str"]) + 1
+
+
+@STRINGS.function("StrMemb", "string Str, num ChPos, string Set", "bool")
+def is_member(call: Call) -> bool:
+    return call["Str"][_position(call)] in call["Set"]
+
+
+@STRINGS.function("StrMap", "string Str, string FromMap, string ToMap", "string")
+def mapped(call: Call) -> str:
+    source, target = call["FromMap"], call["ToMap"]
+    if len(source) != len(target):
+        raise RapidRuntimeError("ERR_ARGVALERR", f"StrMap needs maps of one length, not '{source}' and '{target}'.")
+    return str(call["Str"]).translate(str.maketrans(source, target))
+
+
+@STRINGS.function("StrOrder", "string Str1, string Str2, string Order", "bool")
+def is_in_order(call: Call) -> bool:
+    order: str = call["Order"]
+    keys = [[order.find(c) if c in order else len(order) + ord(c) for c in call[name]] for name in ("Str1", "Str2")]
+    return keys[0] <= keys[1]
+
+
+def _position(call: Call, *, past_end: bool = False) -> int:
+    """The argument ChPos counted from 0; just behind the last character only where a search may end."""
+    position, text = call["ChPos"], call["Str"]
+    if position != int(position) or not 1 <= position <= len(text) + past_end:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"'{text}' has no character {position:g}.")
+    return int(position) - 1
+
+
+STRINGS.data("STR_DIGIT", "string", "0123456789")
+STRINGS.data("STR_WHITE", "string", " \t\r\n")
+STRINGS.data("STR_UPPER", "string", "ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+STRINGS.data("STR_LOWER", "string", "abcdefghijklmnopqrstuvwxyz")

@@ -1,0 +1,380 @@
+"""Cycles and events as the JSON objects of a recording, and the schemas that describe them.
+
+Recordings: cycles and events of both arms as an MCAP file, for our own table and picture and for Foxglove.
+
+A topic an arm (``r/cycle``, ``l/cycle``) and one for what happened (``events``), each message a JSON object whose
+schema, with units, is in the file. A message's log time is the time of day; ``time`` inside is the machine's monotonic
+clock, by which cycles and events compare.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from math import isfinite, nan
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+from yumi import __version__
+from yumi.control.flight_recorder import Frame
+from yumi.control.requests import Event, is_fault
+from yumi.control.statistics import StationTimes
+from yumi.errors import MissingPrerequisite, ProtocolError
+from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedEvent:
+    """Something that happened to an arm.
+
+    Attributes:
+        time: when, on the machine's monotonic clock [s].
+        side: which arm; None when it concerns both.
+        kind: the event's class, e.g. ``SessionLost``.
+        sentence: what the log says of it.
+        is_fault: whether nobody asked for it.
+    """
+
+    time: float
+    side: Side | None
+    kind: str
+    sentence: str
+    is_fault: bool
+
+
+def _number(description: str) -> dict[str, object]:
+    return {"type": "number", "description": description}
+
+
+def _vector(description: str) -> dict[str, object]:
+    item = {"type": ["number", "null"]}
+    return {
+        "type": "array",
+        "items": item,
+        "minItems": JOINT_COUNT,
+        "maxItems": JOINT_COUNT,
+        "description": f"{description}; axes 1 2 7 3 4 5 6",
+    }
+
+
+STATIONS = tuple(item.name for item in fields(StationTimes))
+"""The stations of a cycle in their order."""
+
+CYCLE_SCHEMA: Mapping[str, object] = {
+    "title": "yumi.Cycle",
+    "type": "object",
+    "properties": {
+        "number": {"type": "integer", "description": "cycle of this arm, from 1"},
+        "time": _number("arrival of the datagram, monotonic clock [s]"),
+        "dt": _number("robot time since the datagram before [s]"),
+        "session": {"type": "integer", "description": "EGM session, from 1"},
+        "is_running": {"type": "boolean", "description": "whether the robot followed commands"},
+        "position": _vector("measured positions [rad]"),
+        "velocity": _vector("measured velocities [rad/s]"),
+        "planned": _vector("positions the controller was heading for [rad]"),
+        "wanted": {**_vector("positions the controllers wanted [rad], null: hold"), "type": ["array", "null"]},
+        "admitted": _vector("positions the arm was told [rad]"),
+        "admitted_velocity": _vector("velocities the arm was told [rad/s]"),
+        "reference": {**_vector("goal of the active controller [rad], null: none"), "type": ["array", "null"]},
+        "stations": {
+            "type": "object",
+            "description": "how long each station of the cycle took [s]",
+            "properties": {name: {"type": "number"} for name in STATIONS},
+        },
+    },
+}
+"""JSON schema of a cycle."""
+
+EVENT_SCHEMA: Mapping[str, object] = {
+    "title": "yumi.Event",
+    "type": "object",
+    "properties": {
+        "time": _number("monotonic clock [s]"),
+        "side": {"enum": [*(side.value for side in Side), None], "description": "which arm, null: both"},
+        "kind": {"type": "string"},
+        "sentence": {"type": "string"},
+        "is_fault": {"type": "boolean", "description": "whether nobody asked for it"},
+    },
+}
+"""JSON schema of an event."""
+
+
+def frame_message(frame: Frame) -> dict[str, object]:
+    """The object of a cycle; what is no finite number becomes null, which JSON has."""
+    return {
+        "number": frame.number,
+        "time": frame.time,
+        "dt": frame.dt,
+        "session": frame.session,
+        "is_running": frame.is_running,
+        "position": _numbers(frame.position),
+        "velocity": _numbers(frame.velocity),
+        "planned": _numbers(frame.planned),
+        "wanted": None if frame.wanted is None else _numbers(frame.wanted),
+        "admitted": _numbers(frame.admitted),
+        "admitted_velocity": _numbers(frame.admitted_velocity),
+        "reference": None if frame.reference is None else _numbers(frame.reference),
+        "stations": {name: getattr(frame.stations, name) for name in STATIONS},
+    }
+
+
+def frame_from_message(message: Mapping[str, Any]) -> Frame:
+    """The cycle of an object.
+
+    Raises:
+        KeyError: a part is missing.
+        TypeError: a part is of the wrong kind.
+        ValueError: a vector has not seven numbers.
+    """
+    wanted, reference = message["wanted"], message["reference"]
+    return Frame(
+        number=int(message["number"]),
+        time=float(message["time"]),
+        dt=float(message["dt"]),
+        session=int(message["session"]),
+        is_running=bool(message["is_running"]),
+        position=_joints(message["position"]),
+        velocity=_joints(message["velocity"]),
+        planned=_joints(message["planned"]),
+        wanted=None if wanted is None else _joints(wanted),
+        admitted=_joints(message["admitted"]),
+        admitted_velocity=_joints(message["admitted_velocity"]),
+        reference=None if reference is None else _joints(reference),
+        stations=StationTimes(*(float(message["stations"][name]) for name in STATIONS)),
+    )
+
+
+def event_message(event: RecordedEvent) -> dict[str, object]:
+    """The object of an event."""
+    return {
+        "time": event.time,
+        "side": event.side.value if event.side else None,
+        "kind": event.kind,
+        "sentence": event.sentence,
+        "is_fault": event.is_fault,
+    }
+
+
+def event_from_message(message: Mapping[str, Any]) -> RecordedEvent:
+    """The event of an object.
+
+    Raises:
+        KeyError: a part is missing.
+        ValueError: there is no such arm.
+    """
+    return RecordedEvent(
+        time=float(message["time"]),
+        side=None if message["side"] is None else Side(message["side"]),
+        kind=str(message["kind"]),
+        sentence=str(message["sentence"]),
+        is_fault=bool(message["is_fault"]),
+    )
+
+
+def _numbers(values: Joints) -> list[float | None]:
+    return [value if isfinite(value) else None for value in values]
+
+
+def _joints(values: list[float | None]) -> Joints:
+    return joints([nan if value is None else value for value in values])
+
+
+EVENTS = "events"
+"""Topic of what happened."""
+
+BEFORE = 11.0
+"""A flight record as a whole: its ten seconds end a little before the event [s]."""
+
+AFTER = 1.0
+"""What the robot did once it was told to hold [s]."""
+
+_MISSING = "Recordings need mcap; install yumi-ros2[record]."
+_LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of about one million
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What a file holds, or the part of it around the event that stopped a motion.
+
+    Attributes:
+        events: everything that happened, in order.
+        stop: the event that stopped a motion, the last one if there were several; None when nothing did.
+        frames: recorded cycles per arm, oldest first.
+        is_complete: False when the file ends before it was closed.
+    """
+
+    events: tuple[RecordedEvent, ...] = ()
+    stop: RecordedEvent | None = None
+    frames: Mapping[Side, tuple[Frame, ...]] = field(default_factory=dict)
+    is_complete: bool = True
+
+    @property
+    def arm(self) -> Side:
+        """The arm to look at: the one that stopped, else the first that is recorded."""
+        stopped = self.stop.side if self.stop else None
+        return stopped or next(iter(self.frames), Side.RIGHT)
+
+
+def recorded_event(event: Event, time: float) -> RecordedEvent:
+    """``event`` as it is recorded, having happened at ``time`` on the monotonic clock [s]."""
+    return RecordedEvent(time, event.side, type(event).__name__, str(event), is_fault(event))
+
+
+class RecordingWriter:
+    """A recording that is being written; a context manager.
+
+    Args:
+        file: where to; its folder is made, a file of that name is replaced.
+        epoch: time of day when the monotonic clock was 0 [s since 1970].
+
+    Raises:
+        MissingPrerequisite: the library is not installed.
+        OSError: the file cannot be written; so do the methods.
+    """
+
+    def __init__(self, file: Path, epoch: float) -> None:
+        try:
+            from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
+        except ImportError as error:
+            raise MissingPrerequisite(_MISSING) from error
+        file.parent.mkdir(parents=True, exist_ok=True)
+        self._stream = file.open("wb")
+        self._epoch = epoch
+        self._writer = Writer(self._stream)
+        self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
+        self._channels = self._register()
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def add_frame(self, side: Side, frame: Frame) -> None:
+        """Append a cycle of one arm."""
+        self._add(_topic(side), frame.time, frame.number, frame_message(frame))
+
+    def add_event(self, event: RecordedEvent) -> None:
+        """Append what happened."""
+        self._add(EVENTS, event.time, 0, event_message(event))
+
+    def close(self) -> None:
+        """Write the index; without it the file is readable, but slowly."""
+        try:
+            self._writer.finish()
+        finally:
+            self._stream.close()
+
+    def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
+        data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+        nanoseconds = round((self._epoch + time) * 1e9)
+        self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds, sequence)
+
+    def _register(self) -> dict[str, int]:
+        cycle, event = (
+            self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+            for name, schema in (("yumi.Cycle", CYCLE_SCHEMA), ("yumi.Event", EVENT_SCHEMA))
+        )
+        channels = {
+            _topic(side): self._writer.register_channel(
+                _topic(side), "json", cycle, {"joints": " ".join(joint_names(side))}
+            )
+            for side in Side
+        }
+        return channels | {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
+
+
+def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
+    """The cycles that led to ``event``, and the event.
+
+    Raises:
+        MissingPrerequisite: the library is not installed.
+        OSError: the file cannot be written.
+    """
+    with RecordingWriter(file, epoch) as writer:
+        for side, each in frames.items():
+            for frame in each:
+                writer.add_frame(side, frame)
+        writer.add_event(event)
+
+
+def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) -> Recording:
+    """Events of a whole recording, and the cycles around the one that stopped a motion, by default its end.
+
+    Args:
+        file: what a RecordingWriter wrote; it may have been cut off.
+        before: cycles from so long before the event [s].
+        after: cycles until so long after it [s].
+
+    Raises:
+        ProtocolError: the file is no such recording.
+        MissingPrerequisite: the library is not installed.
+    """
+    events, last, is_complete = _read_events(file)
+    stops = [event for event in events if event.is_fault]
+    stop = stops[-1] if stops else None
+    middle = stop.time if stop else last
+    frames = _read_frames(file, middle - before, middle + after)
+    return Recording(events, stop, frames, is_complete)
+
+
+def _read_events(file: Path) -> tuple[tuple[RecordedEvent, ...], float, bool]:
+    """All events, the time of the last cycle, and whether the file was closed."""
+    events, last, is_complete = [], 0.0, False
+    for topic, message in _messages(file):
+        if topic is None:
+            is_complete = True
+        elif topic == EVENTS:
+            events.append(event_from_message(message))
+        else:
+            last = max(last, float(message["time"]))
+    return tuple(events), last, is_complete
+
+
+def _read_frames(file: Path, begin: float, end: float) -> dict[Side, tuple[Frame, ...]]:
+    frames: dict[Side, list[Frame]] = {side: [] for side in Side}
+    sides = {_topic(side): side for side in Side}
+    for topic, message in _messages(file):
+        if topic in sides and begin <= message["time"] <= end:
+            frames[sides[topic]].append(frame_from_message(message))
+    return {side: tuple(each) for side, each in frames.items() if each}
+
+
+def _messages(file: Path) -> Iterator[tuple[str | None, Any]]:
+    """Topic and content of every message in the order of the file; at last (None, None) where it was closed."""
+    try:
+        from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra; nothing else needs it
+        from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
+    except ImportError as error:
+        raise MissingPrerequisite(_MISSING) from error
+    try:
+        with file.open("rb") as stream:
+            yield from _contents(stream)
+    except EndOfFile:
+        return  # whoever wrote it was stopped; what is whole has been read
+    except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
+        # The last two: a damaged length asks for more than there is.
+        raise ProtocolError(f"{file} is no recording of yumi, or it is damaged: {error!r}.") from error
+
+
+def _contents(stream: IO[bytes]) -> Iterator[tuple[str | None, Any]]:
+    from mcap.records import Channel, Footer, Message  # noqa: PLC0415 - an extra; nothing else needs it
+    from mcap.stream_reader import StreamReader  # noqa: PLC0415
+
+    topics: dict[int, str] = {}
+    for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            yield topics[record.channel_id], json.loads(record.data)
+        elif isinstance(record, Footer):
+            yield None, None
+
+
+def _topic(side: Side) -> str:
+    return f"{side.value}/cycle"

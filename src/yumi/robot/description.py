@@ -1,0 +1,320 @@
+"""The robot's description for ROS: a URDF of both arms and grippers, exact kinematics and simple shapes.
+
+Every number stands in one of the tables below; the functions only turn tables into XML. Link frames are those
+of the public YuMi descriptions (reference/yumi.md §1.4), so their meshes fit. Lengths in [m], angles in [rad],
+masses in [kg] unless the name says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import atan2, dist, hypot, pi
+from xml.etree import ElementTree as ET
+
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names
+from yumi.robot.kinematics import compose, euler_zyx, foot_to_body
+
+FINGER_TRAVEL = 0.025
+FINGER_SPEED = 0.025
+FINGER_FORCE = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A child frame in its parent: ``xyz`` [m] and fixed-axis roll, pitch, yaw [rad]."""
+
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Mass:
+    """Mass [kg], centre [m] and inertia about it (xx, xy, xz, yy, yz, zz) [kg m²]."""
+
+    mass: float
+    centre: Vector
+    inertia: tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """An axis-aligned box between two corners [mm]."""
+
+    low_mm: Vector
+    high_mm: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """A cylinder between two points on its axis [mm], flat ends."""
+
+    start_mm: Vector
+    end_mm: Vector
+    radius_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Capsule:
+    """A cylinder with a half ball on both ends, between two points [mm]."""
+
+    start_mm: Vector
+    end_mm: Vector
+    radius_mm: float
+
+
+Shape = Box | Cylinder | Capsule
+
+# Chain order; the first joint hangs on the body and differs between the arms.
+JOINT_ORIGINS = (
+    Origin((0.030, 0.0, 0.100), (pi / 2, 0.0, 0.0)),
+    Origin((-0.030, 0.1730, 0.0), (-pi / 2, 0.0, 0.0)),
+    Origin((-0.0405, 0.0, 0.0785), (pi / 2, -pi / 2, 0.0)),
+    Origin((0.0405, 0.1645, 0.0), (-pi / 2, 0.0, 0.0)),
+    Origin((-0.027, 0.0, 0.1005), (pi / 2, 0.0, 0.0)),
+    Origin((0.027, 0.029, 0.0), (-pi / 2, 0.0, 0.0)),
+)
+TOOL0_ORIGIN = Origin((0.0, 0.0, 0.007), (0.0, 0.0, pi))
+FINGER_ORIGINS = (Origin((0.0, -0.0065, 0.0837)), Origin((0.0, 0.0065, 0.0837), (0.0, 0.0, pi)))
+_FOOT_TO_JOINT_1 = Pose((0.0, 0.0, 0.066), (0.0, 0.0, 0.0, 1.0))
+
+# ABB publishes no torques; public descriptions carry this number, and tools refuse a joint without one.
+JOINT_EFFORT = 300.0
+JOINT_DAMPING = 0.5
+# The controller's friction feed-forward times the gear (§1.3), chain order [N m].
+JOINT_FRICTION = (1.41, 1.41, 0.60, 0.60, 0.234, 0.236, 0.234)
+
+# Estimated from the shapes at the density that gives ABB's total of 38 kg (§1.9):
+# mass, centre, inertia per mass [1e-4 m²].
+_LINKS = (
+    (1.297, (0.0103, -0.0226, 0.0513), (31.9, 2.6, -5.5, 31.5, 8.9, 17.2)),
+    (1.902, (-0.0179, 0.0643, -0.0146), (50.0, 7.85, 1.58, 16.2, -8.2, 49.6)),
+    (0.968, (-0.0211, -0.0267, 0.0500), (22.3, -3.2, 6.2, 25.4, 5.95, 15.95)),
+    (1.591, (0.0227, 0.0560, -0.0157), (43.4, -9.8, -2.5, 15.7, -7.9, 44.3)),
+    (0.463, (-0.0074, -0.0278, 0.0459), (22.9, -1.5, 3.8, 21.0, 7.4, 10.6)),
+    (0.634, (0.0113, -0.0124, -0.0094), (10.1, 0.17, -0.57, 10.5, 0.37, 11.0)),
+    (0.056, (0.0, 0.0, -0.0045), (2.26, 0.0, 0.0, 2.24, 0.02, 2.97)),
+)
+# ABB's base mass and centre (§1.9); inertia of a block of the torso's size.
+BODY_MASS = Mass(24.18, (-0.061, 0.0, 0.063), (0.98, 0.0, 0.0, 0.98, 0.0, 0.82))
+# ABB's loads of the hand's five kinds, without fingers and cups (§2.3); a cup with its filter adds 7.5 g.
+GRIPPER_MASSES: Mapping[GripperModules, Mass] = {
+    GripperModules.SERVO: Mass(0.215, (0.0087, 0.0123, 0.0492), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008)),
+    GripperModules.VISION: Mass(0.229, (0.0079, 0.0124, 0.0487), (0.00017, 0.0, 0.0, 0.00019, 0.0, 0.00008)),
+    GripperModules.VACUUM: Mass(0.226, (0.0089, 0.0123, 0.0487), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008)),
+    GripperModules.VISION_VACUUM: Mass(0.240, (0.0082, 0.0125, 0.0481), (0.00018, 0.0, 0.0, 0.00020, 0.0, 0.00009)),
+    GripperModules.TWO_VACUUMS: Mass(0.250, (0.0074, 0.0124, 0.0448), (0.00020, 0.0, 0.0, 0.00024, 0.0, 0.00011)),
+}
+FINGER_MASS = Mass(0.0075, (-0.006, 0.0065, 0.0225), (1.4e-6, 0.0, 0.0, 1.3e-6, 0.0, 1.8e-7))
+
+# Fitted to the public meshes (§1.10).
+BODY_SHAPES = (
+    Box((-358, -200, -100), (0, 200, 100)),
+    Box((0, 50, -20), (135, 190, 60)),
+    Box((0, -190, -20), (135, -50, 60)),
+    Box((-360, -112, 100), (-120, 112, 280)),
+    Box((-361, -130, 300), (43, 130, 471)),
+)
+LINK_SHAPES: tuple[tuple[Shape, ...], ...] = (
+    (
+        Capsule((-0.1, 0.7, 10.1), (1.7, -14.2, 48.7), 62.5),
+        Capsule((30.1, -38.5, 100.4), (21.2, -39, 98.5), 56.1),
+    ),
+    (
+        Capsule((-10.6, 1.7, -48.3), (-0.8, -0.1, -25.4), 60),
+        Capsule((-33.6, 57.2, -8.9), (-30, 146.3, 0.1), 55.7),
+    ),
+    (
+        Capsule((-1.3, -0.2, 13), (-13.8, -17.7, 62.6), 49),
+        Capsule((-40.9, -33.8, 77.6), (-35.8, -32.2, 64.9), 53.2),
+    ),
+    (
+        Capsule((-2.8, -1.2, -30.8), (32.7, 14.2, -19.4), 54.9),
+        Capsule((40.4, 134.7, -0.4), (40.6, 87.6, -3.9), 49.3),
+    ),
+    (
+        Capsule((0, 0, 17.3), (6.8, -25.9, 44.5), 43.5),
+        Capsule((-12.3, -42.9, 71), (-25.1, -43.8, 99.9), 35.3),
+    ),
+    (
+        Capsule((3.2, -1.9, -25.5), (-9.1, -12.5, -1.1), 46.5),
+        Capsule((16.8, -43.6, 0.3), (35.1, 15.5, 0.7), 39.4),
+    ),
+    (Cylinder((0, 0, -31), (0, 0, 7), 31.5),),
+)
+GRIPPER_SHAPES = (Box((-41.6, -34.5, 0), (41.6, 34.5, 83.7)),)
+FINGER_SHAPES = (Box((-12, 0.5, 0), (0, 12.5, 45)),)
+
+MATERIALS = {
+    "abb_white": "0.94 0.94 0.92 1",
+    "abb_grey": "0.56 0.58 0.60 1",
+    "abb_graphite": "0.22 0.23 0.25 1",
+}
+
+
+SERVO_HANDS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
+
+
+def robot_description(limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_HANDS) -> str:
+    """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
+
+    Args:
+        limits: what the joints may do; tools take the speeds they plan with from here.
+        grippers: what each hand is made of, for its mass.
+    """
+    robot = ET.Element("robot", name="yumi")
+    for name, rgba in MATERIALS.items():
+        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
+    _add_link(robot, "yumi_base_link")
+    _add_link(robot, "yumi_body", BODY_MASS, BODY_SHAPES, "abb_grey")
+    _add_joint(robot, "yumi_base_link_to_body", "fixed", ("yumi_base_link", "yumi_body"), Origin())
+    for side in (Side.LEFT, Side.RIGHT):
+        _add_arm(robot, side, limits)
+        _add_gripper(robot, side, GRIPPER_MASSES[grippers[side]])
+    ET.indent(robot)
+    # No encoding in the declaration: lxml refuses a decoded string that names one.
+    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode")
+
+
+def joint_1_origin(side: Side) -> Origin:
+    """Where the first joint of the arm sits on the body (reference/yumi.md §1.5)."""
+    pose = compose(foot_to_body(side), _FOOT_TO_JOINT_1)
+    return Origin(pose.position, euler_zyx(pose.orientation))
+
+
+def link_mass(index: int) -> Mass:
+    """Mass of the arm's link, counted from 0 in chain order."""
+    mass, centre, (xx, xy, xz, yy, yz, zz) = _LINKS[index]
+    scale = mass * 1e-4
+    return Mass(mass, centre, (xx * scale, xy * scale, xz * scale, yy * scale, yz * scale, zz * scale))
+
+
+def _add_arm(robot: ET.Element, side: Side, limits: JointLimits) -> None:
+    parent = "yumi_body"
+    origins = (joint_1_origin(side), *JOINT_ORIGINS)
+    for index, (name, origin) in enumerate(zip(joint_names(side), origins, strict=True)):
+        link = f"yumi_link_{index + 1}_{side.value}"
+        _add_link(robot, link, link_mass(index), LINK_SHAPES[index], "abb_white")
+        joint = _add_joint(robot, name, "revolute", (parent, link), origin)
+        ET.SubElement(joint, "axis", xyz="0 0 1")
+        _add_limit(
+            joint,
+            limits.lower[index],
+            limits.upper[index],
+            JOINT_EFFORT,
+            limits.velocity[index],
+        )
+        friction = _number(JOINT_FRICTION[index])
+        ET.SubElement(joint, "dynamics", damping=_number(JOINT_DAMPING), friction=friction)
+        parent = link
+    tool0 = f"yumi_tool0_{side.value}"
+    _add_link(robot, tool0)
+    _add_joint(robot, f"{tool0}_joint", "fixed", (parent, tool0), TOOL0_ORIGIN)
+
+
+def _add_gripper(robot: ET.Element, side: Side, mass: Mass) -> None:
+    base = f"gripper_{side.value}_base"
+    _add_link(robot, base, mass, GRIPPER_SHAPES, "abb_graphite")
+    _add_joint(robot, f"{base}_joint", "fixed", (f"yumi_tool0_{side.value}", base), Origin())
+    first, second = finger_names(side)
+    for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
+        finger = name.replace("joint", "finger")
+        _add_link(robot, finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
+        joint = _add_joint(robot, name, "prismatic", (base, finger), origin)
+        ET.SubElement(joint, "axis", xyz="-1 0 0")
+        _add_limit(joint, 0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
+        if name == second:  # one motor drives both fingers
+            ET.SubElement(joint, "mimic", joint=first, multiplier="1", offset="0")
+
+
+def _add_joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], origin: Origin) -> ET.Element:
+    parent, child = ends
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    _add_origin(joint, origin)
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    return joint
+
+
+def _add_limit(joint: ET.Element, lower: float, upper: float, effort: float, velocity: float) -> None:
+    numbers = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
+    ET.SubElement(joint, "limit", {key: _number(value) for key, value in numbers.items()})
+
+
+def _add_link(
+    robot: ET.Element,
+    name: str,
+    mass: Mass | None = None,
+    shapes: tuple[Shape, ...] = (),
+    material: str = "abb_white",
+) -> None:
+    link = ET.SubElement(robot, "link", name=name)
+    if mass is not None:
+        _add_inertial(link, mass)
+    for shape in shapes:
+        for origin, geometry in _solids(shape):
+            visual = ET.SubElement(link, "visual")
+            _add_solid(visual, origin, geometry)
+            ET.SubElement(visual, "material", name=material)
+            _add_solid(ET.SubElement(link, "collision"), origin, geometry)
+
+
+def _add_inertial(link: ET.Element, mass: Mass) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    _add_origin(inertial, Origin(mass.centre))
+    ET.SubElement(inertial, "mass", value=_number(mass.mass))
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = zip(names, mass.inertia, strict=True)
+    ET.SubElement(inertial, "inertia", {name: _number(value) for name, value in values})
+
+
+Geometry = tuple[str, dict[str, str]]
+
+
+def _solids(shape: Shape) -> list[tuple[Origin, Geometry]]:
+    """URDF's solids that make up the shape; it has no capsule."""
+    if isinstance(shape, Box):
+        size = [high - low for low, high in zip(shape.low_mm, shape.high_mm, strict=True)]
+        return [(Origin(_middle(shape.low_mm, shape.high_mm)), ("box", {"size": _numbers(*_metres(size))}))]
+    radius = _number(shape.radius_mm / 1000.0)
+    start, end = _metres(shape.start_mm), _metres(shape.end_mm)
+    cylinder = Origin(_middle(shape.start_mm, shape.end_mm), _rpy_of_z_along(start, end))
+    solids: list[tuple[Origin, Geometry]] = [
+        (cylinder, ("cylinder", {"radius": radius, "length": _number(dist(start, end))}))
+    ]
+    if isinstance(shape, Capsule):
+        solids += [(Origin(point), ("sphere", {"radius": radius})) for point in (start, end)]
+    return solids
+
+
+def _rpy_of_z_along(start: Vector, end: Vector) -> Vector:
+    x, y, z = (b - a for a, b in zip(start, end, strict=True))
+    return (0.0, atan2(hypot(x, y), z), atan2(y, x))
+
+
+def _middle(a_mm: Vector, b_mm: Vector) -> Vector:
+    x, y, z = ((a + b) / 2.0 for a, b in zip(a_mm, b_mm, strict=True))
+    return _metres((x, y, z))
+
+
+def _metres(values_mm: Vector | list[float]) -> Vector:
+    x, y, z = (value / 1000.0 for value in values_mm)
+    return (x, y, z)
+
+
+def _add_solid(parent: ET.Element, origin: Origin, geometry: Geometry) -> None:
+    _add_origin(parent, origin)
+    ET.SubElement(ET.SubElement(parent, "geometry"), *geometry)
+
+
+def _add_origin(parent: ET.Element, origin: Origin) -> None:
+    ET.SubElement(parent, "origin", xyz=_numbers(*origin.xyz), rpy=_numbers(*origin.rpy))
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(_number(value) for value in values)
+
+
+def _number(value: float) -> str:
+    return f"{value:.15g}"

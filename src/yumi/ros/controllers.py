@@ -1,0 +1,369 @@
+"""One arm's controllers as ROS sees them: they live in the fast line, their nodes and parameters here.
+
+One ROS node for each loaded controller, named like it: its parameters, and the topics and actions of its kind.
+
+One arm as ros2_control's hardware component, which decides who may use the arm's interfaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as Overdue
+from typing import Any, Protocol
+
+import rclpy
+from rclpy.executors import Executor
+
+from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
+from yumi.control.requests import (
+    CleanupController,
+    ConfigureController,
+    Done,
+    FastLineEnded,
+    ListControllerKinds,
+    ListControllers,
+    ListHardware,
+    ListParameters,
+    LoadController,
+    Request,
+    SetHardwareState,
+    SetParameters,
+    Strictness,
+    SwitchControllers,
+    UnloadController,
+)
+from yumi.driver.settings import ControllerSettings
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.robot.joints import Side
+from yumi.ros.parameters import ManagerParameters, Presets, declare, declare_common, pass_on_changes
+from yumi.settings import Values
+
+
+class Line(Protocol):
+    """What the nodes of an arm ask."""
+
+    def ask(self, request: Request) -> Done:
+        """Have ``request`` served between two cycles."""
+
+
+class ControllerInterface(Protocol):
+    """Topics or actions of one controller."""
+
+    def tell(self, notice: Any) -> None:
+        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_notices`."""
+
+    def destroy(self) -> None:
+        """End them; before the node is destroyed."""
+
+
+MakeInterface = Callable[[Any, Side, str], ControllerInterface]
+"""Makes what a controller of some kind offers besides parameters, from its node, the arm and its name."""
+
+
+class ControllerNode:
+    """The node of one controller.
+
+    Args:
+        side: the arm, whose namespace the node is in.
+        info: the controller.
+        arguments: ROS arguments of this node alone, e.g. parameter files.
+        rate: of the controller manager [Hz].
+    """
+
+    def __init__(self, side: Side, info: ControllerInfo, arguments: Sequence[str], rate: int) -> None:
+        self._side = side
+        self._name = info.name
+        self._interface: ControllerInterface | None = None
+        self.node: Any = rclpy.create_node(
+            info.name,
+            namespace=side.value,
+            cli_args=["--ros-args", *arguments] if arguments else None,
+            use_global_arguments=False,
+        )
+        self._rate = rate
+
+    def take_parameters(self, line: Line, presets: Presets) -> None:
+        """Declare the parameters, give the controller those that its files set, and pass on what is set later.
+
+        Args:
+            line: where the controller lives.
+            presets: what holds where its own files say nothing.
+
+        Raises:
+            CommandRefused: a value in a file is not allowed.
+            RobotNotReady: the fast line is gone.
+        """
+        declare_common(self.node, self._rate)
+        infos: tuple[ParameterInfo, ...] = line.ask(ListParameters(self._side, self._name)).parameters
+
+        def change(values: Values) -> None:
+            line.ask(SetParameters(self._side, self._name, values))
+
+        changed = declare(self.node, infos, presets)
+        if changed:
+            change(changed)
+        pass_on_changes(self.node, (info.parameter.name for info in infos), change)
+
+    def offer(self, make: MakeInterface) -> None:
+        """Add what the controller's kind has besides parameters."""
+        self._interface = make(self.node, self._side, self._name)
+
+    def tell(self, notice: object) -> None:
+        """Pass a notice of the controller on to what it offers; without that it stands in the log."""
+        if self._interface is not None:
+            self._interface.tell(notice)
+        elif not isinstance(notice, FastLineEnded):
+            self.node.get_logger().info(str(notice))
+
+    def destroy(self) -> None:
+        if self._interface is not None:
+            self._interface.destroy()
+        self.node.destroy_node()
+
+
+class ControllerNodes:
+    """The nodes of one arm's controllers; they come with loading and go with unloading.
+
+    Args:
+        side: which arm.
+        line: where the controllers live.
+        executor: what spins the nodes.
+        interfaces: what controllers of a kind offer besides parameters.
+        rate: of the controller manager [Hz].
+    """
+
+    def __init__(
+        self, side: Side, line: Line, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
+    ) -> None:
+        self._side = side
+        self._line = line
+        self._executor = executor
+        self._interfaces = interfaces
+        self._rate = rate
+        self._nodes: dict[str, ControllerNode] = {}
+
+    def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
+        """Make the node of a loaded controller.
+
+        Args:
+            info: the controller.
+            arguments: ROS arguments of its node, e.g. parameter files.
+            presets: what ``controllers.yaml`` says of a controller that is not loaded from the start.
+
+        Raises:
+            CommandRefused: a value in its parameter files is not allowed; there is no node.
+            RobotNotReady: the fast line is gone.
+        """
+        node = ControllerNode(self._side, info, arguments, self._rate)
+        try:
+            node.take_parameters(self._line, presets or {})
+            if info.kind in self._interfaces:
+                node.offer(self._interfaces[info.kind])
+        except Exception:
+            node.destroy()
+            raise
+        self._nodes[info.name] = node
+        self._executor.add_node(node.node)
+
+    def remove(self, name: str) -> None:
+        """Destroy the node of an unloaded controller."""
+        node = self._nodes.pop(name, None)
+        if node is not None:
+            self._executor.remove_node(node.node)
+            node.destroy()
+
+    def tell(self, name: str, notice: object) -> None:
+        """Pass a controller's notice on; from any thread."""
+        node = self._nodes.get(name)
+        if node is not None:
+            node.tell(notice)
+
+    def tell_all(self, notice: object) -> None:
+        """Pass on what concerns all controllers; from any thread."""
+        for node in tuple(self._nodes.values()):
+            node.tell(notice)
+
+    def destroy(self) -> None:
+        """Destroy all; when nothing spins any more."""
+        for node in self._nodes.values():
+            node.destroy()
+        self._nodes.clear()
+
+
+_SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
+
+
+class ArmControllers:
+    """Loads, configures, switches and unloads, and keeps the controllers' nodes in step.
+
+    Args:
+        side: which arm.
+        line: where the controllers live.
+        nodes: their nodes.
+        parameters: those of the controller manager, which say what to load and from which files.
+        known: those of ``controllers.yaml``, loaded or not.
+        log: where what is not wrong enough to be refused is told.
+    """
+
+    def __init__(
+        self,
+        side: Side,
+        line: Line,
+        nodes: ControllerNodes,
+        parameters: ManagerParameters,
+        known: Iterable[ControllerSettings],
+        log: Any,
+    ) -> None:
+        self._side = side
+        self._line = line
+        self._nodes = nodes
+        self._parameters = parameters
+        self._known = {settings.name: settings for settings in known}
+        self._log = log
+
+    def begin(self) -> None:
+        """Make the nodes of the controllers that were loaded from the start.
+
+        Raises:
+            YumiError: the fast line is gone.
+        """
+        for settings in self._known.values():
+            self._parameters.note_type(settings.name, settings.kind)
+        for info in self.list():
+            self._nodes.add(info)
+
+    def list(self) -> tuple[ControllerInfo, ...]:
+        """All loaded controllers."""
+        return self._line.ask(ListControllers(self._side)).controllers
+
+    def kinds(self) -> tuple[str, ...]:
+        """The types that can be loaded."""
+        return self._line.ask(ListControllerKinds(self._side)).kinds
+
+    def load(self, name: str) -> None:
+        """Load the controller of the type that the parameter ``<name>.type`` says, with its parameter files.
+
+        Raises:
+            YumiError: no or an unknown type, the name is taken, or a value in a file is not allowed.
+        """
+        kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
+        self._line.ask(LoadController(self._side, name, kind))
+        try:
+            self._nodes.add(self._info(name), arguments, self._presets(name, kind))
+        except Exception:
+            self._line.ask(UnloadController(self._side, name))
+            raise
+
+    def configure(self, name: str) -> None:
+        """Make a controller inactive; an inactive one is cleaned up first."""
+        self._line.ask(ConfigureController(self._side, name))
+
+    def cleanup(self, name: str) -> None:
+        """Make an inactive controller unconfigured; an unconfigured one stays as it is."""
+        if self._info(name).state is not State.UNCONFIGURED:
+            self._line.ask(CleanupController(self._side, name))
+
+    def unload(self, name: str) -> None:
+        """Forget a controller that is not active, and its node."""
+        self._line.ask(UnloadController(self._side, name))
+        self._nodes.remove(name)
+
+    def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int, timeout: float) -> str:
+        """Switch between two cycles; what was done as a sentence.
+
+        Args:
+            activate: names of controllers to activate.
+            deactivate: names of controllers to deactivate.
+            strictness: one of the wire's numbers, 0 for the default.
+            timeout: how long to wait for the fast line [s]; 0 for the default.
+
+        Raises:
+            RobotNotReady: it took longer; the switch may still be carried out.
+            YumiError: a rule stands against it; nothing was changed.
+        """
+        chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
+        request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
+        thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
+        waiting = thread.submit(self._line.ask, request)
+        thread.shutdown(wait=False)  # it ends with the answer
+        try:
+            return waiting.result(timeout).sentence
+        except Overdue as error:
+            raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
+
+    def reload(self, is_forced: bool) -> None:
+        """Unload all controllers; there are no libraries to load again.
+
+        Raises:
+            YumiError: one is active and it is not forced.
+        """
+        controllers = self.list()
+        active = [info.name for info in controllers if info.state is State.ACTIVE]
+        if active and not is_forced:
+            raise CommandRefused(f"Controllers are active: {', '.join(active)}; deactivate them first, or force it.")
+        if active:
+            self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
+        for info in controllers:
+            self.unload(info.name)
+
+    def _presets(self, name: str, kind: str) -> Presets:
+        settings = self._known.get(name)
+        return settings.entries if settings is not None and settings.kind == kind else {}
+
+    def _info(self, name: str) -> ControllerInfo:
+        controllers = self.list()
+        for info in controllers:
+            if info.name == name:
+                return info
+        loaded = ", ".join(info.name for info in controllers) or "none"
+        raise CommandRefused(f"There is no controller {name!r}; loaded are: {loaded}.")
+
+    def _strictness(self, number: int) -> Strictness:
+        if number == 0:
+            return self._parameters.strictness
+        if number in {Strictness.AUTO, Strictness.FORCE_AUTO}:
+            self._log.warning(f"Strictness {Strictness(number).name} is treated as BEST_EFFORT, as ros2_control does.")
+            return Strictness.BEST_EFFORT
+        try:
+            return Strictness(number)
+        except ValueError as error:
+            raise CommandRefused(f"Strictness {number} is none; choose 1 (best effort) or 2 (strict).") from error
+
+
+class ArmHardware:
+    """The component of one arm.
+
+    Args:
+        side: which arm.
+        line: where it lives.
+    """
+
+    def __init__(self, side: Side, line: Line) -> None:
+        self._side = side
+        self._line = line
+
+    def info(self) -> HardwareInfo:
+        """The component with its interfaces.
+
+        Raises:
+            YumiError: the fast line is gone.
+        """
+        (info,) = self._line.ask(ListHardware(self._side)).hardware
+        return info
+
+    @property
+    def state(self) -> State:
+        """Where it is in its life; finalized without the fast line, since only a restart helps then."""
+        try:
+            return self.info().state
+        except YumiError:
+            return State.FINALIZED
+
+    def bring_to(self, name: str, target: State) -> None:
+        """Lead it to a state; controllers that use what it no longer offers are deactivated, and the arm holds.
+
+        Raises:
+            YumiError: there is no such component, or it does not go to that state.
+        """
+        self._line.ask(SetHardwareState(self._side, name, target))

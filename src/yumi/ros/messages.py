@@ -1,0 +1,610 @@
+"""Messages to values and back; the only place that knows the fields of ROS messages.
+
+Messages with commands for an arm to checked values: what a person may ask of the joints, and the refusals.
+
+Controllers, hardware and their states as messages of controller_manager_msgs, for older and newer installations.
+
+Trajectory messages to values and back.
+
+The robot's state as messages: on ``yumi_robot_manager/state``, in results of its actions, in ``/diagnostics``.
+
+Logs refused commands: each reason when it first comes, a stream of refusals once a second with its count.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import datetime, timezone
+from enum import Enum
+from math import degrees, isfinite, isnan
+from typing import Any
+
+from builtin_interfaces.msg import Duration, Time
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState
+from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from lifecycle_msgs.msg import State as LifecycleState
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectoryPoint
+from yumi_interfaces.msg import ControllerEvent
+from yumi_interfaces.msg import RobotState as RobotStateMessage
+
+from yumi.control.commands import UNKNOWN, check_position
+from yumi.control.controller import ControllerInfo, HardwareInfo, InterfaceInfo, State
+from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
+from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedback
+from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
+from yumi.driver.state import Mode, RobotState
+from yumi.driver.state_machine import MachineState
+from yumi.driver.stops import EVENT_TEXTS
+from yumi.errors import CommandRefused
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Side, joint_names, joints
+from yumi.rws.replies import Event
+from yumi.rws.types import EventType
+
+_NS = 1_000_000_000
+
+
+def stamp(nanoseconds: int) -> Time:
+    """A ROS time stamp."""
+    return Time(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS)
+
+
+def joint_state(names: Iterable[str], position: Iterable[float], velocity: Iterable[float], time_ns: int) -> JointState:
+    """Joint states in the order of ``names``; [rad] or [m], [rad/s] or [m/s]. Efforts are not measured."""
+    message = JointState()
+    message.header.stamp = stamp(time_ns)
+    message.name = list(names)
+    message.position = list(position)
+    message.velocity = list(velocity)
+    return message
+
+
+def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
+    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``."""
+    level, sentence = _egm_level(snapshot)
+    values: Mapping[str, object] = {
+        "session": snapshot.session,
+        "streaming": snapshot.is_streaming,
+        "running": snapshot.is_running,
+        "commanded": snapshot.is_commanded,
+        "cycles": snapshot.cycles,
+        "missed": snapshot.missed,
+        "lost": snapshot.lost,
+        "late": snapshot.late,
+        "stale": snapshot.stale,
+        "repeated": snapshot.repeated,
+        "malformed": snapshot.malformed,
+        "foreign": snapshot.foreign,
+        "refused": snapshot.refused,
+        "position_limited": snapshot.position_limited,
+        "slowed": snapshot.slowed,
+        "interruptions": snapshot.interruptions,
+        "implausible": snapshot.implausible,
+        "problem": snapshot.problem.name.lower(),
+        "jitter": snapshot.jitter,
+        "worst_jitter": snapshot.worst_jitter,
+        "drift_ppm": snapshot.drift_ppm,
+        "cycle_time": snapshot.cycle_time,
+    }
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(
+        level=level, name=f"yumi: EGM {side.word} arm", message=sentence, hardware_id=side.unit, values=pairs
+    )
+
+
+def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
+    if snapshot.problem is not Problem.NONE:
+        return DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
+    if snapshot.is_running and not snapshot.is_streaming:
+        return DiagnosticStatus.WARN, "running, feedback is interrupted"
+    if snapshot.is_running:
+        return DiagnosticStatus.OK, "running"
+    if snapshot.is_streaming:
+        return DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
+    if snapshot.foreign and not snapshot.session:
+        return DiagnosticStatus.WARN, (
+            f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
+            "check robot.address and the controller's UDPUC device"
+        )
+    return DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
+
+
+_IN_RADIANS = "joint_commands takes radians"
+_DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
+_LONGEST_NAME = 60  # characters of somebody else's text in a refusal
+
+
+def goal_of(message: Any, side: Side, base: Joints) -> Joints:
+    """The joint goal [rad] in a ``joint_commands`` message; joints it does not name keep their value of ``base``.
+
+    Raises:
+        CommandRefused: an unknown or repeated joint, a missing or impossible position or velocity.
+    """
+    indices = _indices(message.name, message.position, side, "Goal", "position")
+    goal = list(base)
+    for index, position in zip(indices, message.position, strict=True):
+        check_position(joint_names(side)[index], index, position, _IN_RADIANS)
+        goal[index] = position
+    return joints(goal)
+
+
+def goal_speeds_of(message: Any, side: Side) -> Joints:
+    """How fast the goal of a ``joint_commands`` message itself moves [rad/s]; NaN where it does not say so.
+
+    Raises:
+        CommandRefused: velocities that do not go with the names, or are impossible.
+    """
+    if not len(message.velocity):
+        return UNKNOWN
+    return joints(_by_name(message.name, message.velocity, side, "Goal", UNKNOWN))
+
+
+def velocities_of(message: Any, side: Side) -> Joints:
+    """The speeds [rad/s] in a ``joint_velocity_commands`` message; joints it does not name stop.
+
+    Raises:
+        CommandRefused: an unknown or repeated joint, a missing or impossible velocity.
+    """
+    return joints(_by_name(message.name, message.velocity, side, "Speed", ZERO))
+
+
+def positions_of(message: Any, side: Side) -> Joints:
+    """The positions [rad] in a Float64MultiArray, one for each joint.
+
+    Raises:
+        CommandRefused: another number of them, or an impossible one.
+    """
+    values = _seven(message, "Goal")
+    for index, (name, position) in enumerate(zip(joint_names(side), values, strict=True)):
+        check_position(name, index, position)
+    return values
+
+
+def speeds_of(message: Any, side: Side) -> Joints:
+    """The speeds [rad/s] in a Float64MultiArray, one for each joint.
+
+    Raises:
+        CommandRefused: another number of them, or an impossible one.
+    """
+    values = _seven(message, "Speed")
+    for index, (name, velocity) in enumerate(zip(joint_names(side), values, strict=True)):
+        _check_velocity(name, index, velocity, "Speed")
+    return values
+
+
+def _seven(message: Any, noun: str) -> Joints:
+    if len(message.data) != JOINT_COUNT:
+        raise CommandRefused(f"{noun} refused: it has {len(message.data)} values; an arm has {JOINT_COUNT} joints.")
+    return joints(message.data)
+
+
+def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: str, base: Joints) -> list[float]:
+    indices = _indices(names, values, side, noun, "velocity")
+    found = list(base)
+    for index, velocity in zip(indices, values, strict=True):
+        _check_velocity(joint_names(side)[index], index, velocity, noun)
+        found[index] = velocity
+    return found
+
+
+def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: str, what: str) -> list[int]:
+    """Places of the named joints in chain order."""
+    if not names or len(names) != len(values):
+        raise CommandRefused(
+            f"{noun} refused: name has {_entries(len(names))}, {what} has {len(values)}; give one {what} for each name."
+        )
+    known = {name: index for index, name in enumerate(joint_names(side))}
+    for name in names:
+        if name not in known:
+            raise CommandRefused(
+                f"{noun} refused: {name[:_LONGEST_NAME]!r} is not a joint of the {side.word} arm; it has "
+                f"{', '.join(known)}."
+            )
+    if len(set(names)) != len(names):
+        twice = next(name for name in known if names.count(name) > 1)
+        raise CommandRefused(f"{noun} refused: {twice} is named twice; give each joint once.")
+    return [known[name] for name in names]
+
+
+def _entries(count: int) -> str:
+    return f"{count} {'entry' if count == 1 else 'entries'}"
+
+
+def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
+    if not isfinite(velocity):
+        raise CommandRefused(f"{noun} refused: {name} is {velocity}; a speed is a finite number of radians a second.")
+    top = YUMI_LIMITS.velocity[index]
+    if abs(velocity) <= top:
+        return
+    refusal = f"{noun} refused: {name} is {degrees(velocity):.1f}°/s; it reaches {degrees(top):.0f}°/s"
+    if _DEGREES_ABOVE * top < abs(velocity) <= degrees(top):
+        refusal += f"; {velocity:g} looks like degrees: speeds are in radians a second"
+    raise CommandRefused(f"{refusal}.")
+
+
+try:
+    from controller_manager_msgs.msg import ControllerManagerActivity, NamedLifecycleState
+except ImportError:  # installations from before April 2025
+    ControllerManagerActivity = NamedLifecycleState = None
+
+ACTIVITY: Any = ControllerManagerActivity
+"""The type of ``~/activity``; None where the installed package is older."""
+
+PLUGIN = "yumi_ros2/EgmSystem"
+"""What the tools show as the plug-in of an arm's hardware component."""
+
+_IDS = {
+    State.UNCONFIGURED: LifecycleState.PRIMARY_STATE_UNCONFIGURED,
+    State.INACTIVE: LifecycleState.PRIMARY_STATE_INACTIVE,
+    State.ACTIVE: LifecycleState.PRIMARY_STATE_ACTIVE,
+    State.FINALIZED: LifecycleState.PRIMARY_STATE_FINALIZED,
+}
+
+
+def filled(message: Any, /, **values: object) -> Any:
+    """``message`` with ``values`` in the fields that the installed type has; some came within one ROS distribution."""
+    for name, value in values.items():
+        if hasattr(message, name):
+            setattr(message, name, value)
+    return message
+
+
+def lifecycle_state(state: State) -> LifecycleState:
+    """Id and label, since some tools compare the one and some the other."""
+    return LifecycleState(id=_IDS[state], label=state.value)
+
+
+def state_of(message: Any) -> State:
+    """The primary state that ``message`` names by its id, or by its label where the id is 0.
+
+    Raises:
+        CommandRefused: it names none.
+    """
+    for state, number in _IDS.items():
+        if message.id == number or (message.id == 0 and message.label == state.value):
+            return state
+    choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
+    raise CommandRefused(f"State {message.id} {message.label!r} is no state to be in; choose from: {choices}.")
+
+
+def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
+    """What ``list_controllers`` tells of one controller; required interfaces only from configuring on, as upstream."""
+    is_configured = info.state in {State.INACTIVE, State.ACTIVE}
+    return filled(
+        ControllerState(),
+        name=info.name,
+        state=info.state.value,
+        type=info.kind,
+        is_async=False,
+        update_rate=update_rate,
+        claimed_interfaces=list(info.claimed),
+        required_command_interfaces=list(info.required) if is_configured else [],
+        required_state_interfaces=list(info.required_state) if is_configured else [],
+        is_chainable=False,
+        is_chained=False,
+    )
+
+
+def hardware_state(info: HardwareInfo, rate: int) -> HardwareComponentState:
+    """What ``list_hardware_components`` tells of an arm; ``rate`` in [Hz]."""
+    return filled(
+        HardwareComponentState(),
+        name=info.name,
+        type="system",
+        is_async=False,
+        rw_rate=rate,
+        plugin_name=PLUGIN,
+        state=lifecycle_state(info.state),
+        command_interfaces=hardware_interfaces(info.command_interfaces),
+        state_interfaces=hardware_interfaces(info.state_interfaces),
+    )
+
+
+def hardware_interfaces(infos: Iterable[InterfaceInfo]) -> list[HardwareInterface]:
+    """Command or state interfaces; all are doubles."""
+    return [
+        filled(
+            HardwareInterface(),
+            name=info.name,
+            data_type="double",
+            is_available=info.is_available,
+            is_claimed=info.is_claimed,
+        )
+        for info in infos
+    ]
+
+
+def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time_ns: int) -> ControllerManagerActivity:
+    """Who is in which state; only where the installed package has the type."""
+    message = ControllerManagerActivity()
+    message.header.stamp = stamp(time_ns)
+    message.controllers = [_named_state(info.name, info.state) for info in controllers]
+    message.hardware_components = [_named_state(hardware.name, hardware.state)]
+    return message
+
+
+def _named_state(name: str, state: State) -> NamedLifecycleState:
+    return NamedLifecycleState(name=name, state=lifecycle_state(state))
+
+
+_Difference = Callable[[TrajectoryFeedback], Iterable[float]]
+
+
+def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
+    """The trajectory in a trajectory_msgs/JointTrajectory that starts at ``start`` on the monotonic clock [s].
+
+    Raises:
+        TrajectoryRefused: it has too many points, or one has efforts.
+    """
+    check_count(len(message.points))
+    return JointTrajectory(tuple(message.joint_names), tuple(map(_point, message.points)), start)
+
+
+def stamp_of(message: Any) -> int:
+    """The time in a header [ns]; 0 is at once."""
+    return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
+
+
+def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Tolerances], str]:
+    """The tolerances of a goal for each arm, and why all are the controller's own after all; empty if they are not.
+
+    As upstream, an unknown joint or a negative tolerance other than -1 takes back every tolerance of the goal.
+
+    Raises:
+        TrajectoryRefused: a tolerance is NaN.
+    """
+    known = {name for side in sides for name in joint_names(side)}
+    own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
+    for each in (*goal.path_tolerance, *goal.goal_tolerance):
+        if each.name not in known:
+            return own, f"{each.name!r} is no joint of this controller"
+        values = (each.position, each.velocity, each.acceleration)
+        if any(map(isnan, values)):
+            raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
+        if any(value < 0.0 and value != UNLIMITED for value in values):
+            return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
+    time = seconds(goal.goal_time_tolerance)
+    if time < 0.0 and time != UNLIMITED:
+        return own, f"goal_time_tolerance is {time:g} s; -1 is unlimited"
+    return {side: _tolerances(goal, side, time) for side in sides}, ""
+
+
+def seconds(duration: Any) -> float:
+    """A builtin_interfaces/Duration [s]."""
+    return float(duration.sec) + float(duration.nanosec) / _NS
+
+
+def feedback_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> Any:
+    """The feedback of an action that moves the arms of ``feedbacks``."""
+    message = FollowJointTrajectory.Feedback()
+    message.header.stamp = stamp(time_ns)
+    message.joint_names = _names(feedbacks)
+    message.desired, message.actual, message.error = _points(feedbacks)
+    return message
+
+
+def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> Any:
+    """The state of a controller that commands the arms of ``feedbacks``; its error is reference - feedback."""
+    message = JointTrajectoryControllerState()
+    message.header.stamp = stamp(time_ns)
+    message.joint_names = _names(feedbacks)
+    message.reference, message.feedback, message.error = _points(feedbacks)
+    if hasattr(message, "speed_scaling_factor"):  # since control_msgs 5.3.0
+        message.speed_scaling_factor = min(feedback.scale for feedback in feedbacks.values())
+    return message
+
+
+def _point(message: Any) -> TrajectoryPoint:
+    if message.effort:
+        raise refused("a point has efforts; this robot takes positions, velocities and accelerations.")
+    fields = (message.positions, message.velocities, message.accelerations)
+    return TrajectoryPoint(seconds(message.time_from_start), *map(tuple, fields))
+
+
+def _tolerances(goal: Any, side: Side, time: float) -> Tolerances:
+    return Tolerances(
+        path=_chosen(goal.path_tolerance, side, "position"),
+        path_velocity=_chosen(goal.path_tolerance, side, "velocity"),
+        goal=_chosen(goal.goal_tolerance, side, "position"),
+        goal_velocity=_chosen(goal.goal_tolerance, side, "velocity"),
+        goal_time=time,
+    )
+
+
+def _chosen(tolerances: Iterable[Any], side: Side, field: str) -> Joints:
+    named = {each.name: float(getattr(each, field)) for each in tolerances}
+    return joints([named.get(name, DEFAULT) for name in joint_names(side)])
+
+
+def _names(feedbacks: Mapping[Side, TrajectoryFeedback]) -> list[str]:
+    return [name for side in feedbacks for name in joint_names(side)]
+
+
+def _points(feedbacks: Mapping[Side, TrajectoryFeedback]) -> tuple[Any, Any, Any]:
+    """Desired, actual, and desired - actual."""
+    time = next(iter(feedbacks.values())).progress
+    desired = [_row(feedbacks, lambda each: each.desired), _row(feedbacks, lambda each: each.desired_velocity)]
+    actual = [_row(feedbacks, lambda each: each.actual), _row(feedbacks, lambda each: each.actual_velocity)]
+    error = [[want - have for want, have in zip(*rows, strict=True)] for rows in zip(desired, actual, strict=True)]
+    return tuple(_point_message(time, *rows) for rows in (desired, actual, error))
+
+
+def _row(feedbacks: Mapping[Side, TrajectoryFeedback], values: _Difference) -> list[float]:
+    return [value for feedback in feedbacks.values() for value in values(feedback)]
+
+
+def _point_message(time: float, position: list[float], velocity: list[float]) -> Any:
+    nanoseconds = max(0, round(time * _NS))
+    return JointTrajectoryPoint(
+        positions=position,
+        velocities=velocity,
+        time_from_start=Duration(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS),
+    )
+
+
+_TIME = "%Y-%m-%d T %H:%M:%S"  # as the controller prints it
+_TYPES = {EventType.INFORMATION: "information", EventType.WARNING: "warning", EventType.ERROR: "error"}
+_SIDES = {side.word: side for side in Side}
+_PERCENT = 100
+_LAST_SECOND = 2**31 - 1
+_LARGEST_CODE = 2**32 - 1
+
+
+def robot_state(state: RobotState, time_ns: int) -> RobotStateMessage:
+    """The state as a message; what is not known is empty."""
+    return RobotStateMessage(
+        header=Header(stamp=stamp(time_ns)),
+        is_connected=state.is_connected,
+        is_ready=not state.reason,
+        reason=state.reason,
+        cause=state.cause,
+        stop=state.stop,
+        speed_scale=state.speed_scale,
+        operating_mode=_word(state.mode),
+        controller_state=_word(state.controller_state),
+        rapid_execution=_word(state.execution),
+        right_state_machine=_machine(state, Side.RIGHT),
+        left_state_machine=_machine(state, Side.LEFT),
+        right_egm=state.egm[Side.RIGHT],
+        left_egm=state.egm[Side.LEFT],
+        speed_ratio=min(max(state.speed_ratio or 0, 0), _PERCENT),
+        last_event=controller_event(state.last_event),
+    )
+
+
+def controller_event(event: Event | None) -> ControllerEvent:
+    """A message of the event log with our words; the number 0 where there is none."""
+    if event is None:
+        return ControllerEvent()
+    text = EVENT_TEXTS.get(event.code)
+    return ControllerEvent(
+        number=min(max(event.code, 0), _LARGEST_CODE),
+        type=_TYPES[event.type],
+        title=event.title,
+        stamp=_stamp(event.time),
+        cause="" if text is None else text.cause,
+        remedy="" if text is None else text.remedy,
+    )
+
+
+def robot_status(state: RobotState) -> DiagnosticStatus:
+    """The state for ``/diagnostics``: an error where nothing can be done before somebody acts, else a warning."""
+    event = controller_event(state.last_event)
+    values: Mapping[str, str] = {
+        "mode": _word(state.mode),
+        "motors": _word(state.controller_state),
+        "rapid": _word(state.execution),
+        **{f"state_machine_{side.word}": _machine(state, side) for side in Side},
+        **{f"egm_{side.word}": state.egm[side] for side in Side},
+        "speed_ratio": "" if state.speed_ratio is None else f"{state.speed_ratio} %",
+        "cause": state.cause,
+        "stop": state.stop,
+        "speed_scale": f"{state.speed_scale:g}",
+        "event": f"{event.number} {event.title}" if event.number else "",
+        "event_cause": event.cause,
+        "event_remedy": event.remedy,
+    }
+    return DiagnosticStatus(
+        level=_level(state),
+        name="yumi: robot",
+        message=f"not ready: {state.reason}" if state.reason else "ready",
+        hardware_id="IRC5",
+        values=[KeyValue(key=key, value=value) for key, value in values.items()],
+    )
+
+
+def side_of(arm: str) -> Side:
+    """The arm that a request names.
+
+    Raises:
+        CommandRefused: it names none.
+    """
+    if arm not in _SIDES:
+        raise CommandRefused(f"There is no arm {arm!r}; choose right or left.")
+    return _SIDES[arm]
+
+
+def mode_of(name: str) -> Mode:
+    """The mode that a goal names.
+
+    Raises:
+        CommandRefused: it names none.
+    """
+    try:
+        return Mode(name)
+    except ValueError as error:
+        raise CommandRefused(
+            f"There is no mode {name!r}; choose one of {', '.join(mode.value for mode in Mode)}."
+        ) from error
+
+
+def _level(state: RobotState) -> bytes:
+    if not state.reason:
+        return bytes(DiagnosticStatus.OK)
+    return bytes(DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR)
+
+
+def _machine(state: RobotState, side: Side) -> str:
+    machine: MachineState | None = state.machines[side]
+    return "" if machine is None else machine.name
+
+
+def _word(value: Enum | None) -> str:
+    return "" if value is None else str(value.value)
+
+
+def _stamp(text: str) -> Time:
+    """The controller tells its local time without a zone."""
+    try:
+        seconds = int(datetime.strptime(text, _TIME).replace(tzinfo=timezone.utc).timestamp())
+    except ValueError:
+        return Time()
+    return Time(sec=min(max(seconds, 0), _LAST_SECOND))
+
+
+PERIOD = 1.0
+"""The same reason is logged once in this time [s], with how often it came meanwhile."""
+
+MOST = 10
+"""Lines in one period, however many reasons there are: a sender may make up names."""
+
+_REASONS = 50  # remembered; the oldest make room
+_NUMBER = re.compile(r"(?<![\w'])-?\d[\d.e+-]*")  # what stands alone: the digits in a joint's name tell joints apart
+
+
+class RefusalLog:
+    """Warnings of one topic, throttled by reason: different mistakes are all answered, however soon they follow.
+
+    Args:
+        log: a node's logger.
+        now: tells the time [s].
+    """
+
+    def __init__(self, log: Any, now: Callable[[], float]) -> None:
+        self._log = log
+        self._now = now
+        self._last: OrderedDict[str, float] = OrderedDict()  # when a reason was logged
+        self._begin = -PERIOD  # of the period whose lines are counted
+        self._lines = 0
+        self._silent = 0  # refusals since the last line that were not logged
+
+    def warn(self, sentence: str) -> None:
+        """Log a refusal, unless its reason was logged just now; what was not logged is counted with the next line."""
+        now, reason = self._now(), _NUMBER.sub("#", sentence)
+        if now - self._begin >= PERIOD:
+            self._begin, self._lines = now, 0
+        if now - self._last.get(reason, -PERIOD) < PERIOD or self._lines >= MOST:
+            self._silent += 1
+            return
+        self._last[reason] = now
+        self._last.move_to_end(reason)
+        if len(self._last) > _REASONS:
+            self._last.popitem(last=False)
+        self._lines += 1
+        count, self._silent = self._silent, 0
+        self._log.warning(f"{sentence} ({count} more refusals since the last line)" if count else sentence)

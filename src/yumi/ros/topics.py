@@ -1,0 +1,463 @@
+"""How a streamed command gets in: a message becomes a checked goal in the arm's mailbox, or a refusal.
+
+================================ ========================== ===================================================
+topic                            type                       for
+================================ ========================== ===================================================
+joint_commands                   sensor_msgs/JointState     joint_position_controller: positions, speeds if known
+joint_velocity_commands          sensor_msgs/JointState     joint_velocity_controller: velocities
+<controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
+================================ ========================== ===================================================
+
+Joint states on topics: per arm every cycle, and all joints of the robot merged at a lower rate.
+
+``robot_description``: the driver tells its own, and a controller manager waits for one that has its arm.
+
+The command topics of forward controllers: one for each of them, under its name, as long as it is loaded.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Container, Mapping
+from functools import partial
+from math import nan
+from threading import Event
+from typing import Any
+from xml.etree import ElementTree
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+
+from yumi.clock import Clock
+from yumi.control.commands import GoalKind, Mailbox, put_goal, put_speeds
+from yumi.control.controllers.forward_command import FORWARDERS
+from yumi.control.requests import ListControllers
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.driver.control_process import ArmBoxes, FastLines
+from yumi.errors import CommandRefused
+from yumi.process.supervision import Failures, SupervisedThread
+from yumi.robot.description import robot_description
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, Side, finger_names, joint_names
+from yumi.ros.controllers import MakeInterface
+from yumi.ros.executors import Ticker
+from yumi.ros.messages import RefusalLog, goal_of, goal_speeds_of, joint_state, positions_of, speeds_of, velocities_of
+
+# Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
+# a goal is sent once. Several partial goals may come at once, hence the depth.
+_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+
+OLDEST_STAMP = 0.1
+"""A goal whose stamp is older comes from a clock that is not ours [s]."""
+
+
+class CommandTopic(ABC):
+    """Takes commands for one arm; one that breaks a rule changes nothing, and the log says which.
+
+    Args:
+        node: the arm's controller manager node.
+        side: which arm.
+        box: where goals go.
+        snapshot: what is known of the arm.
+        now: tells the time on the machine's monotonic clock [s].
+    """
+
+    name: str
+    type: Any
+    noun: str
+    kind: GoalKind
+    taker: str
+
+    def __init__(
+        self,
+        node: Any,
+        side: Side,
+        box: Mailbox,
+        snapshot: Callable[[], Snapshot],
+        now: Callable[[], float] = lambda: nan,
+    ) -> None:
+        self._node = node
+        self._refusals = RefusalLog(node.get_logger(), now)
+        self._side = side
+        self._box = box
+        self._snapshot = snapshot
+        self._now = now
+        self._given_in = (0, 0)  # session and activation
+        self.why_stopped: Callable[[], object] = lambda: ""  # a sentence with a blank before it, or nothing
+        self._subscription = node.create_subscription(self.type, self.name, self.take, _QOS)
+
+    def destroy(self) -> None:
+        """Take no more commands."""
+        self._node.destroy_subscription(self._subscription)
+
+    def take(self, message: Any) -> None:
+        """Pass a command on, or say why not."""
+        time = self._now()
+        try:
+            self._accept(message, time - self._age(message))
+        except CommandRefused as error:
+            self._refusals.warn(str(error))
+
+    @abstractmethod
+    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        """Check ``message`` and put what it says into the box.
+
+        Args:
+            message: of the topic's type.
+            snapshot: of an arm that a fitting controller commands.
+            time: when it arrived [s].
+            is_new: whether it is the first since the controller was activated.
+
+        Raises:
+            CommandRefused: it breaks a rule.
+        """
+
+    def is_for(self, kind: GoalKind) -> bool:
+        """Whether a controller that takes goals of ``kind`` takes these."""
+        return self.kind in kind
+
+    def _age(self, message: Any) -> float:
+        """How long ago the sender made ``message`` [s]; 0 where its stamp does not tell."""
+        return 0.0
+
+    def _accept(self, message: Any, time: float) -> None:
+        snapshot, arm = self._snapshot(), f"{self._side.word} arm"
+        if not snapshot.is_running:
+            raise CommandRefused(
+                f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.{self.why_stopped()}"
+            )
+        if snapshot.problem is not Problem.NONE:
+            raise CommandRefused(f"{self.noun} refused: {arm}: {CAUSES[snapshot.problem]}.")
+        if not self.is_for(snapshot.goal_kind):
+            raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
+        now = (snapshot.session, snapshot.activation)
+        self.put(message, snapshot, time, is_new=self._given_in != now)
+        self._given_in = now
+
+
+class JointCommandTopic(CommandTopic):
+    """Positions by name; joints that are not named keep their goal."""
+
+    name, type, noun = "joint_commands", JointState, "Goal"
+    kind, taker = GoalKind.POSITION, "position controller"
+
+    _goal: Joints = ZERO
+
+    def _age(self, message: Any) -> float:
+        """A stream is forecast from when its goals were made, if their stamps can be true; else from their arrival."""
+        stamp = message.header.stamp
+        if not stamp.sec:
+            return 0.0
+        age = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp.sec + stamp.nanosec * 1e-9)
+        return age if 0.0 <= age <= OLDEST_STAMP else 0.0
+
+    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        if is_new and snapshot.reference is None:
+            raise CommandRefused(f"Goal refused: the {self._side.word} arm has no reference yet; send the goal again.")
+        base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
+        goal = goal_of(message, self._side, base)
+        put_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
+        self._goal = goal
+
+
+class JointVelocityTopic(CommandTopic):
+    """Velocities by name; joints that are not named stop."""
+
+    name, type, noun = "joint_velocity_commands", JointState, "Speed"
+    kind, taker = GoalKind.VELOCITY, "velocity controller"
+
+    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        put_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
+
+
+class ForwardTopic(CommandTopic):
+    """Values by index for one controller, on ``<controller>/commands``: positions or velocities, as it forwards.
+
+    Args:
+        node: the arm's node for topics alone.
+        side: which arm.
+        boxes: where positions go, and where velocities.
+        snapshot: what is known of the arm.
+        now: tells the time on the machine's monotonic clock [s].
+        controller: its name.
+        active: which controllers command the arm; asked after each activation.
+    """
+
+    type, noun, taker = Float64MultiArray, "Command", "forward controller"
+    kind = GoalKind.NONE
+
+    def __init__(
+        self,
+        node: Any,
+        side: Side,
+        boxes: tuple[Mailbox, Mailbox],
+        snapshot: Callable[[], Snapshot],
+        now: Callable[[], float],
+        controller: str,
+        active: Callable[[], Container[str]],
+    ) -> None:
+        self.name = self._controller = controller
+        self.name += "/commands"
+        self._positions, self._speeds = boxes
+        self._active = active
+        self._known = (0, False)  # the activation, and whether the controller commands in it
+        super().__init__(node, side, boxes[0], snapshot, now)
+
+    def is_for(self, kind: GoalKind) -> bool:
+        return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
+
+    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._check_active(snapshot.activation)
+        if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
+            put_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
+        else:
+            put_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
+
+    def tell(self, notice: object) -> None:
+        """A forward controller has nothing to tell."""
+
+    def _check_active(self, activation: int) -> None:
+        if activation != self._known[0]:
+            self._known = (activation, self._controller in self._active())
+        if not self._known[1]:
+            raise CommandRefused(
+                f"Command refused: {self._controller} is not active on the {self._side.word} arm; activate it first."
+            )
+
+
+SILENCE = 0.25
+"""An arm whose last state is older is not where it was [s]."""
+
+_DEPTH = 10
+_SLEW = 1e-3  # the system's clock is slewed by at most half of this
+_CLOCK_SET_NS = 50_000_000
+_GLANCE = 0.1  # [s] how soon a publisher notices that it shall end
+
+
+class Stamps:
+    """Turns times of the machine's monotonic clock into ROS time, without trembling when the reading is interrupted.
+
+    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
+    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
+
+    Args:
+        ros_now: tells the ROS time [ns].
+        now: tells the monotonic time [s].
+    """
+
+    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
+        self._ros_now = ros_now
+        self._now = now
+        self._difference: int | None = None
+        self._read = 0.0
+
+    def at(self, time: float) -> int:
+        """The ROS time [ns] of the monotonic ``time`` [s]."""
+        now = self._now()
+        difference = self._ros_now() - int(now * 1e9)
+        last = difference if self._difference is None else self._difference
+        if abs(difference - last) < _CLOCK_SET_NS:
+            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
+        self._difference, self._read = difference, now
+        return int(time * 1e9) + difference
+
+
+class JointStatePublisher:
+    """Publishes ``joint_states`` of one arm whenever the fast line rings.
+
+    A thread of its own: the executor's threads may be busy with a service when the next state comes.
+
+    Args:
+        node: the arm's controller manager node.
+        side: which arm.
+        boxes: what the fast line shares.
+        clock: the clock of the states' times.
+    """
+
+    def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
+        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        ros_clock = node.get_clock()
+        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._names = joint_names(side)
+        self._boxes = boxes
+        self._is_over = Event()
+        self._failures = Failures()
+        self._topic = f"{side.value}/joint_states"
+        self._thread = SupervisedThread(f"joint-states-{side.value}", self._run, self._is_over)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; before the node is destroyed."""
+        self._is_over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        last = 0
+        while not self._is_over.is_set():
+            if not self._boxes.bell.acquire(timeout=_GLANCE):
+                continue
+            for number, values in self._boxes.states.since(last):
+                last = number
+                try:
+                    self._publish(values)
+                except Exception as error:  # of the middleware, such as after the clock was set: the next one may go
+                    self._failures.note(f"Publishing {self._topic}", error)
+
+    def _publish(self, values: tuple[float, ...]) -> None:
+        time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]
+        self._publisher.publish(joint_state(self._names, position, velocity, self._stamps.at(time)))
+
+
+class MergedJointStates:
+    """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
+
+    An arm that has not been heard for :data:`SILENCE` is left out: nobody shall plan from where it was once.
+
+    Args:
+        node: any node without namespace.
+        boxes: what the fast line shares, per arm.
+        fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
+        rate: [Hz].
+        clock: the clock of the states' times.
+        ticker: keeps the rate.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        boxes: Mapping[Side, ArmBoxes],
+        fingers: Callable[[], Mapping[Side, tuple[float, float]]],
+        rate: float,
+        clock: Clock,
+        ticker: Ticker,
+    ) -> None:
+        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        ros_clock = node.get_clock()
+        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._clock = clock
+        self._boxes = boxes
+        self._fingers = fingers
+        ticker.every(1.0 / rate, "joint_states", self._publish)
+
+    def _publish(self) -> None:
+        names: list[str] = []
+        position: list[float] = []
+        velocity: list[float] = []
+        oldest = now = self._clock.now()
+        for side, boxes in self._boxes.items():
+            letter = boxes.states.peek()
+            if letter is not None and now - letter[1][0] < SILENCE:
+                oldest = min(oldest, letter[1][0])
+                names += joint_names(side)
+                position += letter[1][1 : 1 + JOINT_COUNT]
+                velocity += letter[1][1 + JOINT_COUNT :]
+        for side, (place, speed) in self._fingers().items():
+            names += finger_names(side)
+            position += (place, place)
+            velocity += (speed, speed)
+        if names:
+            self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest)))
+
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_REMINDER = 2.0  # [s]
+
+
+def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
+    """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers.
+
+    Args:
+        node: whose publishers they are.
+        limits: what trajectories may ask of the joints: tools plan with the speeds of the description.
+        grippers: what each hand is made of.
+    """
+    message = String(data=robot_description(limits, grippers))
+    topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
+    publishers = [node.create_publisher(String, topic, LATCHED) for topic in topics]
+    for publisher in publishers:
+        publisher.publish(message)
+    return publishers
+
+
+class DescriptionWait:
+    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing.
+
+    Args:
+        node: the controller manager's node.
+        side: the arm.
+        on_description: called once.
+    """
+
+    def __init__(self, node: Any, side: Side, on_description: Callable[[], None]) -> None:
+        self._log = node.get_logger()
+        self._names = joint_names(side)
+        self._on_description = on_description
+        self._urdf = ""
+        self._is_due = False  # the timer runs before anything is spun, and is overdue then though all is well
+        self._reminder = node.create_timer(_REMINDER, self._remind)
+        node.create_subscription(String, "robot_description", self._take, LATCHED)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a description has come."""
+        return bool(self._urdf)
+
+    def _remind(self) -> None:
+        if self._is_due:
+            self._log.warning("Waiting for a message on robot_description.")
+        self._is_due = True
+
+    def _take(self, message: Any) -> None:
+        if self._urdf:
+            if message.data != self._urdf:
+                self._log.warning("Another robot description has come; it is ignored until the driver is restarted.")
+            return
+        reason = self._why_not(message.data)
+        if reason:
+            self._log.error(f"The robot description cannot be used: {reason}.")
+            return
+        self._urdf = message.data
+        self._reminder.cancel()
+        self._on_description()
+
+    def _why_not(self, urdf: str) -> str:
+        try:
+            found = {joint.get("name") for joint in ElementTree.fromstring(urdf).iter("joint")}
+        except ElementTree.ParseError as error:
+            return f"it is no XML ({error})"
+        missing = [name for name in self._names if name not in found]
+        return f"it has no joint {', '.join(missing)}" if missing else ""
+
+
+def forward_interfaces(
+    nodes: Mapping[Side, Any], fast_lines: FastLines, now: Callable[[], float]
+) -> Mapping[str, MakeInterface]:
+    """What forward controllers offer, by their type.
+
+    Args:
+        nodes: each arm's node for topics alone, whose executor has no services.
+        fast_lines: where the controllers live.
+        now: tells the time on the machine's monotonic clock [s].
+    """
+
+    def active(side: Side) -> frozenset[str]:
+        infos = fast_lines.ask(ListControllers(side)).controllers
+        return frozenset(info.name for info in infos if info.claimed)
+
+    def make(_: Any, side: Side, name: str) -> ForwardTopic:
+        boxes = fast_lines.boxes[side]
+        return ForwardTopic(
+            nodes[side],
+            side,
+            (boxes.forward_positions, boxes.forward_speeds),
+            partial(fast_lines.snapshot, side),
+            now,
+            name,
+            partial(active, side),
+        )
+
+    return {controller.kind: make for controller in FORWARDERS}

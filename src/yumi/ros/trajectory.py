@@ -1,0 +1,451 @@
+"""FollowJointTrajectory and its topics for one arm or both: what upstream's joint trajectory controller offers.
+
+A goal is accepted when the controller has taken it, and refused with the reason in the log. Whatever ends its motion,
+the controller tells, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
+
+The trajectory actions of the driver: one on the node of each trajectory controller, and one for both arms.
+
+The service ``~/query_state``: where the trajectory that is followed has the joints at some moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import count
+from threading import Event as Flag
+from threading import Lock
+from typing import Any, Protocol
+
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
+from control_msgs.srv import QueryTrajectoryState
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from yumi.clock import Clock
+from yumi.control.commands import Mailbox
+from yumi.control.controllers.joint_trajectory import (
+    CancelTrajectory,
+    DualArmTrajectoryController,
+    FollowTrajectory,
+    JointTrajectoryController,
+    Outcome,
+    ScaleSpeed,
+    Tolerances,
+    TrajectoryEnded,
+)
+from yumi.control.motion import Setpoint
+from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
+from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, time_to_start
+from yumi.errors import YumiError
+from yumi.robot.joints import JointLimits, Side, joint_names
+from yumi.ros.controllers import MakeInterface
+from yumi.ros.executors import Ticker
+from yumi.ros.messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+
+_FRESH = 0.5  # [s] a controller that is active tells how it follows many times within this time
+
+Plans = Mapping[Side, ArmPlan]
+Feedbacks = Mapping[Side, TrajectoryFeedback]
+
+
+class TrajectoryQuery:
+    """Serves ``~/query_state`` as upstream.
+
+    ``success`` is false when the controller is inactive or, with the present values, when nothing is followed or the
+    time is before the first point, to which the controller plans the way itself, or after the last.
+
+    Args:
+        node: the controller's node.
+        feedback: by arm; where the controllers let others see how they follow.
+        clock: the machine's clock.
+    """
+
+    def __init__(self, node: Any, feedback: Mapping[Side, Mailbox], clock: Clock) -> None:
+        self._ros_clock = node.get_clock()
+        self._feedback = feedback
+        self._clock = clock
+        self._followed: tuple[int, Plans] = (0, {})
+        node.create_service(QueryTrajectoryState, "~/query_state", self.answer)
+
+    def note(self, number: int, plans: Plans) -> None:
+        """The controllers have taken ``plans``, the order ``number``."""
+        self._followed = (number, plans)
+
+    def forget(self, number: int) -> None:
+        """The motion of the order ``number`` has ended: its plans may be long."""
+        if self._followed[0] == number:
+            self._followed = (0, {})
+
+    def answer(self, request: Any, response: Any) -> Any:
+        """Fill ``response`` for the time of ``request``; 0 is now."""
+        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
+        now = self._clock.now()
+        if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
+            response.message = "The controller is not active; activate it first."
+            return response
+        stamp = request.time.sec * 1_000_000_000 + request.time.nanosec
+        time = now + (stamp - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamp else now
+        setpoints = self._sample(feedbacks, time)
+        response.success = bool(setpoints)
+        response.message = "" if setpoints else "No trajectory is followed at that time; ask for a time within one."
+        return _filled(response, feedbacks, setpoints)
+
+    def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
+        number, plans = self._followed
+        if any(feedback.goal != number or not number for feedback in feedbacks.values()):
+            return {}
+        setpoints = {}
+        for side, feedback in feedbacks.items():
+            spline, moment = plans[side].spline, feedback.progress + (time - feedback.time) * feedback.scale
+            if not spline.begin <= moment <= spline.end:
+                return {}
+            setpoints[side] = Walk(spline).setpoint(moment)
+        return setpoints
+
+
+def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoint]) -> Any:
+    present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
+    rows = (setpoints or present).values()
+    response.name = [name for side in feedbacks for name in joint_names(side)]
+    response.position = [value for row in rows for value in row.position]
+    response.velocity = [value for row in rows for value in row.velocity]
+    response.acceleration = [value for row in rows for value in row.acceleration]
+    return response
+
+
+_GLANCE = 0.02  # [s] how soon new feedback is passed on
+_CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+Ask = Callable[[Request], Done]
+
+
+class Causes(Protocol):
+    """What knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
+
+    def cause(self) -> object:
+        """As far as it is known now."""
+
+    def wait_for_cause(self) -> object:
+        """Waiting until it is known."""
+
+
+class _OpenGoal:
+    """A goal somebody waits for.
+
+    Args:
+        request: as it came.
+
+    Attributes:
+        request: as above; it is how the action server's handle is known.
+        handle: the action's; None until it has one.
+        ends: what each arm told of its end.
+        is_over: set when it has ended.
+    """
+
+    def __init__(self, request: Any) -> None:
+        self.request = request
+        self.handle: Any = None
+        self.ends: dict[Side, TrajectoryEnded] = {}
+        self.is_over = Flag()
+
+    @property
+    def end(self) -> TrajectoryEnded:
+        """What counts of the arms' ends: a failure, and of several the one that caused the others."""
+        return min(self.ends.values(), key=lambda end: (end.outcome is Outcome.SUCCEEDED, end.code))
+
+
+class TrajectoryAction:
+    """Serves all topics, services and actions that a trajectory controller has.
+
+    ``~/follow_joint_trajectory``, ``~/joint_trajectory``, ``~/speed_scaling_input``, ``~/controller_state``,
+    ``~/query_state``.
+
+    For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
+    on the trajectory they were told to be at [s].
+
+    Args:
+        node: the controller's node.
+        name: the controller's name on each arm.
+        feedback: by arm, in the order of the joints; where the controllers let others see how they follow.
+        ask: has a request served by the fast line.
+        clock: the machine's clock.
+        limits: what the joints may do.
+        ticker: has feedback passed on, fifty times a second.
+        causes: knows what stopped the robot; that is added to refusals and results.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        name: str,
+        feedback: Mapping[Side, Mailbox],
+        ask: Ask,
+        clock: Clock,
+        limits: JointLimits,
+        ticker: Ticker,
+        causes: Causes | None = None,
+    ) -> None:
+        self._causes = causes
+        self._log = node.get_logger()
+        self._ros_clock = node.get_clock()
+        self._name = name
+        self._feedback = feedback
+        self._sides = tuple(feedback)
+        self._ask = ask
+        self._clock = clock
+        self._limits = limits
+        self._numbers = count(1)
+        self._lock = Lock()
+        self._open: dict[int, _OpenGoal] = {}
+        self._seen: dict[Side, int] = dict.fromkeys(feedback, 0)
+        group = ReentrantCallbackGroup()
+        self._server = ActionServer(
+            node,
+            FollowJointTrajectory,
+            "~/follow_joint_trajectory",
+            execute_callback=self._execute,
+            goal_callback=self._consider,
+            cancel_callback=self._cancel,
+            callback_group=group,
+        )
+        orders = MutuallyExclusiveCallbackGroup()
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=orders)
+        node.create_subscription(
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
+        )
+        self._query = TrajectoryQuery(node, feedback, clock)
+        self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
+        self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
+        self._end_feedback = ticker.every(_GLANCE, f"The feedback of {name}", self._pass_on)
+
+    def tell(self, notice: Any) -> None:
+        """Take what the only arm's controller has told; from any thread."""
+        self.take_notice(self._sides[0], notice)
+
+    def take_notice(self, side: Side, notice: object) -> None:
+        """Take what an arm's controller has told; from any thread."""
+        if isinstance(notice, FastLineEnded):
+            self._give_up()
+        if not isinstance(notice, TrajectoryEnded):
+            return
+        with self._lock:
+            goal = self._open.get(notice.goal)
+            if goal is None:
+                self._log.info(notice.sentence)
+                return
+            goal.ends[side] = notice
+            self._query.forget(notice.goal)
+            if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
+                goal.is_over.set()
+
+    def destroy(self) -> None:
+        """End; goals that are open are aborted."""
+        self._give_up()
+        self._end_feedback()
+        self._server.destroy()
+
+    def _give_up(self) -> None:
+        """Nobody will tell any more how the open goals end."""
+        with self._lock:
+            for goal in self._open.values():
+                goal.is_over.set()
+
+    def _consider(self, request: Any) -> Any:
+        try:
+            tolerances, reason = tolerances_of(request, self._sides)
+            if reason:
+                self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
+            self._send(request.trajectory, tolerances, _OpenGoal(request))
+        except YumiError as error:
+            self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
+        """Have every arm take its part of a trajectory, or none.
+
+        Raises:
+            YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
+        """
+        self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
+        plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
+        number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
+        orders = {
+            side: FollowTrajectory(replace(plans[side], start=start), number, tolerances[side]) for side in self._sides
+        }
+        if goal is not None:
+            with self._lock:
+                self._open[number] = goal  # its end may be told before the answer comes
+        try:
+            self._order(orders)
+        except YumiError:
+            with self._lock:
+                self._open.pop(number, None)
+            raise
+        self._query.note(number, plans)
+
+    def _start(self, message: Any) -> float | None:
+        """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
+        now, stamped = self._clock.now(), stamp_of(message)
+        if stamped:
+            return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
+        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
+
+    def _order(self, orders: Mapping[Side, object]) -> None:
+        self._ask(SendOrders(self._orders(orders)))
+
+    def _orders(self, orders: Mapping[Side, object]) -> tuple[Order, ...]:
+        return tuple(Order(side, self._name, order) for side, order in orders.items())
+
+    def _cancel(self, handle: Any) -> Any:
+        found = self._find(handle)
+        if found is None:
+            return CancelResponse.REJECT  # it has just ended
+        self._try(lambda: self._order({side: CancelTrajectory(found[0]) for side in self._sides}))
+        return CancelResponse.ACCEPT
+
+    def _find(self, handle: Any) -> tuple[int, _OpenGoal] | None:
+        with self._lock:
+            return next((item for item in self._open.items() if item[1].request is handle.request), None)
+
+    def _execute(self, handle: Any) -> Any:
+        found = self._find(handle)
+        assert found is not None  # it was put there before it was accepted
+        number, goal = found
+        goal.handle = handle
+        try:
+            goal.is_over.wait()
+            return self._finish(handle, goal)
+        finally:
+            with self._lock:
+                del self._open[number]
+
+    def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
+        result = FollowJointTrajectory.Result()
+        if not goal.ends:
+            result.error_code = int(ResultCode.INVALID_GOAL)
+            result.error_string = "The fast line has ended; call recover, which starts another one."
+            handle.abort()
+            return result
+        end = goal.end
+        result.error_code, result.error_string = int(end.code), end.sentence
+        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # deactivated: EGM may have ended
+            result.error_string += str(self._causes.wait_for_cause() if self._causes else "")
+        if end.outcome is Outcome.SUCCEEDED:
+            handle.succeed()
+        elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):
+            handle.canceled()
+        else:
+            handle.abort()
+        return result
+
+    def _is_cancelled(self, handle: Any) -> bool:
+        """The action server notes a cancel only after it has been asked for; an arm at rest has ended by then."""
+        begin = self._clock.now()
+        while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
+            self._clock.wait(0.001)
+        return bool(handle.is_cancel_requested)
+
+    def _take(self, message: Any) -> None:
+        """A trajectory nobody waits for; the goal whose motion it replaces ends as preempted."""
+        own = {side: Tolerances() for side in self._sides}
+        self._try(lambda: self._send(message, own, None))
+
+    def _scale(self, message: Any) -> None:
+        self._try(lambda: self._order({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
+
+    def _try(self, carry: Callable[[], object]) -> None:
+        try:
+            carry()
+        except YumiError as error:
+            self._log.warning(str(error), throttle_duration_sec=1.0)
+
+    def _pass_on(self) -> None:
+        """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
+        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
+        if len(news) < len(letters):
+            return
+        self._seen = {side: number for side, (number, _) in news.items()}
+        feedbacks = {side: feedback for side, (_, feedback) in news.items()}
+        now = int(self._ros_clock.now().nanoseconds)
+        time_ns = now - int((self._clock.now() - min(each.time for each in feedbacks.values())) * 1e9)
+        self._states.publish(state_message(feedbacks, time_ns))
+        if self._skews is not None:
+            self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
+        self._give_feedback(feedbacks, time_ns)
+
+    def _give_feedback(self, feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> None:
+        numbers = {feedback.goal for feedback in feedbacks.values()}
+        goal = self._open.get(numbers.pop()) if len(numbers) == 1 else None
+        if goal is not None and goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
+            goal.handle.publish_feedback(feedback_message(feedbacks, time_ns))
+
+
+DUAL_ARM = "dual_arm_trajectory_controller"
+"""Name of the controllers that follow one trajectory together, and of the node with their action."""
+
+
+class TrajectoryControllers:
+    """Makes the actions, and brings them what their controllers tell.
+
+    Args:
+        dual_node: for the action of both arms.
+        single: where each arm's trajectory controller lets others see how it follows.
+        dual: the same of the dual-arm controller's halves.
+        ask: has a request served by the fast line.
+        clock: the machine's clock.
+        limits: what the joints may do.
+        ticker: has feedback passed on.
+        causes: knows what stopped the robot.
+
+    Attributes:
+        interfaces: what controllers of a kind offer on their nodes.
+    """
+
+    def __init__(
+        self,
+        dual_node: Any,
+        single: Mapping[Side, Mailbox],
+        dual: Mapping[Side, Mailbox],
+        ask: Ask,
+        clock: Clock,
+        limits: JointLimits,
+        ticker: Ticker,
+        causes: Causes | None = None,
+    ) -> None:
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, causes)
+
+        def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, causes)
+
+        self._both = both
+        self.interfaces: Mapping[str, MakeInterface] = {
+            JointTrajectoryController.kind: of_one_arm,
+            DualArmTrajectoryController.kind: lambda node, side, name: _Half(both, side),
+        }
+
+    def destroy(self) -> None:
+        """End the action of both arms; the others go with their controllers."""
+        self._both.destroy()
+
+
+class _Half:
+    """One arm's half of the dual-arm controller; its action is on the node of both."""
+
+    def __init__(self, both: TrajectoryAction, side: Side) -> None:
+        self._both = both
+        self._side = side
+
+    def tell(self, notice: Any) -> None:
+        self._both.take_notice(self._side, notice)
+
+    def destroy(self) -> None:
+        """Nothing of its own."""

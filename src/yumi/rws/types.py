@@ -1,0 +1,266 @@
+"""The states a controller reports, spelled as on the wire (reference/rws.md §5-6).
+
+ABB's return codes and what they mean to a person (reference/rws.md §3.4-3.5).
+
+RAPID values as Robot Web Services carries them: literals without blanks (reference/rws.md §6.5).
+
+========== ==================== ==========================
+RAPID      Python               text
+========== ==================== ==========================
+num, dnum  float                ``0.5``  ``-1E-05``  ``9E+09``
+bool       bool                 ``TRUE``  ``FALSE``
+string     str                  ``"say ""hi"" to it"``
+record     tuple of values      ``[TRUE,1,[0,0,0]]``
+array      tuple of values      ``[1,2,3]``
+========== ==================== ==========================
+"""
+
+from __future__ import annotations
+
+import re
+from enum import Enum, IntEnum
+from math import isfinite
+
+from yumi.errors import CommandRefused, ProtocolError
+
+
+class OperatingMode(Enum):
+    """The mode switch of the controller, ``/rw/panel/opmode``."""
+
+    INIT = "INIT"
+    AUTO_REQUESTED = "AUTO_CH"
+    MANUAL_FULL_REQUESTED = "MANF_CH"
+    MANUAL_REDUCED = "MANR"
+    MANUAL_FULL = "MANF"
+    AUTO = "AUTO"
+    UNDEFINED = "UNDEF"
+
+
+class ControllerState(Enum):
+    """Motors and stops, ``/rw/panel/ctrlstate``."""
+
+    INIT = "init"
+    MOTORS_OFF = "motoroff"
+    MOTORS_ON = "motoron"
+    GUARD_STOP = "guardstop"
+    EMERGENCY_STOP = "emergencystop"
+    EMERGENCY_STOP_RESET = "emergencystopreset"
+    SYSTEM_FAILURE = "sysfail"
+
+
+class CollisionState(Enum):
+    """What the collision detection has to say, ``/rw/panel/coldetstate``."""
+
+    INIT = "INIT"
+    TRIGGERED = "TRIGGERED"
+    CONFIRMED = "CONFIRMED"
+    TRIGGERED_ACKNOWLEDGED = "TRIGGERED_ACK"
+
+
+class ExecutionState(Enum):
+    """Whether RAPID runs, ``/rw/rapid/execution``."""
+
+    RUNNING = "running"
+    STOPPED = "stopped"
+
+
+class TaskExecution(Enum):
+    """Execution of one task, ``excstate`` of ``/rw/rapid/tasks``; four letters on the wire."""
+
+    READY = "read"
+    STOPPED = "stop"
+    STARTED = "star"
+    UNINITIALIZED = "unin"
+
+
+class SignalType(Enum):
+    """Digital, analog or group; input or output."""
+
+    DIGITAL_INPUT = "DI"
+    DIGITAL_OUTPUT = "DO"
+    ANALOG_INPUT = "AI"
+    ANALOG_OUTPUT = "AO"
+    GROUP_INPUT = "GI"
+    GROUP_OUTPUT = "GO"
+
+
+class EventType(Enum):
+    """Weight of an event log message."""
+
+    INFORMATION = 1
+    WARNING = 2
+    ERROR = 3
+
+
+class Code(IntEnum):
+    """Return codes of the controller that a client meets; names as in ABB's table."""
+
+    NOTIMPL = -1073445886
+    NO_DATA = -1073445883
+    REJECT = -1073445881
+    RESOURCE_NOT_HELD = -1073445880
+    INVALIDARG = -1073445879
+    LOCAL_NOT_ALLOWED = -1073445875
+    NOT_LOGGED_ON = -1073445873
+    MAX_LIMIT_REACHED = -1073445871
+    NO_SUCH_REQUEST = -1073445870
+    TIMEOUT = -1073445869
+    UAS_REJECT = -1073445867
+    UNRESOLVED_URL = -1073445866
+    DENIED = -1073445863
+    RESOURCE_HELD = -1073445862
+    MODE_REJECT = -1073445860
+    MASTER_REJECT = -1073445859
+    SYSFAIL_REJECT = -1073445851
+    NO_SUCH_SYMBOL = -1073442816
+    MODULE_NAME_TAKEN = -1073442813
+    MODULE_WRITE_PROTECTED = -1073442810
+    EXEC_STATE = -1073442809
+    TASK_STATE = -1073442808
+    SYNTAX = -1073442803
+    SEMANTIC = -1073442802
+    SYMBOL_NOT_PERSISTENT = -1073442786
+    NO_PP = -1073442783
+    FILE_NOT_FOUND = -1073438708
+    CFG_DOMAIN_INVALID = -1073437696
+    CFG_TYPE_INVALID = -1073437695
+    CFG_INSTANCE_INVALID = -1073437691
+    NO_SUCH_MECHUNIT = -1073436668
+    UNBLOCKED_INSIGNAL = -1073438206
+    INVALID_STATE = -1073435887
+    FAIL = -1073414146
+    UNEXPECTED = -1073414145
+
+
+_SENTENCES = {
+    Code.REJECT: 'the controller does not let remote clients write this; a signal needs Access "All"',
+    Code.UNEXPECTED: 'the controller does not let remote clients write this; a signal needs Access "All"',
+    Code.INVALIDARG: "a value in the request is not allowed",
+    Code.UAS_REJECT: "the user lacks the grant for it; log in as another user",
+    Code.UNRESOLVED_URL: "the controller has nothing of that name",
+    Code.DENIED: "the controller denied it",
+    Code.RESOURCE_HELD: "another client holds the mastership; release it there (FlexPendant, RobotStudio)",
+    Code.MODE_REJECT: "the operating mode forbids it; switch the controller to AUTO",
+    Code.MASTER_REJECT: "it needs the mastership, which another client or, in manual mode, the FlexPendant "
+    "holds; switch to AUTO and release the mastership there",
+    Code.SYSFAIL_REJECT: "the controller is in system failure; restart it",
+    Code.NO_SUCH_SYMBOL: "no such RAPID symbol; load the robot-side program, or check the name",
+    Code.EXEC_STATE: "the state of the RAPID execution forbids it; starting needs motors on, a program "
+    "pointer and stopped tasks, moving the program pointer needs stopped tasks",
+    Code.TASK_STATE: "the state of the RAPID task forbids it; check that its program loads without errors",
+    Code.SYNTAX: "the value is not a RAPID value of the symbol's type, or the module is not RAPID",
+    Code.MODULE_NAME_TAKEN: "the task has a module of that name; unload it first, or replace it",
+    Code.FILE_NOT_FOUND: "the controller has no such file; upload it first",
+    Code.MAX_LIMIT_REACHED: "the controller grants no more of these; end one first",
+    Code.SYMBOL_NOT_PERSISTENT: "the variable is not persistent; only PERS can be subscribed",
+    Code.SEMANTIC: "the value does not fit the symbol's type",
+    Code.NO_PP: "no task has a program pointer; move it to main first",
+    Code.CFG_TYPE_INVALID: "the configuration has no such type",
+    Code.CFG_DOMAIN_INVALID: "the configuration has no such domain",
+    Code.NO_SUCH_MECHUNIT: "the controller has no such mechanical unit",
+    Code.UNBLOCKED_INSIGNAL: "a device drives this input signal; only outputs and virtual inputs are written",
+    Code.INVALID_STATE: "the controller's state forbids it; release the emergency or guard stop first",
+}
+
+
+def name_of(code: int) -> str:
+    """ABB's name of ``code``, or "" for one we do not know."""
+    return next((known.name for known in Code if known == code), "")
+
+
+def sentence(code: int | None) -> str | None:
+    """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
+    return next((words for known, words in _SENTENCES.items() if known == code), None)
+
+
+RapidValue = float | bool | str | tuple["RapidValue", ...]
+
+_MAX_DEPTH = 64  # RAPID nests far less; a hostile text must not exhaust the stack
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_STRING = re.compile(r'"((?:[^"]|"")*)"')
+_ESCAPE = re.compile(r'"(")|\\(\\)|\\([0-9A-Fa-f]{2})')
+
+
+def encode(value: RapidValue) -> str:
+    """The literal of ``value``.
+
+    Raises:
+        CommandRefused: a number is not finite; RAPID has no such value.
+    """
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    if isinstance(value, (int, float)):
+        return _encode_number(float(value))
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '""') + '"'
+    return f"[{','.join(map(encode, value))}]"
+
+
+def decode(text: str) -> RapidValue:
+    """The value of a literal; blanks around its parts are allowed.
+
+    Raises:
+        ProtocolError: it is not a literal.
+    """
+    return _decode(text, 0)
+
+
+def split(text: str) -> tuple[str, ...]:
+    """The parts of a record or array: split at the commas of depth 0 that are not in a string.
+
+    Raises:
+        ProtocolError: the brackets or quotes do not close.
+    """
+    inner = text.strip()
+    if not (inner.startswith("[") and inner.endswith("]")):
+        raise ProtocolError(f"{text!r} is not a RAPID record or array: it lacks its brackets.")
+    parts, depth, start, in_string = [], 0, 1, False
+    for index, character in enumerate(inner[:-1]):
+        if character == '"':
+            in_string = not in_string
+        elif not in_string:
+            depth += (character == "[") - (character == "]")
+            if character == "," and depth == 1:
+                parts.append(inner[start:index].strip())
+                start = index + 1
+    if depth != 1 or in_string:
+        raise ProtocolError(f"{text!r} is not a RAPID record or array: brackets or quotes do not match.")
+    last = inner[start:-1].strip()
+    return (*parts, last) if parts or last else ()
+
+
+def _encode_number(value: float) -> str:
+    if not isfinite(value):
+        raise CommandRefused(f"RAPID has no number {value}; give a finite one.")
+    mantissa, _, exponent = repr(value).upper().partition("E")
+    digits = mantissa.removesuffix(".0")
+    return f"{digits}E{exponent}" if exponent else _with_exponent(digits)
+
+
+def _with_exponent(digits: str) -> str:
+    """Shorten whole numbers the way the controller prints them: 9000000000 is 9E+09."""
+    significant = digits.lstrip("-").rstrip("0")
+    places = len(digits.lstrip("-")) - 1
+    if "." in digits or places < 7 or len(significant) != 1:
+        return digits
+    return f"{'-' if digits.startswith('-') else ''}{significant}E+{places:02d}"
+
+
+def _decode(text: str, depth: int) -> RapidValue:
+    if depth > _MAX_DEPTH:
+        raise ProtocolError("The RAPID value is nested too deeply.")
+    word = text.strip()
+    if word.startswith("["):
+        return tuple(_decode(part, depth + 1) for part in split(word))
+    if match := _STRING.fullmatch(word):
+        return _ESCAPE.sub(_unescaped, match[1])
+    if word.upper() in ("TRUE", "FALSE"):
+        return word.upper() == "TRUE"
+    if _NUMBER.fullmatch(word):
+        return float(word)
+    raise ProtocolError(f"{text!r} is not a RAPID value.")
+
+
+def _unescaped(escape: re.Match[str]) -> str:
+    """A doubled quote or backslash, or the character of a two-digit code."""
+    return escape[1] or escape[2] or chr(int(escape[3], 16))

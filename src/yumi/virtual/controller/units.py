@@ -1,0 +1,139 @@
+"""What the virtual controller says it is: names, version, options (reference/statemachine.md §9).
+
+The mechanical units of the YuMi: two arms of six axes, each with a seventh that is a unit of its own.
+
+Where RAPID tasks wait for one another (WaitSyncTask).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from yumi.robot.joints import Side
+
+# The strings clients compare with are exact; without 604-1 they take the two arms for one group.
+YUMI_OPTIONS = (
+    "RobotWare Base",
+    "English",
+    "623-1 Multitasking",
+    "604-1 MultiMove Coordinated",
+    "709-1 DeviceNet Master/Slave",
+    "617-1 FlexPendant Interface",
+    "616-1 PC Interface",
+    "841-1 EtherNet/IP Scanner/Adapter",
+    "613-1 Collision Detection",
+    "611-1 Path Recovery",
+    "612-1 Path Offset",
+    "988-1 RW Add-In Prepared",
+    "Leadthrough",
+    "689-1 Externally Guided Motion (EGM)",
+    "UDPUC Driver",
+    "Drive System IRB 14000",
+    "Hall Sensor Calibration",
+    "IRB 14000-0.5/0.5",
+    "SmartGripper",
+    "StateMachine Core",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who the controller is.
+
+    Attributes:
+        system_name: name of the RobotWare system.
+        controller_name: name of the controller, usually its serial number.
+        robotware: version name; clients want three groups of digits with a dot behind, and at least 6.09
+            for EGM with seven axes.
+        options: RobotWare options, in the order they are listed.
+        is_virtual: what the controller calls itself; ours claims to be real, since its gripper is there.
+        system_id: identifier of the system.
+    """
+
+    system_name: str = "YuMi"
+    controller_name: str = "14000-500000"
+    robotware: str = "6.13.00.00"
+    options: tuple[str, ...] = YUMI_OPTIONS
+    is_virtual: bool = False
+    system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"
+
+
+NO_UNIT = "NoIntegratedUnit"
+"""ABB's word for "none" in the two integration fields."""
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalUnit:
+    """What a client may read about a mechanical unit (reference/statemachine.md §9, reference/rws.md §8.2).
+
+    Attributes:
+        name: e.g. ``ROB_R`` or ``ROB_R_7``.
+        side: the arm it belongs to.
+        type: ``TCPRobot`` or ``Single``.
+        axes: axes of its own.
+        axes_total: axes with those of the unit integrated in it.
+        is_integrated_unit: the unit this one is integrated in, or :data:`NO_UNIT`.
+        has_integrated_unit: the unit that is integrated in this one, or :data:`NO_UNIT`.
+        drive_module: number of its drive module.
+        status, mode, tool, wobj, payload, total_payload, jog_mode, coord_system: what jogging would use.
+    """
+
+    name: str
+    side: Side
+    type: str
+    axes: int
+    axes_total: int
+    is_integrated_unit: str
+    has_integrated_unit: str
+    drive_module: int = 1
+    status: str = "Synchronized"
+    mode: str = "Activated"
+    tool: str = "tool0"
+    wobj: str = "wobj0"
+    payload: str = "load0"
+    total_payload: str = "load0"
+    jog_mode: str = "AxisGroup1"
+    coord_system: str = "World"
+
+    @property
+    def task(self) -> str:
+        """The RAPID task that moves it."""
+        return self.side.task
+
+
+def _arm(side: Side) -> MechanicalUnit:
+    return MechanicalUnit(side.unit, side, "TCPRobot", 6, 7, NO_UNIT, f"{side.unit}_7")
+
+
+def _seventh_axis(side: Side) -> MechanicalUnit:
+    return MechanicalUnit(f"{side.unit}_7", side, "Single", 1, 1, side.unit, NO_UNIT)
+
+
+YUMI_UNITS = (
+    _arm(Side.RIGHT),
+    _arm(Side.LEFT),
+    _seventh_axis(Side.RIGHT),
+    _seventh_axis(Side.LEFT),
+)
+
+
+class SyncPoints:
+    """Counts who has come to which point how often: the n-th of one task meets the n-th of each other."""
+
+    def __init__(self) -> None:
+        self._arrivals: Counter[tuple[str, str]] = Counter()
+
+    def arrive(self, point: str, task: str) -> int:
+        """Note an arrival; tells the how many-th of this task at this point it is."""
+        self._arrivals[point, task] += 1
+        return self._arrivals[point, task]
+
+    def have_met(self, point: str, arrival: int, tasks: Iterable[str]) -> bool:
+        """Whether every task has come to the point at least ``arrival`` times."""
+        return all(self._arrivals[point, task] >= arrival for task in tasks)
+
+    def leave(self, point: str, task: str) -> None:
+        """Take an arrival back: the task waits no longer."""
+        self._arrivals[point, task] -= 1

@@ -1,0 +1,127 @@
+"""The data types and predefined data of the robot's instructions, beside RAPID's own.
+
+RAPID's values and ours: degrees and millimetres in ABB's order there, SI units in chain order here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, floor, radians
+from typing import Any, TypeVar
+
+from yumi.rapid.library import Library
+from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.virtual.controller.egm import EgmState
+from yumi.virtual.controller.units import YUMI_UNITS
+from yumi.virtual.mechanics.arm import StopMode, arm_angle_deg
+
+_FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
+
+
+@dataclass(eq=False, slots=True)
+class EgmIdentity:
+    """What an egmident stands for; the station knows by the variable's name which ones are reserved."""
+
+
+@dataclass(eq=False, slots=True)
+class SyncPoint:
+    """What a syncident stands for: tasks meet at its name, so it holds nothing."""
+
+
+def add_data(library: Library, own_unit: str) -> None:
+    """Register types and data; ``ROB_ID`` is the arm of the task."""
+    library.object_type("egmident", EgmIdentity)
+    library.object_type("syncident", SyncPoint)
+    library.object_type("mecunit", lambda: YUMI_UNITS[0])
+    for name in ("egmstate", "egmstopmode", "egmframetype"):
+        library.alias(name, "num")
+    library.record("egm_minmax", {"min": "num", "max": "num"})
+    library.record("tasks", {"taskname": "string"})
+    _add_egm(library)
+    for unit in YUMI_UNITS:
+        library.data(unit.name, "mecunit", unit)
+        if unit.name == own_unit:
+            library.data("ROB_ID", "mecunit", unit)
+
+
+def _add_egm(library: Library) -> None:
+    for state in EgmState:
+        library.data(f"EGM_STATE_{state.name}", "egmstate", float(state))
+    for mode in StopMode:
+        library.data(f"EGM_STOP_{mode.name}", "egmstopmode", float(mode.value))
+    for number, name in enumerate(_FRAME_TYPES):
+        library.data(f"EGM_FRAME_{name}", "egmframetype", float(number))
+
+
+NOT_PRESENT = 9e9
+"""What RAPID writes for an axis that is not there."""
+
+ROUNDING = 1e-6
+"""A num has seven digits: read back, a joint at its limit may lie this far beyond it [rad]."""
+
+JointTarget = tuple[tuple[float, ...], tuple[float, ...]]
+"""``robax`` and ``extax``, six values each [deg]; :data:`NOT_PRESENT` for axes that are not there."""
+
+T = TypeVar("T")
+
+_Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+
+
+def jointtarget(position: Joints) -> JointTarget:
+    """RAPID's jointtarget of joint positions [rad]."""
+    robax, eax_a = abb_from_chain(joints([degrees(value) for value in position]))
+    return robax, (eax_a, *(NOT_PRESENT,) * 5)
+
+
+def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joints:
+    """Joint positions [rad] of a jointtarget; an axis with 9E9 stays where it is ``now`` [rad]."""
+    eax_a_deg = target.extax[0]
+    chain_deg = chain_from_abb(target.robax, eax_a_deg)
+    wanted = [
+        is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
+        for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
+    ]
+    return joints(wanted)
+
+
+def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:
+    """One thing per axis, from ABB's order (1 to 7) to chain order."""
+    a1, a2, a3, a4, a5, a6, a7 = axes
+    return (a1, a2, a7, a3, a4, a5, a6)
+
+
+def pose_from_rapid(pose: Any) -> Pose:
+    """A frame in metres from RAPID's in millimetres."""
+    x, y, z = (value * 1e-3 for value in pose[0])
+    w, i, j, k = pose[1]
+    return Pose((x, y, z), (w, i, j, k))
+
+
+def wobj_from_rapid(wobj: Any) -> Pose:
+    """The work object's object frame in the world: user frame, then object frame."""
+    return compose(pose_from_rapid(wobj.uframe), pose_from_rapid(wobj.oframe))
+
+
+def robtarget(side: Side, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
+    """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle."""
+    pose = tool0_to_body(side, position, tool)
+    trans, rot = frame(pose if wobj is None else compose(inverse(wobj), pose))
+    return trans, rot, _configuration(position), (arm_angle_deg(side, position), *(NOT_PRESENT,) * 5)
+
+
+def frame(pose: Pose) -> _Frame:
+    """RAPID's pose, in millimetres."""
+    x, y, z = pose.position
+    return (x * 1e3, y * 1e3, z * 1e3), pose.orientation
+
+
+def _configuration(position: Joints) -> Sequence[float]:
+    """``confdata``: the quarter turns of axes 1, 4 and 6, rounded down; cfx, which no joint motion needs, is 0."""
+    axis_1, _, _, _, axis_4, _, axis_6 = position
+    return (*(float(floor(degrees(angle) / 90.0)) for angle in (axis_1, axis_4, axis_6)), 0.0)
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high) if low - ROUNDING <= value <= high + ROUNDING else value

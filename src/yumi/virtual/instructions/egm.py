@@ -1,0 +1,247 @@
+"""RAPID's EGM instructions of one arm (reference/egm.md §5): arguments to SI units, outcomes to RAPID errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+from typing import Any
+
+from yumi.errors import RobotNotReady
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Library, Wait
+from yumi.virtual.controller.configuration import Configuration, Instance
+from yumi.virtual.controller.egm import EgmOutcome
+from yumi.virtual.controller.events import EventLog, EventType
+from yumi.virtual.controller.station import Station
+from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid
+from yumi.virtual.mechanics.arm import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+
+MOST_IDENTITIES = 4
+"""EGM identities a task can hold at a time (reference/egm.md §4.8)."""
+
+FATAL = "ERR_EGM"
+"""What the real controller stops with at once; not registered, so that no handler can take it."""
+
+_AXES = [f"J{axis}" for axis in range(1, 8)]
+_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_DEFAULT_BAND_DEG = (-0.5, 0.5)
+_OVER = (EgmOutcome.CONVERGED, EgmOutcome.STOPPED)
+
+
+class EgmInstructions:
+    """The EGM instructions of one task.
+
+    Args:
+        station: the arm EGM guides.
+        configuration: where devices and External Motion Interface Data are.
+        events: the controller's event log.
+    """
+
+    def __init__(self, station: Station, configuration: Configuration, events: EventLog) -> None:
+        self._station = station
+        self._client = station.egm
+        self._configuration = configuration
+        self._events = events
+        self._run: EgmRun | None = None
+
+    def get_id(self, call: Call) -> None:
+        """EGMGetId: the same variable keeps its identity."""
+        identities = self._station.egm_identities
+        name = call.place("EGMid").name.lower()
+        if name not in identities and len(identities) >= MOST_IDENTITIES:
+            self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
+            raise RapidRuntimeError(
+                FATAL, f"EGMGetId: {MOST_IDENTITIES} EGM identities are in use; give one back with EGMReset (41828)."
+            )
+        identities.add(name)
+        self._client.get_id()
+
+    def reset(self, call: Call) -> None:
+        """EGMReset: end what the identity runs and give it back."""
+        self._station.egm_identities.discard(call.place("EGMid").name.lower())
+        self._client.reset()
+
+    def setup_uc(self, call: Call) -> None:
+        """EGMSetupUC: choose device and motion data."""
+        if not call.present("Joint"):
+            raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm is guided with \\Joint on RobotWare 6.")
+        if call["MecUnit"].type != "TCPRobot":
+            raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is no TCP robot (41830).")
+        self._station.egm_device = self._device(call["UCDevice"]).name
+        data = self._motion_data(call["ExtConfigName"])
+        self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
+
+    def act_joint(self, call: Call) -> None:
+        r"""EGMActJoint: how EGM shall follow; with \StreamStart positions are sent at once."""
+        activation = _activation(call)
+        self._do(lambda: self._client.activate(activation))
+        if call.present("StreamStart"):
+            self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
+
+    def refuse_pose(self, call: Call) -> None:
+        """EGMActPose, EGMRunPose: what EGMSetupUC has chosen is joint motion."""
+        self._events.append(41826, "EGM mode mismatch", type=EventType.ERROR)
+        raise RapidRuntimeError(
+            FATAL, "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not by poses (41826)."
+        )
+
+    def run_joint(self, call: Call) -> Wait:
+        """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
+        self._check_start()
+        self._run = run = _run(call)
+        self._guide(run)
+        if run.is_waited:
+            yield from self._until_over(run)
+
+    def wait_cond(self, call: Call) -> Wait:
+        r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
+        if self._run is None:
+            raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
+        yield from self._until_over(self._run)
+
+    def stop(self, call: Call) -> Wait:
+        """EGMStop: done when the arm stands."""
+        self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
+        while not self._station.arm.is_stationary:
+            yield None
+
+    def stream_start(self, call: Call) -> None:
+        """EGMStreamStart."""
+        self._do(lambda: self._client.stream_start(int(call.get("SampleRate", 4.0))))
+
+    def stream_stop(self, call: Call) -> None:
+        """EGMStreamStop."""
+        self._client.stream_stop()
+
+    def state(self, call: Call) -> Any:
+        """EGMGetState."""
+        return float(self._client.state)
+
+    def _until_over(self, run: EgmRun) -> Wait:
+        while True:
+            yield None
+            outcome = self._client.outcome
+            if outcome is EgmOutcome.COMM_TIMEOUT:
+                self._time_out(run)
+            if outcome in _OVER or not self._client.resumes:
+                break
+            if outcome is not EgmOutcome.RUNNING and self._station.arm.is_stationary:
+                # The program had been stopped and goes on: the interrupted instruction guides the arm again.
+                self._guide(run)
+        while not self._station.arm.is_stationary:
+            yield None
+
+    def _time_out(self, run: EgmRun) -> None:
+        """A program that did not wait cannot handle the error; the controller logs it and stops the program."""
+        if not run.is_waited:
+            raise RapidRuntimeError(FATAL, self._client.fault)
+        self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
+        raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
+
+    def _guide(self, run: EgmRun) -> None:
+        self._do(lambda: self._client.run_joint(run))
+
+    def _check_start(self) -> None:
+        if not self._station.has_moved:
+            raise RapidRuntimeError(
+                FATAL, "EGMRunJoint: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
+            )
+        if not self._station.arm.is_stationary:
+            raise RapidRuntimeError(FATAL, "EGMRunJoint: the arm has to stand in a fine point; use WaitRob \\InPos.")
+
+    def _do(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except RobotNotReady as error:
+            raise RapidRuntimeError(FATAL, str(error)) from error
+
+    def _device(self, name: str) -> Instance:
+        """The UDPUC device; old programs write a colon behind its name."""
+        device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))
+        if device is None or device.attributes["Type"] != "UDPUC":
+            raise RapidRuntimeError(
+                "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
+            )
+        return device
+
+    def _motion_data(self, name: str) -> ExternalMotionData:
+        found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
+        if found is None:
+            raise RapidRuntimeError(FATAL, f"EGMSetupUC: there is no External Motion Interface Data '{name}'.")
+        attributes = found.attributes
+        return ExternalMotionData(
+            level=int(attributes["ext_motion_level"]),
+            position_gain=float(attributes["ext_motion_Kp"]),
+            bandwidth=float(attributes["ext_motion_filter_bandwidth"]),
+            ramp_time=float(attributes["ramp_time"]),
+            restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
+        )
+
+
+def _activation(call: Call) -> EgmActivation:
+    tool, wobj = call.get("Tool"), call.get("WObj")
+    bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES]
+    return EgmActivation(
+        tool=None if tool is None else pose_from_rapid(tool.tframe),
+        wobj=None if wobj is None else wobj_from_rapid(wobj),
+        cond_min_max=chain_order([(radians(low), radians(high)) for low, high in bands_deg]),
+        lp_filter=call.get("LpFilter"),
+        sample_rate_ms=int(call.get("SampleRate", 4.0)),
+        max_pos_deviation=radians(call.get("MaxPosDeviation", 1000.0)),
+        max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
+    )
+
+
+def _run(call: Call) -> EgmRun:
+    return EgmRun(
+        stop_mode=StopMode(int(call["Mode"])),
+        axes=chain_order([call.present(axis) for axis in _AXES]),
+        cond_time=call.get("CondTime", 1.0),
+        ramp_in_time=call.get("RampInTime", 0.0),
+        ramp_out_time=call.get("RampOutTime", 1.0),
+        pos_corr_gain=call.get("PosCorrGain", 1.0),
+        is_waited=not call.present("NoWaitCond"),
+    )
+
+
+def add_egm(library: Library, station: Station, configuration: Configuration, events: EventLog) -> None:
+    """Register the EGM instructions of one task."""
+    egm = EgmInstructions(station, configuration, events)
+    identity = "VAR egmident EGMid"
+    bands = "".join(rf", \egm_minmax {axis}" for axis in _AXES)
+    switches = "".join(rf", \switch {axis}" for axis in _AXES)
+    library.instruction("EGMGetId", identity)(egm.get_id)
+    library.instruction("EGMReset", identity)(egm.reset)
+    library.instruction(
+        "EGMSetupUC",
+        rf"mecunit MecUnit, {identity}, string ExtConfigName, string UCDevice, \switch Joint | \switch Pose "
+        r"| \switch PathCorr, \switch APTR | \switch LATR, \num CommTimeout",
+    )(egm.setup_uc)
+    library.instruction(
+        "EGMActJoint",
+        rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad{bands}, "
+        r"\num LpFilter, \num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
+    )(egm.act_joint)
+    library.instruction(
+        "EGMRunJoint",
+        rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
+        r"\num RampOutTime, \num PosCorrGain",
+    )(egm.run_joint)
+    bands = "".join(rf", \egm_minmax {direction}" for direction in _DIRECTIONS)
+    library.instruction(
+        "EGMActPose",
+        rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad, pose CorrFrame, "
+        rf"egmframetype CorrFrType, pose SensorFrame, egmframetype SensorFrType{bands}, \num LpFilter, "
+        r"\num SampleRate, \num MaxPosDeviation, \num MaxSpeedDeviation",
+    )(egm.refuse_pose)
+    switches = "".join(rf", \switch {direction}" for direction in _DIRECTIONS)
+    library.instruction(
+        "EGMRunPose",
+        rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
+        r"\num RampOutTime, \pose Offset, \num PosCorrGain",
+    )(egm.refuse_pose)
+    library.instruction("EGMWaitCond", identity)(egm.wait_cond)
+    library.instruction("EGMStop", rf"{identity}, egmstopmode Mode, \num RampOutTime")(egm.stop)
+    library.instruction("EGMStreamStart", rf"{identity}, \num SampleRate")(egm.stream_start)
+    library.instruction("EGMStreamStop", identity)(egm.stream_stop)
+    library.function("EGMGetState", identity, "egmstate")(egm.state)

@@ -1,0 +1,145 @@
+"""RAPID's instructions about the controller itself: mechanical units, configuration, other tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.types import BOOL, is_numeric, resolved
+from yumi.virtual.controller.configuration import Configuration
+from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
+
+_CFG_PARTS = 3  # /DOMAIN/TYPE/instance
+
+
+class SystemInstructions:
+    """The system instructions of one task.
+
+    Args:
+        station: the arm of the task.
+        units: the controller's mechanical units.
+        configuration: the system parameters.
+        sync_points: where the tasks meet.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        units: Sequence[MechanicalUnit],
+        configuration: Configuration,
+        sync_points: SyncPoints,
+    ) -> None:
+        self._station = station
+        self._units = units
+        self._configuration = configuration
+        self._sync_points = sync_points
+
+    def unit_name(self, call: Call) -> str:
+        """GetMecUnitName."""
+        name: str = call["MechUnit"].name
+        return name
+
+    def next_unit(self, call: Call) -> bool:
+        """GetNextMechUnit: the unit at the list number, which moves on; FALSE at the end of the list."""
+        index = int(call["ListNumber"])
+        if index >= len(self._units):
+            return False
+        unit = self._units[index]
+        call["ListNumber"] = index + 1
+        call["UnitName"] = unit.name
+        facts = {
+            "MecRef": unit,
+            "TCPRob": unit.type == "TCPRobot",
+            "NoOfAxes": unit.axes,
+            "MecTaskNo": 1 if unit.task == self._units[0].task else 2,
+            "MotPlanNo": 1 if unit.task == self._units[0].task else 2,
+            "Active": unit.mode == "Activated",
+            "DriveModule": unit.drive_module,
+            "OKToDeact": False,
+        }
+        for name, value in facts.items():
+            if call.present(name):
+                call[name] = value
+        return True
+
+    def is_active(self, call: Call) -> bool:
+        """IsMechUnitActive."""
+        active: bool = call["MechUnit"].mode == "Activated"
+        return active
+
+    def payload_mode(self, call: Call) -> float:
+        """GetModalPayLoadMode: 1 when the load of the arm is set by GripLoad."""
+        found = self._configuration.find("SYS", "SYS_MISC", "ModalPayLoadMode")
+        return 0.0 if found is None else float(found.attributes["Value"])
+
+    def read_cfg(self, call: Call) -> None:
+        """ReadCfgData: one attribute of one instance, as number, text or truth value."""
+        text = self._cfg_text(call["InstancePath"], call["Attribute"])
+        type_ = resolved(call.place("CfgData").type)
+        if is_numeric(type_):
+            call["CfgData"] = _number(text, call["Attribute"])
+        elif type_ == BOOL:
+            call["CfgData"] = text.upper() == "TRUE"
+        else:
+            call["CfgData"] = text
+
+    def wait_sync(self, call: Call) -> Wait:
+        """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
+        while call.present("InPos") and not self._station.arm.is_stationary:
+            yield None
+        point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
+        arrival = self._sync_points.arrive(point, call.task.name)
+        try:
+            yield from self._until_met(call, point, arrival, tasks)
+        except (GeneratorExit, RapidRuntimeError):
+            self._sync_points.leave(point, call.task.name)
+            raise
+
+    def _until_met(self, call: Call, point: str, arrival: int, tasks: Sequence[str]) -> Wait:
+        deadline = call.task.now + call.get("TimeOut", float("inf"))
+        while not self._sync_points.have_met(point, arrival, tasks):
+            if call.task.now >= deadline:
+                raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
+            yield None
+
+    def _cfg_text(self, path: str, attribute: str) -> str:
+        parts = path.strip("/").split("/")
+        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
+        if found is None or attribute not in found.attributes:
+            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
+        return found.attributes[attribute]
+
+
+def _number(text: str, attribute: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', which is no number.") from error
+
+
+def add_system(
+    library: Library,
+    station: Station,
+    units: Sequence[MechanicalUnit],
+    configuration: Configuration,
+    sync_points: SyncPoints,
+) -> None:
+    """Register the system instructions of one task."""
+    system = SystemInstructions(station, units, configuration, sync_points)
+    library.function("GetMecUnitName", "mecunit MechUnit", "string")(system.unit_name)
+    library.function(
+        "GetNextMechUnit",
+        r"VAR num ListNumber, VAR string UnitName, \VAR mecunit MecRef, \VAR bool TCPRob, \VAR num NoOfAxes, "
+        r"\VAR num MecTaskNo, \VAR num MotPlanNo, \VAR bool Active, \VAR num DriveModule, \VAR bool OKToDeact",
+        "bool",
+    )(system.next_unit)
+    library.function("IsMechUnitActive", "mecunit MechUnit", "bool")(system.is_active)
+    library.function("GetModalPayLoadMode", "", "num")(system.payload_mode)
+    library.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")(
+        system.read_cfg
+    )
+    library.instruction("WaitSyncTask", r"\switch InPos, VAR syncident SyncID, anytype TaskList, \num TimeOut")(
+        system.wait_sync
+    )

@@ -1,0 +1,634 @@
+"""The Smart Gripper of one arm: its commands, its states and its I/O; advances by dt.
+
+Positions are per finger from the closed position: 0 closed, 25 mm open (reference/yumi.md §2, statemachine.md §5).
+
+What the gripper can be doing: each action shows its state, moves the fingers and knows when it is over.
+
+The mechanics of the gripper: two fingers on one motor, and the workpiece they may meet.
+
+A vacuum module of the gripper: an ejector, a cup, and what lies under it; advances by dt.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from math import exp, isfinite
+from typing import Protocol
+
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.gripper import (
+    ATMOSPHERE,
+    LOWEST_SPEED,
+    MAX_FORCE,
+    TOP_SPEED,
+    TRAVEL,
+    GripperModules,
+    HandCommand,
+    HandState,
+)
+
+FORCE_RATE = 100.0
+"""How fast the motor builds up force against something that does not give way [N/s]."""
+
+FINGER_LENGTH = 0.020
+"""How far something slides between the fingers until it is out [m]."""
+
+GRAVITY = 9.81
+"""[m/s²]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Workpiece:
+    """Something the fingers may hold: between them or, when it is hollow, from inside.
+
+    It lies in place all the time; the fingers meet it when they come from the right side.
+
+    Attributes:
+        width: distance of the two faces that the fingers touch [m], above 0, at most 0.05.
+        is_hollow: whether the fingers press outward from inside.
+        mass: what hangs between the fingers [kg].
+        friction: coefficient between fingers and faces.
+    """
+
+    width: float
+    is_hollow: bool = False
+    mass: float = 0.050
+    friction: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.width <= 2.0 * TRAVEL:
+            raise ValueError(f"a workpiece of {self.width} m: widths above 0 and up to {2.0 * TRAVEL} m are allowed")
+        if self.mass < 0.0 or self.friction <= 0.0:
+            raise ValueError(f"a workpiece of {self.mass} kg and friction {self.friction}: both are positive")
+
+    def slide(self, force: float) -> float:
+        """Acceleration with which it slides out of fingers that press with ``force`` [N]; 0 when it is held [m/s²]."""
+        if self.mass == 0.0:
+            return 0.0
+        return max(0.0, GRAVITY - 2.0 * self.friction * force / self.mass)
+
+
+class Fingers:
+    """Position, speed and force of the fingers; the motor keeps both at the same distance from the middle.
+
+    Attributes:
+        opening: of each finger from the closed position [m].
+        speed: of each finger, positive when opening [m/s].
+        force: what they press with [N].
+        workpiece: what they may meet; None is nothing.
+    """
+
+    def __init__(self, workpiece: Workpiece | None) -> None:
+        self.opening = 0.0
+        self.speed = 0.0
+        self.force = 0.0
+        self.workpiece = workpiece
+        self._slid = self._sliding = 0.0  # [m], [m/s]
+
+    def rest(self) -> None:
+        """The motor lets go."""
+        self.speed = self.force = self._slid = self._sliding = 0.0
+
+    def drive(self, target: float, speed: float, force: float, dt: float) -> float:
+        """Move towards ``target`` [m] with ``speed`` [m/s]; against an obstacle build up at most ``force`` [N].
+
+        Returns:
+            What was left of ``dt`` [s] when the fingers stood, at the target or at an obstacle.
+        """
+        stop = self._stop_on_the_way_to(target)
+        needed = abs(stop - self.opening) / speed
+        if needed > dt:
+            self.speed = speed if stop > self.opening else -speed
+            self.opening += self.speed * dt
+            self.force = 0.0
+            return 0.0
+        self.opening, self.speed = stop, 0.0
+        left = dt - needed
+        self.force = 0.0 if stop == target else min(force, self.force + FORCE_RATE * left)
+        if self.force >= force > 0.0:
+            self._let_slide(left)
+        return left
+
+    def _let_slide(self, dt: float) -> None:
+        """The motor presses as it shall: what is too heavy for that slides out and is gone."""
+        acceleration = 0.0 if self.workpiece is None else self.workpiece.slide(self.force)
+        if acceleration == 0.0:
+            self._slid = self._sliding = 0.0
+            return
+        self._slid += self._sliding * dt + acceleration * dt**2 / 2.0
+        self._sliding += acceleration * dt
+        if self._slid >= FINGER_LENGTH:
+            self.workpiece = None
+
+    def _stop_on_the_way_to(self, target: float) -> float:
+        """The target, or the face of the workpiece where it is in the way."""
+        if self.workpiece is None:
+            return target
+        face = self.workpiece.width / 2.0
+        if self.workpiece.is_hollow:
+            return face if self.opening <= face < target else target
+        return face if target < face <= self.opening else target
+
+
+JOG_SPEED = 0.010
+STALL_TIME = 0.5
+"""How long a free move may push against an obstacle before it is an error [s]."""
+
+_PUSH = MAX_FORCE  # a free move and a jog push with what the motor has
+
+
+class Action(Protocol):
+    """One thing the motor does.
+
+    Attributes:
+        state: what ``hand_SysState`` shows.
+        is_over: whether the next action may begin.
+    """
+
+    state: HandState
+    is_over: bool
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        """Let ``dt`` [s] pass; what is left of it when the action was over sooner."""
+
+
+class FreeMove:
+    """Go to a position; an obstacle is an error."""
+
+    def __init__(self, state: HandState, target: float, speed: float) -> None:
+        self.state = state
+        self.is_over = False
+        self._target, self._speed = target, speed
+        self._stalled = 0.0
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        left = fingers.drive(self._target, self._speed, _PUSH, dt)
+        if fingers.opening == self._target:
+            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            return left
+        self._stalled += left
+        if self._stalled >= STALL_TIME:
+            self.state, self.is_over = HandState.ERROR, True
+        return 0.0
+
+
+class Grip:
+    """Close in on something and hold it; coming to the end of the way means that there was nothing."""
+
+    def __init__(self, state: HandState, target: float, speed: float, force: float) -> None:
+        self.state = state
+        self.is_over = False
+        self._gripping = state
+        self._target, self._speed, self._force = target, speed, force
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        left = fingers.drive(self._target, self._speed, self._force, dt)
+        if fingers.opening == self._target:
+            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            return left
+        stands_with_force = fingers.speed == 0.0 and fingers.force >= self._force
+        self.state = HandState.KEEP_OBJECT if stands_with_force else self._gripping
+        return 0.0
+
+
+class Jog:
+    """Open or close without knowing where the fingers are, until told to stop or, if asked, until they stand."""
+
+    def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
+        self.state = HandState.JOG_OPEN if opens else HandState.JOG_CLOSE
+        self.is_over = False
+        self._target = TRAVEL if opens else 0.0
+        self._ends_at_standstill = ends_at_standstill
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        left = fingers.drive(self._target, JOG_SPEED, _PUSH, dt)
+        if fingers.speed != 0.0 or not self._ends_at_standstill:
+            return 0.0
+        self.is_over = True
+        return left
+
+
+class Pause:
+    """Do nothing in a state for a while [s]."""
+
+    def __init__(self, state: HandState, duration: float, *, state_after: HandState) -> None:
+        self.state = state
+        self.is_over = False
+        self._left, self._state_after = duration, state_after
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        fingers.rest()
+        self._left -= dt
+        if self._left > 0.0:
+            return 0.0
+        self.state, self.is_over = self._state_after, True
+        return -self._left
+
+
+DEEPEST = 25_000.0
+"""Pressure under a cup that is tight [Pa]."""
+
+OPEN = 90_000.0
+"""Pressure in a cup that sucks air [Pa]."""
+
+EVACUATION = 0.12
+"""Time constant of evacuating a cup [s]."""
+
+VENTING = 0.25
+"""Time constant of a cup that is left to itself, through the ejector [s]."""
+
+BLOW_OFF = 0.02
+"""Time constant of a cup that is blown off [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CupObject:
+    """Something under a cup.
+
+    Attributes:
+        leak: how much air comes through or past it: 0 is tight, 1 as if it were not there.
+    """
+
+    leak: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.leak <= 1.0:
+            raise ValueError(f"a leak of {self.leak}: 0 (tight) to 1 (open) are allowed")
+
+
+class VacuumCup:
+    """One cup; its ejector either sucks or blows.
+
+    Attributes:
+        sucks: ``hand_StatusVacuum``.
+        blows: ``hand_StatusBlowoff``.
+        pressure: absolute, in the cup [Pa].
+        under: what lies under it; None is nothing.
+    """
+
+    def __init__(self, under: CupObject | None = None) -> None:
+        self.sucks = False
+        self.blows = False
+        self.pressure = ATMOSPHERE
+        self.under = under
+
+    def suck(self, *, is_on: bool) -> None:
+        """Switch the vacuum; a cup that sucks does not blow."""
+        self.sucks = is_on
+        self.blows = self.blows and not is_on
+
+    def blow(self, *, is_on: bool) -> None:
+        """Switch the blow-off; a cup that blows does not suck."""
+        self.blows = is_on
+        self.sucks = self.sucks and not is_on
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass."""
+        final, time_constant = self._tendency()
+        self.pressure = final + (self.pressure - final) * exp(-dt / time_constant)
+
+    def _tendency(self) -> tuple[float, float]:
+        if self.sucks:
+            leak = 1.0 if self.under is None else self.under.leak
+            return DEEPEST + leak * (OPEN - DEEPEST), EVACUATION
+        return ATMOSPHERE, BLOW_OFF if self.blows else VENTING
+
+
+__all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_SPEED", "VirtualGripper", "Workpiece"]
+
+SETTLING_TIME = 0.5
+CALIBRATION_TIME = 0.5
+CHANNELS = (1, 2)
+
+STALL_ERROR = 1
+"""``hand_SysError`` when a free move meets an obstacle; the hand's own numbers are not published."""
+
+
+class VirtualGripper:
+    """One gripper, closed and not calibrated at first, as after power-up.
+
+    Args:
+        workpiece: what the fingers may hold; None is nothing.
+        modules: what the hand is made of.
+        is_calibrated: whether it knows where its fingers are.
+
+    Attributes:
+        modules: what the hand is made of.
+        cups: its vacuum modules by number.
+        is_calibrated: ``hand_StatusCalibrated``.
+        max_speed: speed of moves and grips [m/s].
+        hold_force: force of grips [N].
+        physical_limit: largest position that may be asked for [m].
+    """
+
+    def __init__(
+        self,
+        workpiece: Workpiece | None = None,
+        modules: GripperModules = GripperModules.SERVO,
+        *,
+        is_calibrated: bool = False,
+    ) -> None:
+        self.modules = modules
+        self.cups = {channel: VacuumCup() for channel in modules.vacuum_channels}
+        self.is_calibrated = is_calibrated
+        self.max_speed = TOP_SPEED
+        self.hold_force = MAX_FORCE
+        self.physical_limit = TRAVEL
+        self._fingers = Fingers(workpiece)
+        self._zero = 0.0
+        self._min_position, self._max_position = 0.0, TRAVEL
+        self._state = HandState.READY
+        self._command_shown = HandCommand.NONE
+        self._error = 0
+        self._actions: deque[Action] = deque()
+
+    @property
+    def state(self) -> HandState:
+        """``hand_SysState``."""
+        return self._state
+
+    @property
+    def position(self) -> float:
+        """Position of each finger as the gripper knows it [m]."""
+        return self._fingers.opening - self._zero
+
+    @property
+    def speed(self) -> float:
+        """Speed of each finger, positive when opening [m/s]."""
+        return self._fingers.speed
+
+    @property
+    def force(self) -> float:
+        """What the fingers press with [N]; 0 when they are closed on nothing."""
+        return self._fingers.force
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a command is being carried out; a grip that holds its object is done."""
+        return bool(self._actions) and not self.is_holding
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether the fingers hold an object with the hold force."""
+        return self._state is HandState.KEEP_OBJECT
+
+    @property
+    def workpiece(self) -> Workpiece | None:
+        """What the fingers may hold; it may be exchanged or taken away at any time."""
+        return self._fingers.workpiece
+
+    @workpiece.setter
+    def workpiece(self, workpiece: Workpiece | None) -> None:
+        self._fingers.workpiece = workpiece
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass."""
+        for cup in self.cups.values():
+            cup.advance(dt)
+        self._advance_fingers(dt)
+        if self._state is not HandState.ERROR:
+            self._error = 0
+        elif self._error == 0:
+            self._error = STALL_ERROR
+
+    def _advance_fingers(self, dt: float) -> None:
+        while self._actions and dt > 0.0:
+            action = self._actions[0]
+            dt = action.advance(self._fingers, dt)
+            if action.is_over:
+                self._actions.popleft()
+                self._fingers.rest()
+            self._state = self._actions[0].state if action.is_over and self._actions else action.state
+
+    # What happens to it
+
+    def fail(self, error: int) -> None:
+        """The hand finds something wrong with itself and shows ``error``, 1 to 255, until that is cleared."""
+        self._obey(HandCommand.GO_TO_ERROR)
+        self._error = error
+
+    def cut_power(self) -> None:
+        """24 V go and come back: what it held falls, it knows nothing of where its fingers are."""
+        self.stop()
+        self.is_calibrated = False
+        self._zero = 0.0
+        for cup in self.cups.values():
+            cup.suck(is_on=False)
+            cup.blow(is_on=False)
+
+    # What RAPID's g_ instructions do
+
+    def initialize(
+        self, max_speed: float = TOP_SPEED, hold_force: float = MAX_FORCE, physical_limit: float = TRAVEL
+    ) -> None:
+        """g_Init: speed [m/s] and force [N] are brought into range, the limit of positions [m] is checked.
+
+        Raises:
+            CommandRefused: the limit is outside the fingers' travel.
+        """
+        _check_position(physical_limit, TRAVEL)
+        self.set_max_speed(max_speed)
+        self.set_hold_force(hold_force)
+        self.physical_limit = physical_limit
+        self.stop()
+
+    def set_max_speed(self, max_speed: float) -> None:
+        """g_SetMaxSpd [m/s], brought into the range of the drive."""
+        self.max_speed = max(LOWEST_SPEED, min(TOP_SPEED, max_speed))
+
+    def set_hold_force(self, hold_force: float) -> None:
+        """g_SetForce [N], brought into the range of the drive."""
+        self.hold_force = max(0.0, min(MAX_FORCE, hold_force))
+
+    def calibrate(self, *, jog: bool = True) -> None:
+        """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
+        closing: tuple[Action, ...] = (
+            Jog(opens=False, ends_at_standstill=True),
+            Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
+        )
+        self._begin(*(closing if jog else ()), _Zeroing(self, HandState.READY))
+        self._command_shown = HandCommand.GO_TO_READY
+
+    def move_to(self, position: float) -> None:
+        """g_MoveTo: free move of each finger to ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        self._check_calibrated()
+        _check_position(position, self.physical_limit)
+        if self.position >= position:
+            self._min_position = position
+            self._obey(HandCommand.FREE_MOVE_TO_MIN_POS)
+        else:
+            self._max_position = position
+            self._obey(HandCommand.FREE_MOVE_TO_MAX_POS)
+
+    def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
+        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        self._check_grip(hold_force, position)
+        self._min_position = position
+        self._obey(HandCommand.AGILE_GRIP_INWARD)
+
+    def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
+        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
+
+        Raises:
+            RobotNotReady: the gripper is not calibrated.
+            CommandRefused: the position is outside 0 to the physical limit.
+        """
+        widest = self.physical_limit if position is None else position
+        self._check_grip(hold_force, widest)
+        self._max_position = widest
+        self._obey(HandCommand.AGILE_GRIP_OUTWARD)
+
+    def stop(self) -> None:
+        """g_Stop: the motor lets go; the gripper is ready for the next command."""
+        self._obey(HandCommand.GO_TO_READY)
+
+    def jog(self, *, opens: bool) -> None:
+        """g_JogOut, g_JogIn: open or close with little speed until told to stop, calibrated or not."""
+        self._obey(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+
+    def set_vacuum(self, channel: int, *, is_on: bool) -> None:
+        """g_VacuumOn, g_VacuumOff of channel 1 or 2; where there is no such module nothing happens."""
+        if channel in self.cups:
+            self.cups[channel].suck(is_on=is_on)
+
+    def set_blow(self, channel: int, *, is_on: bool) -> None:
+        """g_BlowOn, g_BlowOff of channel 1 or 2; where there is no such module nothing happens."""
+        if channel in self.cups:
+            self.cups[channel].blow(is_on=is_on)
+
+    # What the fieldbus carries; positions in 0.1 mm, speeds in 0.1 mm/s, forces in 0.1 N
+
+    def signals(self) -> dict[str, int]:
+        """What it shows of itself by name, without the suffix of the arm.
+
+        Commands, speed and force are outputs of the controller: they follow what RAPID's instructions ask for, as with
+        the hand's own driver, which writes them.
+        """
+        values = {
+            "hand_SysState": int(self._state),
+            "hand_StatusCalibrated": int(self.is_calibrated),
+            "hand_ActualPosition": max(0, round(self.position * 1e4)),
+            "hand_ActualSpeed": round(abs(self.speed) * 1e4),
+            "hand_SysError": self._error,
+            "hand_StatusCamLinked": int(self.modules.has_camera),
+            "hand_SoftwareVersion": 0,
+            "hand_CmdGripper": int(self._command_shown),
+            "hand_MaxSpeed": round(self.max_speed * 1e4),
+            "hand_HoldForce": round(self.hold_force * 10.0),
+        }
+        for channel, cup in self.cups.items():
+            values[f"hand_StatusVacuum{channel}"] = int(cup.sucks)
+            values[f"hand_StatusBlowoff{channel}"] = int(cup.blows)
+            values[f"hand_CmdVacuum{channel}"] = int(cup.sucks)
+            values[f"hand_CmdBlowoff{channel}"] = int(cup.blows)
+            values[f"hand_ActualPressure{channel}"] = round(cup.pressure * 1e-3)
+        return values
+
+    def write(self, signal: str, value: int) -> None:
+        """An output of the controller changes, named without the suffix of the arm.
+
+        A command counts in state READY only, but for the one that leads there; unknown ones do nothing.
+        """
+        if signal == "hand_CmdGripper":
+            self._command(value)
+        elif signal == "hand_MinPosition":
+            self._min_position = value * 1e-4
+        elif signal == "hand_MaxPosition":
+            self._max_position = value * 1e-4
+        elif signal == "hand_MaxSpeed":
+            self.set_max_speed(value * 1e-4)
+        elif signal == "hand_HoldForce":
+            self.set_hold_force(value * 0.1)
+        else:
+            self._switch(signal, is_on=bool(value))
+
+    def _switch(self, signal: str, *, is_on: bool) -> None:
+        if signal == "hand_CmdClearErr":
+            if is_on and self._state is HandState.ERROR:
+                self.stop()
+        elif signal in ("hand_CmdVacuum1", "hand_CmdVacuum2"):
+            self.set_vacuum(int(signal[-1]), is_on=is_on)
+        elif signal in ("hand_CmdBlowoff1", "hand_CmdBlowoff2"):
+            self.set_blow(int(signal[-1]), is_on=is_on)
+
+    def _command(self, value: int) -> None:
+        is_known = value in [int(command) for command in HandCommand]
+        if is_known and (value == HandCommand.GO_TO_READY or self._state is HandState.READY):
+            self._obey(HandCommand(value))
+
+    def _check_calibrated(self) -> None:
+        if not self.is_calibrated:
+            raise RobotNotReady("The gripper is not calibrated: calibrate it first.")
+
+    def _check_grip(self, hold_force: float | None, position: float) -> None:
+        self._check_calibrated()
+        _check_position(position, self.physical_limit)
+        if hold_force is not None:
+            self.set_hold_force(hold_force)
+
+    def _obey(self, command: HandCommand) -> None:
+        self._command_shown = command
+        action = self._action(command)
+        if action is not None:
+            self._begin(action)
+        elif command is not HandCommand.NONE:
+            self._begin()
+            self._state = HandState.ERROR if command is HandCommand.GO_TO_ERROR else HandState.READY
+
+    def _begin(self, *actions: Action) -> None:
+        self._actions = deque(actions)
+        self._fingers.rest()
+        if actions:
+            self._state = actions[0].state
+
+    def _action(self, command: HandCommand) -> Action | None:
+        narrow, wide = self._mechanical(self._min_position), self._mechanical(self._max_position)
+        speed, force = self.max_speed, self.hold_force
+        actions: dict[HandCommand, Action] = {
+            HandCommand.JOG_OPEN: Jog(opens=True),
+            HandCommand.JOG_CLOSE: Jog(opens=False),
+            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
+            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            HandCommand.GO_TO_CALIBRATION: _Zeroing(self, HandState.ACTION_COMPLETED),
+        }
+        return actions.get(command)
+
+    def _mechanical(self, position: float) -> float:
+        return max(0.0, min(TRAVEL, position + self._zero))
+
+    def take_zero(self) -> None:
+        """Take the present position for 0: the gripper is calibrated, rightly if the fingers are closed."""
+        self._zero = self._fingers.opening
+        self.is_calibrated = True
+
+
+class _Zeroing(Pause):
+    """Stand still for the time of a calibration, then take the position for 0."""
+
+    def __init__(self, gripper: VirtualGripper, state_after: HandState) -> None:
+        super().__init__(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
+        self._gripper = gripper
+
+    def advance(self, fingers: Fingers, dt: float) -> float:
+        left = super().advance(fingers, dt)
+        if self.is_over:
+            self._gripper.take_zero()
+        return left
+
+
+def _check_position(position: float, limit: float) -> None:
+    if not (isfinite(position) and 0.0 <= position <= limit):
+        raise CommandRefused(f"Gripper position {position * 1e3:g} mm: allowed are 0 to {limit * 1e3:g} mm.")

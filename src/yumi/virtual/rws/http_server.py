@@ -1,0 +1,297 @@
+"""An HTTP/1.1 server with WebSockets in a thread of its own; it owns the port and asks a function for every answer.
+
+The server's end of a WebSocket, for whoever has something to say on it, from any thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import struct
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import Protocol, TypeVar
+
+from aiohttp import WSCloseCode, web
+
+from yumi.errors import SettingsError
+from yumi.rws.http import HttpReply, HttpRequest
+
+_T = TypeVar("_T")
+
+
+class Channel(Protocol):
+    """Carries texts to one client."""
+
+    @property
+    def is_open(self) -> bool: ...
+
+    @property
+    def has_left(self) -> bool:
+        """Whether the client has ended the connection in order."""
+
+    def send(self, text: str) -> None:
+        """Send a message; it is lost when the channel is closed."""
+
+    def close(self) -> None:
+        """End the connection in order."""
+
+    def abort(self) -> None:
+        """Cut the connection off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Upgrade:
+    """The answer to a request that opens a WebSocket.
+
+    Attributes:
+        protocol: the sub-protocol that is spoken.
+        attach: gets the channel before the client is told that it is open, on the server's thread.
+        headers: names and values beside those of the protocol.
+    """
+
+    protocol: str
+    attach: Callable[[Channel], None]
+    headers: tuple[tuple[str, str], ...] = ()
+
+
+def cut_off(transport: asyncio.BaseTransport | None) -> None:
+    """Cut a connection off with a reset; what is under way on it is lost."""
+    if isinstance(transport, asyncio.Transport):
+        end = transport.get_extra_info("socket")
+        if end is not None:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        transport.abort()
+
+
+class SocketChannel:
+    """A WebSocket of a running server: takes what there is to say before it is open already, and sends it then.
+
+    Args:
+        response: the WebSocket, not prepared yet.
+        request: which asks for it.
+    """
+
+    def __init__(self, response: web.WebSocketResponse, request: web.Request) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._response = response
+        self._request = request
+        self._outbox: asyncio.Queue[str | None] = asyncio.Queue()
+        self.is_open = True
+        self.has_left = False
+
+    def send(self, text: str) -> None:
+        self._on_loop(self._outbox.put_nowait, text)
+
+    def close(self) -> None:
+        self._on_loop(self._outbox.put_nowait, None)
+
+    def abort(self) -> None:
+        self._on_loop(cut_off, self._request.transport)
+
+    async def serve(self) -> None:
+        """Open the WebSocket and send what there is to send until it ends; what the client says means nothing."""
+        try:
+            await self._response.prepare(self._request)
+            await self._talk()
+        finally:
+            self.is_open = False
+
+    async def _talk(self) -> None:
+        sending = asyncio.create_task(self._send_all())
+        try:
+            async for _ in self._response:
+                continue
+        finally:
+            self.has_left = self._response.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
+            sending.cancel()
+
+    async def _send_all(self) -> None:
+        while (text := await self._outbox.get()) is not None:
+            try:
+                await self._response.send_str(text)
+            except ConnectionError:
+                return  # the client has gone, which the receiving side notices, too
+        await self._response.close()
+
+    def _on_loop(self, call: Callable[[_T], None], argument: _T) -> None:
+        if self.is_open:
+            self._loop.call_soon_threadsafe(call, argument)
+
+
+Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
+"""Answers with a reply, with a WebSocket, or with None: the connection is cut off without an answer."""
+
+PING = 30.0
+"""A WebSocket's client is asked so often whether it lives (reference/rws.md §14.2) [s]."""
+
+BodyLimit = Callable[[HttpRequest], int]
+"""How long a request's body may be [bytes], told from its head; 0 leaves it unread."""
+
+Preparation = Callable[[HttpRequest], "Future[object] | None"]
+"""Begins what a request needs and takes long; the handler is called when it is done. None for nothing."""
+
+_MAX_BODY = 64 * 1024 * 1024
+_KEEP_ALIVE = 300.0  # [s]
+_LAST_WORDS = 0.02  # [s]
+_GRACE = 0.2  # [s] an answer under way may take when the server stops
+
+
+class HttpServer:
+    """Serves ``handler`` at ``host:port`` between ``start`` and ``stop``; a context manager does both.
+
+    The handler is called on the server's thread, one request at a time; it must answer at once. Port 0 lets
+    the system choose: read ``port`` after the start. A server starts once.
+
+    Args:
+        handler: answers.
+        port: to listen on.
+        host: address to listen on.
+        body_limit: asked before a body is read; a longer one is answered with 413.
+        prepare: called before the handler.
+    """
+
+    def __init__(
+        self,
+        handler: Handler,
+        port: int,
+        host: str = "127.0.0.1",
+        *,
+        body_limit: BodyLimit = lambda request: _MAX_BODY,
+        prepare: Preparation = lambda request: None,
+    ) -> None:
+        self.port = port
+        self._handler = handler
+        self._body_limit = body_limit
+        self._prepare = prepare
+        self._host = host
+        self._listening: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+        self._thread = threading.Thread(target=self._run, name="http-server", daemon=True)
+
+    @property
+    def address(self) -> str:
+        """Host and port, as a client gives them."""
+        return f"{self._host}:{self.port}"
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            SettingsError: the port is not free or not allowed; choose another.
+        """
+        self._thread.start()
+        try:
+            self._listening.result()
+        except (OSError, OverflowError) as error:
+            self._thread.join()
+            reason = (isinstance(error, OSError) and error.strerror) or error
+            raise SettingsError(
+                f"Port {self.port} on {self._host} cannot be opened ({reason}); choose another port."
+            ) from error
+
+    def stop(self) -> None:
+        """Close all connections and end the thread."""
+        loop, ending = self._listening.result()
+        loop.call_soon_threadsafe(ending.set)
+        self._thread.join()
+
+    def hang_up(self) -> None:
+        """Cut all connections off, as a machine does that goes down; the port stays open.
+
+        An answer that is under way gets out.
+        """
+        loop, _ = self._listening.result()
+        loop.call_soon_threadsafe(loop.call_later, _LAST_WORDS, self._abort_all)
+
+    def __enter__(self) -> HttpServer:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        ending = asyncio.Event()
+        self._running = runner = await self._runner()
+        try:
+            await web.TCPSite(runner, self._host, self.port, reuse_address=True).start()
+            self.port = runner.addresses[0][1]
+            self._listening.set_result((asyncio.get_running_loop(), ending))
+            await ending.wait()
+        except Exception as error:  # whatever it is, somebody waits for it
+            self._listening.set_exception(error)
+        finally:
+            await runner.cleanup()
+
+    async def _runner(self) -> web.AppRunner:
+        application = web.Application()
+        application.router.add_route("*", "/{path:.*}", self._answer)
+        runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
+        await runner.setup()
+        return runner
+
+    async def _answer(self, request: web.Request) -> web.StreamResponse:
+        head = _incoming(request)
+        body = await _body(request, self._body_limit(head)) if request.can_read_body else b""
+        incoming = replace(head, body=body)
+        preparation = self._prepare(incoming)
+        if preparation is not None:
+            await asyncio.wrap_future(preparation)
+        answer = self._handler(incoming)
+        if isinstance(answer, Upgrade):
+            return await _upgraded(request, answer)
+        if answer is None:
+            cut_off(request.transport)
+            return web.Response()
+        response = web.Response(status=answer.status, body=answer.body or None)
+        for name, value in answer.headers:
+            response.headers.add(name, value)
+        return response
+
+    def _abort_all(self) -> None:
+        server = self._running.server
+        for connection in server.connections if server is not None else ():
+            cut_off(connection.transport)
+
+
+async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamResponse:
+    response = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
+    for name, value in upgrade.headers:
+        response.headers.add(name, value)
+    channel = SocketChannel(response, request)
+    upgrade.attach(channel)  # before the client is told: what happens from then on, happens on this channel
+    await channel.serve()
+    return response
+
+
+async def _body(request: web.Request, limit: int) -> bytes:
+    """The body, if it may be as long as it is; what is not read the server lets go by.
+
+    Raises:
+        HTTPRequestEntityTooLarge: it is longer.
+    """
+    if limit == 0:
+        return b""
+    body, length = bytearray(), request.content_length or 0
+    while length <= limit:
+        part = await request.content.readany()
+        if not part:
+            return bytes(body)
+        body += part
+        length = max(length, len(body))
+    raise web.HTTPRequestEntityTooLarge(limit, length, text=f"A body may have {limit} bytes here.")
+
+
+def _incoming(request: web.Request) -> HttpRequest:
+    headers = tuple((name, value) for name, value in request.headers.items())
+    transport = request.transport
+    host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
+    return HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")

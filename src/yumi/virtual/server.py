@@ -1,0 +1,299 @@
+"""The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock.
+
+What takes longer than a cycle may wait (parsing and compiling RAPID) is done in a third, which holds the lock for a
+millisecond at most.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from queue import Queue
+from threading import Event as Flag
+from threading import Lock, Thread
+from typing import TypeVar
+
+from yumi.clock import Clock, SystemClock
+from yumi.egm.udp import UdpClient
+from yumi.errors import RapidError
+from yumi.process.realtime import brisk_threads, prefer_process, release_process
+from yumi.rapid.ast import Module
+from yumi.rapid.errors import RapidSyntaxError
+from yumi.rapid.parser import parse_expression, parse_module
+from yumi.rapid.task import Task
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import CYCLE, Side
+from yumi.rws import documents as forms
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.controller.fault_injection import PATH, FaultDesk
+from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
+from yumi.virtual.rws.rapid import quoted
+from yumi.virtual.world import World, WorldSettings
+
+T = TypeVar("T")
+
+
+def world_settings(
+    *,
+    robot_name: str,
+    egm_host: str,
+    egm_ports: Mapping[Side, int],
+    objects: Mapping[Side, float | None],
+    grippers: Mapping[Side, GripperModules],
+    leaks: Mapping[Side, float | None],
+    are_calibrated: bool = False,
+) -> WorldSettings:
+    """A virtual robot whose clock shows the time of day.
+
+    Args:
+        robot_name: name of the controller's system.
+        egm_host: where the arms send their datagrams.
+        egm_ports: UDP port per arm.
+        objects: width of what lies between each arm's fingers [m]; None for nothing.
+        grippers: what each hand is made of.
+        leaks: how little what lies under each hand's cups closes them, 0 to 1; None for nothing.
+        are_calibrated: whether somebody has calibrated the hands.
+    """
+    workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
+    return WorldSettings(
+        robot_name=robot_name,
+        egm_host=egm_host,
+        egm_ports=egm_ports,
+        workpieces=workpieces,
+        gripper_modules=grippers,
+        cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
+        grippers_are_calibrated=are_calibrated,
+        start_time=time.time(),
+    )
+
+
+TIME_TO_ANSWER = 0.3 * CYCLE
+"""What a datagram's answer has at least before the next cycle looks for it [s]."""
+
+LONGEST_LAG = 5 * CYCLE
+"""A machine that has fallen behind by more lets the cycles go, as time does [s]."""
+
+
+class Pace:
+    """When the cycles of a robot that keeps real time begin.
+
+    A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
+    next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
+    every command after them is a cycle late until the session ends (reference/egm.md §4.3). On a machine whose cycles
+    take longer than what is left beside that, the robot is slower than real time.
+
+    Args:
+        clock: the machine's.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._due = clock.now()
+
+    def wait(self) -> None:
+        """From the end of a cycle, when its datagrams have left, until the next one begins."""
+        self._due += CYCLE
+        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER))
+        if self._clock.now() - self._due > LONGEST_LAG:
+            self._due = self._clock.now()
+
+
+_SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
+_LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
+_LARGEST_FORM = 256 * 1024  # bytes
+_RARELY = 1000  # young collections for each look at everything; 10 by default
+_LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
+_LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
+
+
+class Background:
+    """Does long work in a thread of its own, one piece after another, while the robot goes on."""
+
+    def __init__(self) -> None:
+        self._work: Queue[Callable[[], None] | None] = Queue()
+        # It does not keep the process from ending: parsing a long module takes seconds.
+        self._thread = Thread(target=self._run, name="background", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Do nothing more; what is under way goes on."""
+        self._work.put(None)
+
+    def submit(self, work: Callable[[], T]) -> Future[T]:
+        """What ``work`` will have returned or raised."""
+        result: Future[T] = Future()
+        self._work.put(partial(_done, work, result))
+        return result
+
+    def _run(self) -> None:
+        while (work := self._work.get()) is not None:
+            work()
+
+
+def _done(work: Callable[[], T], result: Future[T]) -> None:
+    if not result.set_running_or_notify_cancel():  # the client is gone
+        return
+    try:
+        result.set_result(work())
+    except Exception as error:  # whoever waits for it gets it
+        result.set_exception(error)
+    finally:
+        del work, result  # the error's traceback leads here, and from here a result would lead back to it
+
+
+class VirtualController:
+    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
+
+    Args:
+        settings: what the virtual robot is like.
+        rws_port: port of the HTTP server, 0 for any.
+        user: user name that may log in.
+        password: its password.
+        host: address to listen on.
+        link: makes the sockets of the arms, to an address and port.
+    """
+
+    def __init__(
+        self,
+        settings: WorldSettings,
+        *,
+        rws_port: int,
+        user: str,
+        password: str,
+        host: str,
+        link: Callable[[str, int], UdpClient] = UdpClient,
+    ) -> None:
+        self._clock = SystemClock()
+        self._lock = Lock()
+        self.world = World(settings)
+        self._adapter = RwsAdapter(self.world.controller, user=user, password=password, hang_up=self._hang_up)
+        self._faults = FaultDesk(self.world, self._adapter)
+        self._server = HttpServer(
+            self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
+        )
+        self._background = Background()
+        for task in self.world.controller.tasks.values():
+            task.clock = time.thread_time  # what other threads and processes take is not the program's fault
+            task.parsed = lambda text, path: self._background.submit(partial(parsed, text, path))
+        self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
+        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
+
+    def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
+        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
+
+        Raises:
+            NoConnection: the port is taken.
+        """
+        prefer_process()
+        gc.set_threshold(700, 10, _RARELY)  # a look at everything takes longer than a cycle once programs are long
+        self._background.start()
+        try:
+            with brisk_threads(), self._server as server:
+                on_ready(server.port)
+                pace = Pace(self._clock)
+                while not is_over.is_set():
+                    self._cycle()
+                    pace.wait()
+        finally:
+            self._background.stop()
+            release_process()
+            for link in (*self._links.values(), *self._foreign_links.values()):
+                link.close()
+
+    def _cycle(self) -> None:
+        inboxes = {side: link.receive() for side, link in self._links.items()}
+        with self._lock:
+            departures = self.world.exchange(inboxes)
+            self._adapter.advance(self._clock.now())
+        for side, datagram, is_foreign in departures:
+            (self._foreign_links if is_foreign else self._links)[side].send(datagram)
+
+    def _hang_up(self) -> None:
+        self._server.hang_up()
+
+    def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
+        with self._lock:
+            if request.target.startswith(PATH):
+                return self._faults.answer(request)
+            answer = self._adapter.handle(request, self._clock.now())
+        return answer if not isinstance(answer, Upgrade) else replace(answer, attach=self._locked(answer.attach))
+
+    def _body_limit(self, request: HttpRequest) -> int:
+        """Strangers' bodies are not read."""
+        if request.target.startswith(PATH):
+            return _LARGEST_FORM
+        with self._lock:
+            if not self._adapter.knows(request, self._clock.now()):
+                return 0
+        return _LARGEST_UPLOAD if request.method == "PUT" else _LARGEST_FORM
+
+    def _prepare(self, request: HttpRequest) -> Future[object] | None:
+        """Begin what is too long for the world to stand still: parsing a module or a long value, compiling.
+
+        The answer then finds it done; whatever is wrong with it, it finds and says again.
+        """
+        query = request.target.partition("?")[2].split("&")
+        if request.method != "POST" or not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
+            return None
+        with self._lock:
+            if not self._adapter.knows(request, self._clock.now()):
+                return None
+        form = forms.decode(request.body.decode("utf-8", "replace"))
+        if _LOAD_MODULE in query:
+            path = forms.first(form, "modulepath") or ""
+            text = self.world.controller.files.get(path)
+            task = self.world.controller.tasks.get(request.target.partition("?")[0].rpartition("/")[2].upper())
+            if text is None or task is None:
+                return None
+            return self._background.submit(partial(self._link, task, text, path))
+        if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
+            value = forms.first(form, "value") or ""
+            return self._background.submit(partial(_tried, parse_expression, value))
+        return self._background.submit(self._compile) if _RESET_PP in query else None
+
+    def _link(self, task: Task, text: str, path: str) -> None:
+        """Parse and link a module that is about to be loaded; an error they will get again."""
+        with suppress(RapidError):
+            self._in_slices(task.preparing(parsed(text, path)))
+
+    def _compile(self) -> None:
+        """Compile the programs as they stand."""
+        for task in self.world.controller.tasks.values():
+            self._in_slices(task.compiling())
+
+    def _in_slices(self, steps: Iterator[None]) -> None:
+        """Long work on the world, which stands still for a millisecond at a time."""
+        is_done = False
+        while not is_done:
+            with self._lock:
+                end = self._clock.now() + _SLICE
+                is_done = all(self._clock.now() < end for _ in steps)
+            self._clock.wait(_SLICE)
+
+    def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
+        def attach_locked(channel: Channel) -> None:
+            with self._lock:
+                attach(channel)
+
+        return attach_locked
+
+
+def parsed(text: str, path: str) -> Module:
+    """A module, whose text is at hand for clients that read it."""
+    quoted(text)
+    return parse_module(text, path)
+
+
+def _tried(parse: Callable[..., object], *arguments: str) -> None:
+    """Parse, so that the result is at hand for whoever asks next; an error they will get again."""
+    with suppress(RapidSyntaxError):
+        parse(*arguments)

@@ -1,0 +1,260 @@
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+from math import nan, radians
+
+import pytest
+
+from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
+from yumi.errors import CommandRefused
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
+
+HOME = home(Side.RIGHT)
+REACHED = GoalEnded(1, GoalOutcome.REACHED, "the goal is reached")
+
+
+def moved(position: Joints, *steps_deg: float) -> Joints:
+    steps = (*steps_deg, *([0.0] * (7 - len(steps_deg))))
+    return joints([value + radians(step) for value, step in zip(position, steps, strict=True)])
+
+
+class GuidedArm:
+    """A controller and an arm that is one cycle behind what it is told; ``stuck`` holds it fast."""
+
+    def __init__(self) -> None:
+        self.goals = MemoryMailbox()
+        self.controller = JointGoalController(self.goals)
+        self.told: list[ArmCommand] = []
+        self.notices: list[object] = []
+        self.stuck = False
+        self.state = ArmState(0.0, CYCLE, 1, HOME, ZERO, HOME, is_running=True)
+        self.controller.activate(self.state)
+        while self.controller.update(self.state) is None:
+            continue
+
+    def cycle(self) -> ArmCommand:
+        command = self.controller.update(self.state)
+        assert command is not None
+        self.told.append(command)
+        if not self.stuck:
+            self.state = self.state._replace(position=command.position, velocity=command.velocity)
+        self.state = self.state._replace(planned=command.position)
+        self.notices += self.controller.take_notices()
+        return command
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / CYCLE)):
+            self.cycle()
+
+    def until(self, is_so: Callable[[], bool]) -> None:
+        for _ in range(5000):
+            if is_so():
+                return
+            self.cycle()
+        raise AssertionError("did not happen within 20 s")
+
+    def order(self, message: object) -> None:
+        self.controller.receive(message, self.state)
+
+    def values(self, **values: float) -> None:
+        defaults = {parameter.name: parameter.default for parameter in self.controller.parameters(())}
+        self.controller.configure({**defaults, **values})
+
+
+@pytest.fixture
+def arm() -> GuidedArm:
+    return GuidedArm()
+
+
+def test_goal_controller_stays_where_it_was_activated(arm: GuidedArm) -> None:
+    arm.run(0.1)
+    assert arm.told[-1] == ArmCommand(HOME)
+    assert arm.controller.reference == HOME
+
+
+def test_goal_controller_reaches_its_goal_and_says_so_once(arm: GuidedArm) -> None:
+    goal = moved(HOME, 10.0, 5.0, -20.0)
+    arm.order(JointGoal(goal, 1))
+    assert arm.controller.reference == goal
+    arm.run(3.0)
+    assert arm.state.position == goal
+    assert arm.notices == [REACHED]
+
+
+def test_goal_controller_feeds_the_speed_of_its_way_forward(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 30.0)))
+    arm.run(0.3)
+    (before, _), (now, speed) = arm.told[-2:]
+    assert speed[0] == pytest.approx((now[0] - before[0]) / CYCLE, abs=0.1)
+    assert speed[0] > 0.5
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 1.0])
+def test_goal_controller_keeps_its_share_of_the_speed(arm: GuidedArm, share: float) -> None:
+    arm.values(speed_scale=share, acceleration_scale=1.0)
+    arm.order(JointGoal(moved(HOME, 150.0, 1)))
+    arm.until(lambda: bool(arm.notices))
+    fastest = max(command.velocity[0] for command in arm.told)
+    assert fastest == pytest.approx(share * YUMI_LIMITS.velocity[0], rel=1e-5)
+
+
+def test_goal_controller_plans_no_joint_faster_than_egm_moves_it(arm: GuidedArm) -> None:
+    arm.values(speed_scale=1.0, acceleration_scale=1.0, top_speed=2.0)
+    arm.order(JointGoal((*HOME[:6], 3.0)))
+    arm.until(lambda: bool(arm.notices))
+    assert max(command.velocity[6] for command in arm.told) == pytest.approx(2.0)
+
+
+def test_goal_controller_takes_the_scales_of_a_goal_before_its_own(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 90.0), speed_scale=0.1, acceleration_scale=0.3))
+    arm.until(lambda: bool(arm.notices))
+    assert max(command.velocity[0] for command in arm.told) == pytest.approx(0.1 * YUMI_LIMITS.velocity[0])
+
+
+def test_goal_controller_bends_into_a_new_goal_without_a_jump(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 60.0), 1))
+    arm.run(0.4)
+    arm.order(JointGoal(moved(HOME, -20.0, 10.0), 2))
+    arm.until(lambda: len(arm.notices) == 2)
+    assert arm.notices == [
+        GoalEnded(1, GoalOutcome.REPLACED, "another goal replaced this one"),
+        replace(REACHED, identity=2),
+    ]
+    steps = [new.velocity[0] - old.velocity[0] for old, new in itertools.pairwise(arm.told)]
+    assert max(map(abs, steps)) <= YUMI_LIMITS.acceleration[0] * CYCLE * 1.001
+
+
+def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 90.0), 1))
+    arm.run(0.5)
+    begun = len(arm.told)
+    arm.order(StopMotion(2))
+    arm.until(lambda: len(arm.notices) == 2)
+    assert arm.notices == [
+        GoalEnded(1, GoalOutcome.STOPPED, "the arm was told to stop"),
+        replace(REACHED, identity=2),
+    ]
+    speeds = [command.velocity[0] for command in arm.told[begun:]]
+    assert all(old - new <= YUMI_LIMITS.acceleration[0] * CYCLE * 1.001 for old, new in itertools.pairwise(speeds))
+    assert arm.told[-1].velocity is ZERO
+
+
+def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: GuidedArm) -> None:
+    near_the_end = (YUMI_LIMITS.upper[0] - 0.02, *HOME[1:])
+    arm.order(JointGoal(near_the_end, 1, 1.0, 1.0))
+    arm.until(lambda: arm.state.velocity[0] > 2.5)
+    arm.order(JointGoal(HOME, 2, 1.0, 0.05))
+    arm.until(lambda: len(arm.notices) == 2)
+    assert max(command.position[0] for command in arm.told) <= YUMI_LIMITS.upper[0]
+    assert arm.state.position == HOME
+
+
+@pytest.mark.parametrize("what", ["planned", "velocity"])
+def test_goal_controller_holds_an_arm_until_it_stands(arm: GuidedArm, what: str) -> None:
+    arm.controller.activate(arm.state)
+    for step in range(20):
+        moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO, 0.1 * 57.0)}
+        assert arm.controller.update(arm.state._replace(**{what: moving[what]})) is None
+    calm = arm.state._replace(planned=moved(HOME, 1.9))
+    commands = [arm.controller.update(calm) for _ in range(12)]
+    assert commands[-1] == ArmCommand(calm.planned)
+    assert 9 <= commands.count(None) <= 11
+
+
+def test_goal_controller_does_not_wait_for_ever_for_an_arm_that_trembles(arm: GuidedArm) -> None:
+    arm.controller.activate(arm.state)
+    trembling = arm.state._replace(velocity=moved(ZERO, 10.0))
+    commands = [arm.controller.update(trembling) for _ in range(260)]
+    assert commands.index(ArmCommand(HOME)) == pytest.approx(1.0 / CYCLE, abs=2)
+
+
+def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands(arm: GuidedArm) -> None:
+    arm.controller.activate(arm.state)
+    goal = moved(HOME, 5.0)
+    arm.order(JointGoal(goal, 1))
+    assert arm.controller.update(arm.state) is None
+    while arm.controller.update(arm.state) is None:
+        assert arm.controller.take_notices() == ()
+    arm.run(1.0)
+    assert arm.state.position == goal
+    assert arm.notices == [REACHED]
+
+
+def test_goal_controller_says_which_joint_did_not_arrive(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 0.0, 10.0), 1))
+    arm.stuck = True
+    arm.until(lambda: bool(arm.notices))
+    assert arm.notices == [
+        GoalEnded(
+            1,
+            GoalOutcome.ABORTED,
+            "axis 2 was 10.0° from the goal when its time was up; see what holds the arm back",
+        )
+    ]
+
+
+def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 90.0), 1))
+    arm.stuck = True
+    arm.until(lambda: bool(arm.notices))
+    (ended,) = arm.notices
+    assert isinstance(ended, GoalEnded)
+    assert "from its way; see what holds the arm back" in ended.sentence
+    assert arm.controller.reference == pytest.approx(arm.state.planned, abs=0.02)
+
+
+def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm) -> None:
+    arm.order(JointGoal(moved(HOME, 90.0), 1))
+    arm.controller.deactivate()
+    assert arm.controller.take_notices() == [
+        GoalEnded(1, GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
+    ]
+    arm.controller.activate(arm.state)
+    assert arm.controller.reference == HOME
+
+
+def test_goal_controller_takes_goals_from_its_mailbox(arm: GuidedArm) -> None:
+    goal = moved(HOME, 5.0)
+    put_goal(arm.goals, 1, goal)
+    arm.run(2.0)
+    assert arm.state.position == goal
+
+
+def test_goal_controller_ignores_goals_of_another_session(arm: GuidedArm) -> None:
+    put_goal(arm.goals, 2, moved(HOME, 5.0))
+    arm.run(1.0)
+    assert arm.state.position == HOME
+
+
+def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: GuidedArm) -> None:
+    put_goal(arm.goals, 1, (4.0, *HOME[1:]))
+    arm.run(0.1)
+    assert arm.notices == [
+        GoalEnded(0, GoalOutcome.ABORTED, "Goal refused: axis 1 is 229.2°; its range is -168.5° to 168.5°.")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (JointGoal((nan, *HOME[1:])), "axis 1 is nan; a position is a finite number of radians"),
+        (JointGoal((0.0, 1.0, *HOME[2:])), "axis 2 is 57.3°; its range is -143.5° to 43.5°"),
+        (JointGoal(HOME[:6]), "it has 6 positions; an arm has 7 joints"),  # type: ignore[arg-type]
+        (JointGoal(HOME, speed_scale=0.0), "speed_scale is 0.0; allowed is above 0 up to 1"),
+        (JointGoal(HOME, speed_scale=nan), "speed_scale is nan; allowed is above 0 up to 1"),
+        (JointGoal(HOME, acceleration_scale=1.5), "acceleration_scale is 1.5; allowed is above 0 up to 1"),
+        ("home", "takes a JointGoal or StopMotion, not str"),
+    ],
+)
+def test_goal_controller_refuses_and_goes_on_as_before(arm: GuidedArm, message: object, sentence: str) -> None:
+    goal = moved(HOME, 10.0)
+    arm.order(JointGoal(goal, 1))
+    for ask in (arm.controller.check, arm.controller.receive):
+        with pytest.raises(CommandRefused, match=sentence):
+            ask(message, arm.state)
+    arm.run(2.0)
+    assert arm.state.position == goal
+    assert arm.notices == [REACHED]

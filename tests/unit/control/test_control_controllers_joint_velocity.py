@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from controller_states import configured, moved, state
+from yumi.control.commands import MemoryMailbox, put_speeds
+from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
+
+
+@pytest.fixture
+def speeds() -> MemoryMailbox:
+    return MemoryMailbox()
+
+
+@pytest.fixture
+def controller(speeds: MemoryMailbox) -> JointVelocityController:
+    controller = configured(JointVelocityController(speeds))
+    controller.activate(state(ZERO, time=0.0))
+    return controller
+
+
+def driven(
+    controller: JointVelocityController, box: MemoryMailbox, velocity: Joints, seconds: float, until: float = 1e9
+) -> list[ArmCommand]:
+    """Commands for an arm that does what it is told, while ``velocity`` is ordered each cycle ``until`` [s]."""
+    commands, position = [], ZERO
+    for number in range(1, round(seconds / CYCLE)):
+        if number * CYCLE < until:
+            put_speeds(box, 1, velocity, number * CYCLE)
+        command = controller.update(state(position, time=number * CYCLE))
+        assert command is not None
+        position = command.position
+        commands.append(command)
+    return commands
+
+
+def test_velocity_controller_comes_to_the_speed_and_moves_the_position_along(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    *_, before, last = driven(controller, speeds, moved(ZERO, 4, 0.7), 1.0)
+    assert last.velocity == pytest.approx(moved(ZERO, 4, 0.7))
+    assert last.position[4] - before.position[4] == pytest.approx(0.7 * CYCLE)
+
+
+def test_velocity_controller_stops_when_nothing_comes_any_more(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    commands = driven(controller, speeds, moved(ZERO, 4, 0.7), 1.0, until=0.5)
+    assert commands[round(0.59 / CYCLE) - 1].velocity[4] == pytest.approx(0.7)
+    assert commands[-1].velocity is ZERO
+    assert commands[-1].position == commands[-20].position
+    assert controller.reference == commands[-1].position
+
+
+def test_velocity_controller_keeps_the_acceleration_and_jerk_of_the_joints(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    commands = driven(controller, speeds, moved(ZERO, 0, 3.0), 0.8, until=0.2)
+    rates = [(new.velocity[0] - old.velocity[0]) / CYCLE for old, new in pairwise(commands)]
+    assert max(map(abs, rates)) <= YUMI_LIMITS.acceleration[0]
+    assert max(abs(new - old) for old, new in pairwise(rates)) / CYCLE <= YUMI_LIMITS.jerk[0]
+
+
+def test_velocity_controller_stops_before_the_end_of_the_range(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    commands = driven(controller, speeds, moved(ZERO, 1, 1.0), 3.0)
+    assert YUMI_LIMITS.upper[1] - 0.01 < commands[-1].position[1] <= YUMI_LIMITS.upper[1]
+    assert commands[-1].velocity[1] < 0.05
+
+
+def test_velocity_controller_takes_a_new_timeout_while_it_runs(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    configured(controller, timeout=0.5)
+    commands = driven(controller, speeds, moved(ZERO, 4, 0.7), 0.6, until=0.3)
+    assert commands[-1].velocity[4] == pytest.approx(0.7)
+
+
+def test_velocity_controller_goes_where_the_robot_goes_that_heeds_no_positions(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    driven(controller, speeds, ZERO, 0.1)
+    elsewhere = moved(ZERO, 4, 0.5)
+    command = controller.update(state(elsewhere, time=0.1))
+    assert command == ArmCommand(elsewhere)
+
+
+def test_velocity_controller_forgets_speeds_from_before_its_activation(
+    controller: JointVelocityController, speeds: MemoryMailbox
+) -> None:
+    put_speeds(speeds, 1, moved(ZERO, 4, 0.7), 0.0)
+    controller.activate(state(ZERO, time=0.0))
+    assert controller.update(state(ZERO, time=0.01)) == ArmCommand(ZERO)
+
+
+def test_velocity_controller_has_no_reference_when_it_is_not_active(controller: JointVelocityController) -> None:
+    controller.deactivate()
+    assert controller.reference is None

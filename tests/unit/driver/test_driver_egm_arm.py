@@ -1,0 +1,210 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from yumi.driver.arm import EgmArm
+from yumi.egm.codec import JointCodec, RobotCodec
+from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.session import SensorSession
+from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
+from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints
+
+HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
+MESSAGE = RobotMessage(
+    0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False
+)
+
+
+class Robot:
+    """The other end of the wire."""
+
+    def __init__(self, link: MemoryLink) -> None:
+        self._link = link
+        self._codec = RobotCodec()
+
+    def say(self, message: RobotMessage) -> None:
+        self._link.send(self._codec.encode(message))
+
+    def hear(self) -> Joints | None:
+        (datagram,) = self._link.receive()
+        return self._codec.decode(datagram).position  # type: ignore[return-value]
+
+
+@pytest.fixture
+def wire() -> tuple[EgmArm, Robot]:
+    ours, theirs = memory_links()
+    return EgmArm(ours, SensorSession(JointCodec())), Robot(theirs)
+
+
+def test_arm_has_no_state_before_the_robot_speaks(wire: tuple[EgmArm, Robot]) -> None:
+    arm, _ = wire
+    assert arm.read(0.0) is None
+
+
+def test_arm_reports_position_and_zero_velocity_at_first(wire: tuple[EgmArm, Robot]) -> None:
+    arm, robot = wire
+    robot.say(MESSAGE)
+    state = arm.read(5.0)
+    assert state is not None
+    assert state.position == pytest.approx(HOME, abs=1e-6)
+    assert (state.time, state.dt, state.session, state.velocity) == (5.0, 0.0, 1, ZERO)
+
+
+def test_arm_derives_velocity_by_the_robots_own_clock(wire: tuple[EgmArm, Robot]) -> None:
+    arm, robot = wire
+    robot.say(MESSAGE)
+    arm.read(0.0)
+    robot.say(replace(MESSAGE, seqno=1, measured=(0.01, *HOME[1:]), measured_time=1.0 + CYCLE))
+    state = arm.read(0.01)
+    assert state is not None
+    assert state.dt == pytest.approx(CYCLE, abs=1e-6)
+    assert state.velocity[0] == pytest.approx(0.01 / CYCLE, rel=1e-3)
+
+
+@pytest.mark.parametrize("time", [1.0, 0.5, 99.0])
+def test_arm_does_not_believe_a_clock_that_stands_or_jumps(wire: tuple[EgmArm, Robot], time: float) -> None:
+    arm, robot = wire
+    robot.say(MESSAGE)
+    arm.read(0.0)
+    robot.say(replace(MESSAGE, seqno=1, measured_time=time))
+    state = arm.read(0.004)
+    assert state is not None
+    assert state.dt == CYCLE
+
+
+@pytest.mark.parametrize(
+    ("change", "is_running"),
+    [
+        ({}, True),
+        ({"rapid": RapidState.UNDEFINED}, True),
+        ({"motors": MotorState.OFF}, False),
+        ({"mci": MciState.STOPPED}, False),
+        ({"mci": MciState.ERROR}, False),
+        ({"rapid": RapidState.STOPPED}, False),
+    ],
+)
+def test_arm_runs_only_with_motors_and_rapid_and_egm(
+    wire: tuple[EgmArm, Robot], change: dict[str, object], is_running: bool
+) -> None:
+    arm, robot = wire
+    robot.say(replace(MESSAGE, **change))  # type: ignore[arg-type]
+    state = arm.read(0.0)
+    assert state is not None
+    assert state.is_running is is_running
+
+
+def test_arm_answers_on_the_wire(wire: tuple[EgmArm, Robot]) -> None:
+    arm, robot = wire
+    robot.say(MESSAGE)
+    arm.read(0.0)
+    arm.write(ArmCommand(HOME))
+    assert robot.hear() == pytest.approx(HOME)
+
+
+def test_arm_tells_what_its_wire_has_seen(wire: tuple[EgmArm, Robot]) -> None:
+    arm, robot = wire
+    for seqno, arrival in ((0, 5.0), (1, 5.004), (3, 5.013), (3, 5.014)):
+        robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + 0.004 * seqno))
+        if arm.read(arrival) is not None:
+            arm.write(ArmCommand(HOME))
+    wire_counters = arm.wire_counters()
+    assert (wire_counters.session, wire_counters.missed, wire_counters.lost, wire_counters.repeated) == (1, 1, 1, 1)
+    assert wire_counters.cycle_time == pytest.approx(0.013 / 3)
+    assert wire_counters.worst_jitter == pytest.approx(0.001, abs=1e-6)
+
+
+def test_arm_is_lost_once_when_the_robot_is_silent(wire: tuple[EgmArm, Robot]) -> None:
+    arm, robot = wire
+    robot.say(MESSAGE)
+    arm.read(1.0)
+    assert arm.lost_after(1.019) is None
+    assert arm.lost_after(1.021) == pytest.approx(0.021)
+    assert arm.lost_after(1.03) is None
+
+
+@pytest.mark.parametrize(("pause", "left"), [(CYCLE, 1), (0.1 * CYCLE, 0), (2.0 * CYCLE, 0)])
+def test_arm_looks_for_a_newer_datagram_unless_the_robot_is_on_time(pause: float, left: int) -> None:
+    ours, theirs = memory_links()
+    arm, robot = EgmArm(ours, SensorSession(JointCodec())), Robot(theirs)
+    robot.say(MESSAGE)
+    arm.read(0.0)
+    for seqno in (1, 2):
+        robot.say(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
+    arm.read(pause)
+    assert len(ours.receive()) == left
+
+
+class Sender:
+    """Sends datagrams to a real socket and waits until they are there."""
+
+    def __init__(self, server: UdpServer) -> None:
+        self._link = UdpClient("127.0.0.1", server.port)
+        self._codec = RobotCodec()
+
+    def send(self, seqno: int, *, measured: Joints = HOME) -> None:
+        time = 1000.0 + seqno * CYCLE
+        self._link.send(self._codec.encode(replace(MESSAGE, seqno=seqno, measured=measured, measured_time=time)))
+
+    def send_junk(self) -> None:
+        self._link.send(b"junk")
+
+    def answers(self) -> int:
+        return len(self._link.receive())
+
+    def close(self) -> None:
+        self._link.close()
+
+
+def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
+    """Loopback delivers before ``send`` returns, so nothing has to be waited for."""
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, forger = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        answered = 0
+        for seqno in range(50):
+            now = seqno * CYCLE
+            robot.send(seqno)
+            forger.send(seqno + 1000, measured=(1.0, *HOME[1:]))
+            forger.send_junk()
+            while (state := arm.read(now)) is not None:
+                assert state.position == pytest.approx(HOME, abs=1e-6)
+                arm.write(ArmCommand(HOME))
+                answered += 1
+        assert (answered, robot.answers(), forger.answers()) == (50, 50, 0)
+        assert arm.wire_counters().foreign == 2 * 50
+        assert arm.wire_counters().malformed == 0
+        robot.close()
+        forger.close()
+
+
+def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, again = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        robot.send(0)
+        assert arm.read(0.0) is not None
+        again.send(500)
+        assert arm.read(CYCLE) is None
+        assert arm.lost_after(1.5) is not None
+        again.send(500)
+        assert arm.read(2.0) is not None
+        arm.write(ArmCommand(HOME))
+        assert (robot.answers(), again.answers()) == (0, 1)
+        robot.close()
+        again.close()
+
+
+def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it() -> None:
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, other = Sender(server), Sender(server)
+        arm = EgmArm(server, SensorSession(JointCodec()))
+        other.send_junk()
+        robot.send(0)
+        other.send_junk()
+        assert arm.read(0.0) is not None
+        arm.write(ArmCommand(HOME))
+        assert (robot.answers(), other.answers()) == (1, 0)
+        robot.close()
+        other.close()

@@ -1,0 +1,80 @@
+"""Which event stopped the robot, and what is said about it."""
+
+from __future__ import annotations
+
+import pytest
+
+from yumi.driver.stops import EVENT_TEXTS, cause_among, explain, is_without_person, needs_person
+from yumi.rws.replies import Event
+from yumi.rws.types import EventType
+
+INFORMATION, ERROR = EventType.INFORMATION, EventType.ERROR
+
+
+def log(*codes: tuple[int, EventType]) -> list[Event]:
+    """The events of a log, given oldest first, as a controller lists them."""
+    events = [
+        Event(number, type, code, "2026-07-09 T 08:15:30", f"title {code}", f"Text {code}.")
+        for number, (code, type) in enumerate(codes, start=1)
+    ]
+    return events[::-1]
+
+
+@pytest.mark.parametrize(
+    ("codes", "cause"),
+    [
+        ([(10150, INFORMATION), (50204, ERROR), (40228, ERROR), (10125, INFORMATION)], 50204),
+        ([(10125, INFORMATION), (10013, INFORMATION), (10010, INFORMATION)], 10013),
+        ([(10125, INFORMATION), (10010, INFORMATION), (10015, INFORMATION)], 10015),
+        ([(10125, INFORMATION)], 10125),
+    ],
+)
+def test_cause_is_the_first_error_or_the_stop_that_tells_most(codes: list[tuple[int, EventType]], cause: int) -> None:
+    found = cause_among(log(*codes))
+    assert found is not None
+    assert found.code == cause
+
+
+def test_nothing_before_the_start_of_the_program_is_a_cause() -> None:
+    assert cause_among(log((50204, ERROR), (10150, INFORMATION), (10140, INFORMATION))) is None
+
+
+def test_known_event_is_told_with_cause_and_remedy() -> None:
+    (event,) = log((50204, ERROR))
+    assert explain(event) == (
+        "50204 title 50204: an arm has collided, or moves against a force (Text 50204); see what it touched and "
+        "free it, then recover"
+    )
+
+
+def test_unknown_event_is_told_in_the_controllers_words() -> None:
+    (event,) = log((71058, ERROR))
+    assert explain(event) == "71058 title 71058: Text 71058"
+
+
+@pytest.mark.parametrize("code", sorted(EVENT_TEXTS))
+def test_texts_are_parts_of_a_sentence(code: int) -> None:
+    text = EVENT_TEXTS[code]
+    for part in (text.cause, text.remedy):
+        assert part
+        assert not part.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("code", "is_persons"),
+    [(10012, True), (10013, True), (50056, True), (50204, True), (90200, True), (90213, True), (90299, True)]
+    + [(code, False) for code in (10010, 10015, 10017, 10045, 10125, 41822, 50375, 80001, 90300, 112755)],
+)
+def test_emergency_stop_guard_stop_and_collision_need_a_person(code: int, is_persons: bool) -> None:
+    assert needs_person(code) is is_persons
+    assert not (is_persons and is_without_person(log((code, ERROR))[0]))
+
+
+def test_program_stop_alone_may_have_been_a_person() -> None:
+    assert not is_without_person(log((10125, INFORMATION))[0])
+
+
+@pytest.mark.parametrize(("title", "is_watchdog"), [("Stopped by the watchdog", True), ("My own program", False)])
+def test_only_our_watchdog_is_known_to_stop_the_program_without_a_person(title: str, is_watchdog: bool) -> None:
+    event = Event(1, ERROR, 80001, "2026-07-09 T 08:15:30", title, "Text.")
+    assert is_without_person(event) is is_watchdog

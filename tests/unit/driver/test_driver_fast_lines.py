@@ -1,0 +1,102 @@
+"""The parent's handle on an arm's process, with a pipe in memory."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from queue import SimpleQueue
+from typing import Any
+
+import pytest
+
+from yumi.control.requests import CycleFailed, Event, FastLineEnded
+from yumi.control.shared_state import Snapshot, put_snapshot
+from yumi.driver import control_process as fast_lines
+from yumi.driver.control_process import STALE, ArmBoxes, FastLineProcess, PipeClosed, WakeMode
+from yumi.robot.joints import Side
+
+LONG = 5.0
+LEFT = Side.LEFT
+
+
+class Child:
+    """A process that says what the test says."""
+
+    is_started = True
+
+    def __init__(self, *_: object) -> None:
+        self.exit_code: int | None = None
+        self.says: SimpleQueue[Any] = SimpleQueue()
+        self.pipe = self
+
+    def start(self) -> None:
+        """It runs already."""
+
+    def receive(self) -> Any:
+        said = self.says.get(timeout=LONG)
+        if said is PipeClosed:
+            raise PipeClosed("the end")
+        return said
+
+    def join(self, timeout: float) -> bool:
+        self.exit_code = -9
+        return True
+
+
+@pytest.fixture
+def child(monkeypatch: pytest.MonkeyPatch) -> Child:
+    child = Child()
+    monkeypatch.setattr(fast_lines, "ChildProcess", lambda *_: child)
+    return child
+
+
+@pytest.fixture
+def boxes() -> dict[Side, ArmBoxes]:
+    return {side: ArmBoxes() for side in Side}
+
+
+@pytest.fixture
+def heard() -> SimpleQueue[Event]:
+    return SimpleQueue()
+
+
+@pytest.fixture
+def line(child: Child, boxes: dict[Side, ArmBoxes], heard: SimpleQueue[Event]) -> Iterator[FastLineProcess]:
+    def hear(event: Event) -> None:
+        heard.put(event)
+        if isinstance(event, CycleFailed):
+            raise RuntimeError("can't start new thread")
+
+    line = FastLineProcess(LEFT, lambda *_: None, boxes, hear, WakeMode.BLOCKING)  # type: ignore[arg-type, return-value]
+    child.says.put("started")
+    line.start()
+    line.wait_until_it_listens()
+    yield line
+    child.says.put(PipeClosed)
+    line.join()
+
+
+def test_listener_that_fails_is_logged_once_and_hears_what_follows(
+    child: Child, line: FastLineProcess, heard: SimpleQueue[Event], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.ERROR):
+        for _ in range(3):
+            child.says.put(CycleFailed(LEFT, "no more"))
+            assert isinstance(heard.get(timeout=LONG), CycleFailed)
+        child.says.put(PipeClosed)
+        assert isinstance(heard.get(timeout=LONG), FastLineEnded)
+    assert [record.getMessage() for record in caplog.records] == [
+        "Handling CycleFailed of the left arm failed with RuntimeError: can't start new thread"
+    ]
+
+
+@pytest.mark.parametrize(("age", "is_known"), [(0.0, True), (STALE + 0.1, False)])
+def test_process_that_stands_still_does_not_count_as_running(
+    age: float, is_known: bool, line: FastLineProcess, boxes: dict[Side, ArmBoxes]
+) -> None:
+    made = Snapshot(time.monotonic() - age, session=3, is_streaming=True, is_running=True, activation=7)
+    put_snapshot(boxes[LEFT].snapshots, made)
+    snapshot = line.snapshot()
+    assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3
+    assert snapshot.session == 3

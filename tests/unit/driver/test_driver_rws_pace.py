@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from threading import Thread
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.rws.session import BURST, INTERVAL, RequestPace
+
+
+@pytest.fixture
+def pace(clock: ManualClock) -> RequestPace:
+    return RequestPace(clock)
+
+
+def turns(pace: RequestPace, clock: ManualClock, count: int) -> list[float]:
+    """When each of ``count`` requests has its turn [s]."""
+    times = []
+    for _ in range(count):
+        pace.wait()
+        times.append(clock.now())
+    return times
+
+
+def test_burst_need_not_wait(pace: RequestPace, clock: ManualClock) -> None:
+    assert turns(pace, clock, BURST) == pytest.approx([0.0] * BURST)
+
+
+def test_long_run_stays_below_twenty_a_second(pace: RequestPace, clock: ManualClock) -> None:
+    later = turns(pace, clock, 400)[BURST:]
+    assert (len(later) - 1) / (later[-1] - later[0]) < 20.0
+
+
+def test_rest_gives_the_burst_back_and_no_more(pace: RequestPace, clock: ManualClock) -> None:
+    turns(pace, clock, 50)
+    clock.advance(60.0)
+    begin = clock.now()
+    *burst, after = turns(pace, clock, BURST + 1)
+    assert burst == pytest.approx([begin] * BURST)
+    assert after == pytest.approx(begin + INTERVAL)
+
+
+def test_counted_request_makes_the_next_one_wait(pace: RequestPace, clock: ManualClock) -> None:
+    turns(pace, clock, BURST)
+    pace.count()
+    assert turns(pace, clock, 1) == [pytest.approx(2 * INTERVAL)]
+
+
+def test_threads_share_one_pace(clock: ManualClock) -> None:
+    delays: list[float] = []
+    clock.wait = delays.append  # type: ignore[method-assign] # time stands still for all of them
+    pace = RequestPace(clock)
+    threads = [Thread(target=turns, args=(pace, clock, 5)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(delays)[BURST - 20 :] == pytest.approx([INTERVAL * (turn + 1) for turn in range(20 - BURST)])

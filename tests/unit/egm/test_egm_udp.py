@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import pytest
+
+from yumi.egm.udp import Poller, UdpClient, UdpServer, address_towards, resolve
+from yumi.errors import NoConnection
+
+
+def receive(link: UdpServer | UdpClient) -> list[bytes]:
+    """What arrives within a second."""
+    got: list[bytes] = []
+    poller = Poller()
+    poller.watch(link, lambda: got.extend(link.receive()))
+    poller.wait(1.0)
+    poller.close()
+    return got
+
+
+def test_server_answers_whoever_spoke() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        client = UdpClient("127.0.0.1", server.port)
+        client.send(b"state")
+        assert receive(server) == [b"state"]
+        server.send(b"command")
+        assert receive(client) == [b"command"]
+        client.close()
+
+
+def test_server_hands_out_what_has_queued_up_oldest_first() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        client = UdpClient("127.0.0.1", server.port)
+        for each in (b"1", b"2", b"3"):
+            client.send(each)
+        assert receive(server) == [b"1", b"2", b"3"]
+        client.close()
+
+
+def test_server_hands_out_the_next_datagram_only() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        client = UdpClient("127.0.0.1", server.port)
+        assert server.receive_next() is None
+        for each in (b"1", b"2"):
+            client.send(each)
+        assert (server.receive_next(), server.newest, server.receive()) == (b"1", b"1", [b"2"])
+        client.close()
+
+
+def test_server_hands_out_no_datagram_of_a_stranger() -> None:
+    with UdpServer("127.0.0.1", 0, remote="192.0.2.1") as server:
+        client = UdpClient("127.0.0.1", server.port)
+        client.send(b"state")
+        assert (server.receive_next(), server.newest, server.foreign) == (None, None, 1)
+        client.close()
+
+
+def test_server_leaves_datagrams_of_strangers_aside() -> None:
+    with UdpServer("127.0.0.1", 0, remote="192.0.2.1") as server:
+        client = UdpClient("127.0.0.1", server.port)
+        client.send(b"state")
+        assert receive(server) == []
+        assert server.foreign == 1
+        client.close()
+
+
+def test_server_answers_nobody_before_anybody_spoke() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        server.send(b"command")
+
+
+def test_client_survives_that_nobody_listens() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        port = server.port
+    client = UdpClient("127.0.0.1", port)
+    for _ in range(3):
+        client.send(b"state")
+        assert client.receive() == []
+    client.close()
+
+
+def test_server_says_that_its_port_is_taken() -> None:
+    with (
+        UdpServer("127.0.0.1", 0) as server,
+        pytest.raises(NoConnection, match=f"UDP port {server.port} is taken: another driver may be running"),
+    ):
+        UdpServer("127.0.0.1", server.port)
+
+
+def test_server_says_that_an_address_is_not_its_own() -> None:
+    with pytest.raises(NoConnection, match=r"Cannot listen for EGM on 192\.0\.2\.1:6511"):
+        UdpServer("192.0.2.1", 6511)
+
+
+def test_own_address_towards_this_machine_is_loopback() -> None:
+    assert address_towards("127.0.0.1") == "127.0.0.1"
+
+
+def test_unknown_name_is_refused_with_a_sentence() -> None:
+    with pytest.raises(NoConnection, match="The name 'no such host' is not known"):
+        resolve("no such host")
+
+
+def test_server_hands_out_what_one_sender_sent_then_what_another_did() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        one, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)
+        for sender, datagram in ((one, b"1"), (other, b"a"), (one, b"2"), (other, b"b")):
+            sender.send(datagram)
+        assert (server.receive(), server.receive(), server.receive()) == ([b"1", b"2"], [b"a", b"b"], [])
+        server.send(b"reply")
+        assert (receive(other), one.receive(), server.foreign) == ([b"reply"], [], 0)
+        one.close()
+        other.close()
+
+
+def test_server_hears_and_answers_only_the_sender_that_is_pinned() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)
+        robot.send(b"1")
+        assert receive(server) == [b"1"]
+        server.pin()
+        for sender, datagram in ((other, b"a"), (robot, b"2"), (other, b"b")):
+            sender.send(datagram)
+        assert (receive(server), server.newest, server.foreign) == ([b"2"], b"2", 2)
+        other.send(b"c")
+        assert (receive(server), server.receive_next(), server.foreign) == ([], None, 3)
+        server.send(b"reply")
+        assert (receive(robot), other.receive()) == ([b"reply"], [])
+        server.release()
+        other.send(b"d")
+        assert receive(server) == [b"d"]
+        robot.close()
+        other.close()

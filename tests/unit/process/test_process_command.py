@@ -1,0 +1,60 @@
+"""Commands of ours as child processes: where their secrets go, and which line says that they serve."""
+
+from __future__ import annotations
+
+from io import StringIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from yumi.process import child as command
+from yumi.process.child import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
+
+
+class Child:
+    """A process that prints and ends."""
+
+    def __init__(self, arguments: list[str], env: dict[str, str], **options: Any) -> None:
+        started.append((arguments, env))
+        self.pid = 1
+        self.stdin, self.stdout = StringIO(), StringIO("".join(f"{line}\n" for line in OUTPUT))
+
+    def wait(self, timeout: float | None = None) -> int:
+        return 0
+
+    def poll(self) -> int:
+        return 0
+
+
+started: list[tuple[list[str], dict[str, str]]] = []
+OUTPUT: list[str] = []
+
+
+@pytest.fixture(autouse=True)
+def _children(monkeypatch: pytest.MonkeyPatch) -> None:
+    started.clear()
+    OUTPUT.clear()
+    monkeypatch.setattr(command, "subprocess", SimpleNamespace(Popen=Child, PIPE=-1, STDOUT=-2))
+
+
+def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KEPT", "yes")
+    with Command("driver", ("up",), tmp_path / "log", {"YUMI_PASSWORD": "s3cret"}):
+        pass
+    ((arguments, environment),) = started
+    assert "s3cret" not in " ".join(arguments)
+    assert (environment["YUMI_PASSWORD"], environment["KEPT"]) == ("s3cret", "yes")
+    assert "s3cret" not in (tmp_path / "log").read_text()
+
+
+@pytest.mark.parametrize("ready", [CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING])
+def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Path, ready: str) -> None:
+    OUTPUT[:] = ["first", "second", f"{ready}http://127.0.0.1:1", "after"]
+    lines: list[str] = []
+    with Command("it", ("up",), tmp_path / "log") as it:
+        assert it.wait_until_ready(5.0, on_line=lines.append) == "http://127.0.0.1:1"
+    assert lines == ["first", "second"]

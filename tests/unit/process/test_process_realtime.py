@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+import gc
+import sys
+
+from yumi.process.realtime import brisk_threads, paused_collector
+
+
+def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> None:
+    with paused_collector():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+
+
+def test_threads_take_turns_more_often_meanwhile() -> None:
+    before = sys.getswitchinterval()
+    with brisk_threads():
+        assert sys.getswitchinterval() < before
+    assert sys.getswitchinterval() == before

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from flight import LOST, SENTENCE, flown
+from yumi.cli.main import main
+from yumi.errors import CommandRefused
+from yumi.recording.mcap import Recording, recorded_event, write_flight_record
+from yumi.recording.pictures import draw_recording, quantile
+from yumi.robot.joints import Side
+
+PNG = b"\x89PNG\r\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    frames = flown(100).frames()
+    lost = recorded_event(LOST, frames[-1].time + 0.052)
+    write_flight_record(tmp_path / "flight.mcap", 0.0, lost, {Side.RIGHT: frames})
+    return tmp_path / "flight.mcap"
+
+
+@pytest.fixture
+def runner(monkeypatch: pytest.MonkeyPatch) -> CliRunner:
+    monkeypatch.setenv("COLUMNS", "140")
+    return CliRunner()
+
+
+def test_show_prints_the_event_and_the_cycles_before_it(runner: CliRunner, file: Path) -> None:
+    result = runner.invoke(main, ["record", "show", str(file), "--cycles", "3"])
+    lines = result.output.splitlines()
+    assert lines[0] == SENTENCE + " Call start_egm when the controller"
+    assert lines[2].startswith("Right arm: 100 cycles in 0.40 s, sessions 1 to 1, longest gap")
+    rows = [line.split("│")[1:3] for line in lines if line.startswith("│") and "yes" in line]
+    assert [(number.strip(), time.strip()) for number, time in rows] == [
+        ("98", "-60.0"),
+        ("99", "-56.0"),
+        ("100", "-52.0"),
+    ]
+
+
+def test_show_prints_where_the_time_of_a_cycle_goes(runner: CliRunner, file: Path) -> None:
+    output = runner.invoke(main, ["record", "show", str(file)]).output
+    stations = {line.split("│")[1].strip(): line.split("│")[2].strip() for line in output.splitlines() if "│" in line}
+    assert (stations["send"], stations["after reply"], stations["reply"]) == ("80.0", "20.0", "80.0")
+
+
+def test_show_prints_hold_where_nothing_was_wanted(runner: CliRunner, file: Path) -> None:
+    assert runner.invoke(main, ["record", "show", str(file), "--cycles", "100"]).output.count(" hold ") == 1
+
+
+def test_show_draws_a_picture(runner: CliRunner, file: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "stop.png"
+    result = runner.invoke(main, ["record", "show", str(file), "--picture", str(picture)])
+    assert f"Picture: {picture}" in result.output
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_show_says_that_the_other_arm_is_not_recorded(runner: CliRunner, file: Path) -> None:
+    result = runner.invoke(main, ["record", "show", str(file), "--arm", "left"])
+    assert "No cycle of the left arm is recorded." in result.output
+
+
+def test_show_refuses_a_file_of_another_kind(runner: CliRunner, tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_text("not at all")
+    result = runner.invoke(main, ["record", "show", str(tmp_path / "x.mcap")])
+    assert result.exit_code == 1
+    assert "Error:" in result.output
+    assert "is no recording of yumi" in result.output
+
+
+def test_list_prints_what_stopped_each_motion(runner: CliRunner, file: Path) -> None:
+    result = runner.invoke(main, ["record", "list", "--folder", str(file.parent)])
+    assert result.output.startswith(f"{file}  {SENTENCE}")
+
+
+def test_list_says_that_there_is_nothing(runner: CliRunner, tmp_path: Path) -> None:
+    result = runner.invoke(main, ["record", "list", "--folder", str(tmp_path)])
+    assert result.output == f"There are no records in {tmp_path}.\n"
+
+
+def test_picture_of_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CommandRefused, match="No cycle of the right arm is recorded; choose the other arm with --arm"):
+        draw_recording(Recording(), Side.RIGHT, tmp_path / "x.png")
+
+
+@pytest.mark.parametrize(("share", "value"), [(0.0, 1.0), (0.5, 2.0), (0.75, 3.0), (0.99, 4.0), (1.0, 4.0)])
+def test_quantile_is_the_smallest_value_that_so_many_do_not_exceed(share: float, value: float) -> None:
+    assert quantile([1.0, 2.0, 3.0, 4.0], share) == value
