@@ -15,7 +15,7 @@ PASSWORD = "robotics"
 
 
 class MemoryHttp(MemoryRws):
-    """A link to ``controller``; call ``advance`` whenever time has passed.
+    """A transport to ``controller``; call ``advance`` whenever time has passed.
 
     Attributes:
         is_there: whether there is a controller at all.

@@ -18,7 +18,7 @@ from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
 from yumi.robot.gripper import TRAVEL, HandCommand, HandState
 from yumi.robot.joints import Side
-from yumi.rws.requests import Change, Resource
+from yumi.rws.events import Change, Resource
 from yumi.rws.subscription import OnChange, OnLost, Subscription
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.controller.events import EventType as VirtualEventType

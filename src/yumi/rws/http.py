@@ -1,35 +1,42 @@
-"""One HTTP/1.1 connection to a controller, and the values that cross it in either direction.
+"""HTTP and WebSockets to one controller; every exchange has one deadline for all that it does.
 
-The transport knows nothing of logins or cookies: whoever uses it puts them into the headers.
+httpx and httpcore have timeouts for each read, so that a peer which sends a byte now and then is waited for endlessly.
+Here the timeout of a request is the time at which its exchange ends (``until``), and each operation on the socket gets
+what is left of it.
 """
 
 from __future__ import annotations
 
 import errno
+import logging
 import re
 import socket
+import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from time import monotonic
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import h11
 import httpcore
+import httpx
 
 from yumi.clock import Clock, SystemClock
-from yumi.errors import NoConnection, ProtocolError, SettingsError
-
-if TYPE_CHECKING:
-    from yumi.rws.subscription import WebSocket
+from yumi.errors import ControllerRefused, MissingPrerequisite, NoConnection, ProtocolError, SettingsError
+from yumi.process.supervision import no_thread, start_thread
 
 Headers = tuple[tuple[str, str], ...]
 
 _HOST = re.compile(r"[0-9A-Za-z._-]+|[0-9a-f:.]+(%[\w.-]+)?")  # a name, IPv4, or IPv6
 _KEEP_ALIVE = 280.0  # [s]; below the five minutes after which a controller forgets an idle session
 _MAX_BODY = 64 * 1024 * 1024
-_MAX_HEAD = 256 * 1024  # of an answer, with all interim answers (1xx) before it
+_MAX_HEAD = 256 * 1024  # of a response, with all interim responses (1xx) before it
 _CONNECTIONS = 2
+_NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
+
+log = logging.getLogger(__name__)
 
 
 class ConnectionLost(NoConnection):
@@ -37,19 +44,19 @@ class ConnectionLost(NoConnection):
 
 
 class AnswerTimeout(NoConnection):
-    """The peer took the connection, but its answer did not come, or did not end, in time."""
+    """The peer took the connection, but its response did not come, or did not end, in time."""
 
 
 @dataclass(frozen=True, slots=True)
 class HttpRequest:
-    """A request.
+    """A request as the virtual controller receives it.
 
     Attributes:
         method: e.g. GET.
         target: path and query, exactly as on the request line.
         headers: names and values, in order; names may repeat.
         body: the content, empty for none.
-        peer: the TCP connection it came on; empty at the client.
+        peer: the TCP connection it came on.
     """
 
     method: str
@@ -60,7 +67,7 @@ class HttpRequest:
 
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
-        return _first(self.headers, name)
+        return next(iter(self.header_values(name)), None)
 
     def header_values(self, name: str) -> tuple[str, ...]:
         """All values of ``name`` in any case."""
@@ -69,7 +76,7 @@ class HttpRequest:
 
 @dataclass(frozen=True, slots=True)
 class HttpReply:
-    """An answer."""
+    """A response as the virtual controller sends it."""
 
     status: int
     headers: Headers = ()
@@ -77,17 +84,17 @@ class HttpReply:
 
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
-        return _first(self.headers, name)
+        return next((value for key, value in self.headers if key.lower() == name.lower()), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Listener:
-    """Who hears what comes on a WebSocket; called on the socket's thread.
+    """Receives what comes on a WebSocket, on the socket's thread.
 
     Attributes:
         protocol: the sub-protocol that is spoken.
-        on_text: told each message.
-        on_lost: told once why nothing more will come; never after ``close``.
+        on_text: called with each message.
+        on_lost: called once with the reason why nothing more will come; never after ``close``.
     """
 
     protocol: str
@@ -95,12 +102,23 @@ class Listener:
     on_lost: Callable[[str], None]
 
 
-class HttpLink:
+class Socket(Protocol):
+    """An open WebSocket."""
+
+    def close(self) -> None: ...
+
+
+def until(deadline: float, timeout: float) -> dict[str, Any]:
+    """The extensions of a request whose exchange must end at ``deadline``, at most ``timeout`` [s] from now."""
+    return {"timeout": {"connect": deadline, "read": deadline, "write": deadline, "pool": timeout}}
+
+
+class HttpTransport(httpx.BaseTransport):
     """Keep-alive connections to ``address``, which is a host name or IP address, with ``:port`` if not 80.
 
     Nothing happens before the first exchange; ``close`` when done. Two exchanges may be under way at once, each on a
-    connection of its own; safe from any thread. A host name is looked up once: the address is the same as long as the
-    link lives, as it is for EGM.
+    connection of its own; safe from any thread. A host name is looked up once: the address stays the same for the
+    transport's life, as it does for EGM. No proxy of the environment is used, and no redirect is followed.
 
     Raises:
         SettingsError: the address is not one.
@@ -108,42 +126,46 @@ class HttpLink:
 
     def __init__(self, address: str, clock: Clock | None = None) -> None:
         self.address = address
-        self._url = _url(address)
-        self._clock = clock or SystemClock()
-        self._backend = _Backend(self._clock, address)
+        _check_address(address)
+        self._backend = _Backend(clock or SystemClock(), address)
         self._pool = self._new_pool()
 
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        """Send ``request`` and wait for its answer, at most ``timeout`` [s] in all, however slowly it comes.
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The complete response, at the time given by :func:`until` at the latest.
 
         Raises:
             ConnectionLost: the connection broke after it was made.
-            AnswerTimeout: the answer did not end in time.
+            AnswerTimeout: the response did not end in time.
             NoConnection: nothing answers at the address in time.
             ProtocolError: what answers does not speak HTTP, or the request cannot be put into it.
         """
-        deadline = self._clock.now() + timeout
-        with _converted_errors(self.address, timeout):
-            response = self._pool.handle_request(self._outgoing(request, timeout, deadline))
+        url = request.url
+        with _converted_errors(self.address, request.extensions["timeout"]["pool"]):
+            response = self._pool.handle_request(
+                httpcore.Request(
+                    request.method,
+                    httpcore.URL(scheme=url.raw_scheme, host=url.raw_host, port=url.port or 80, target=url.raw_path),
+                    headers=request.headers.raw,
+                    content=request.read(),
+                    extensions=request.extensions,
+                )
+            )
             try:
                 body = self._read(response)
             finally:
                 response.close()
-        headers = tuple((_text(name), _text(value)) for name, value in response.headers)
-        return HttpReply(response.status, headers, body)
+        # A controller compresses nothing; what another peer compresses is left as it is, so that it cannot explode.
+        headers = [(name, value) for name, value in response.headers if name.lower() != b"content-encoding"]
+        return httpx.Response(response.status, headers=headers, content=body)
 
-    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> WebSocket:
-        """A WebSocket at the target of ``request``, on a connection of its own.
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> WebSocket:
+        """A WebSocket at the path ``target``, on a connection of its own.
 
         Raises:
             NoConnection: nothing answers at the address in time.
             ControllerRefused: what answers does not open a WebSocket.
         """
-        from yumi.rws.subscription import WebSocket  # noqa: PLC0415 - aiohttp takes as long to load as all the rest
-
-        socket = WebSocket(self.address, request.target, request.headers, listener)
-        socket.open(timeout)
-        return socket
+        return WebSocket(self.address, target, cookies, listener, timeout)
 
     def close(self) -> None:
         """Close the connections; exchanges under way end at once, another one opens a new connection."""
@@ -151,21 +173,8 @@ class HttpLink:
         pool.close()
 
     def _new_pool(self) -> httpcore.ConnectionPool:
-        """Connections past any proxy of the environment; RWS 1.0 has no TLS."""
         return httpcore.ConnectionPool(
             max_connections=_CONNECTIONS, keepalive_expiry=_KEEP_ALIVE, network_backend=self._backend
-        )
-
-    def _outgoing(self, request: HttpRequest, timeout: float, deadline: float) -> httpcore.Request:
-        # A client library would escape the target once more, and the digest is over exactly what is on the wire.
-        target = request.target.encode("ascii")
-        named = [(name.encode("ascii"), value.encode("utf-8")) for name, value in request.headers]
-        return httpcore.Request(
-            request.method,
-            httpcore.URL(scheme=self._url.scheme, host=self._url.host, port=self._url.port, target=target),
-            headers=[*_fixed_headers(self.address, request), *named],
-            content=request.body,
-            extensions={"timeout": {"connect": deadline, "read": deadline, "write": deadline, "pool": timeout}},
         )
 
     def _read(self, response: httpcore.Response) -> bytes:
@@ -183,16 +192,13 @@ class HttpLink:
 
 
 class _Backend(httpcore.NetworkBackend):
-    """Connects within a deadline: the ``timeout`` that httpcore passes on is the time at which the exchange ends.
-
-    httpcore's own timeouts are for each read, so that a peer which sends a byte now and then is waited for endlessly.
-    """
+    """Opens connections; the ``timeout`` that httpcore passes on is the deadline of the exchange."""
 
     def __init__(self, clock: Clock, address: str) -> None:
         self._clock = clock
         self._address = address
         self._system = httpcore.SyncBackend()
-        self._hosts: tuple[str, ...] = ()
+        self._hosts: list[str] = []
 
     def connect_tcp(
         self,
@@ -203,19 +209,17 @@ class _Backend(httpcore.NetworkBackend):
         socket_options: Iterable[Any] | None = None,
     ) -> _Stream:
         assert timeout is not None, "every exchange has a deadline"
-        *others, last = self._hosts or self._look_up(host, port)
+        if not self._hosts:
+            try:
+                found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            except (OSError, UnicodeError) as error:  # an unknown name, or no file descriptor for asking
+                raise httpcore.ConnectError(str(error)) from error
+            self._hosts = [str(place[0]) for *_, place in found]
+        *others, last = self._hosts
         for each in others:
             with suppress(httpcore.ConnectError, httpcore.ConnectTimeout):
                 return self._connect(each, port, timeout)
         return self._connect(last, port, timeout)
-
-    def _look_up(self, host: str, port: int) -> tuple[str, ...]:
-        try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        except (OSError, UnicodeError) as error:  # an unknown name, or no file descriptor for asking
-            raise httpcore.ConnectError(str(error)) from error
-        self._hosts = tuple(str(place[0]) for *_, place in found)
-        return self._hosts
 
     def _connect(self, host: str, port: int, deadline: float) -> _Stream:
         left = deadline - self._clock.now()
@@ -228,7 +232,7 @@ class _Stream(httpcore.NetworkStream):
     """A connection whose reads and writes end at a deadline, see :class:`_Backend`.
 
     Attributes:
-        head_left: how long the head of the answer may still become [byte]; None once it is complete.
+        head_left: how long the head of the response may still become [byte]; None once it is complete.
     """
 
     def __init__(self, stream: httpcore.NetworkStream, clock: Clock, address: str) -> None:
@@ -255,7 +259,7 @@ class _Stream(httpcore.NetworkStream):
         self.head_left = _MAX_HEAD
         rest = memoryview(buffer)
         try:
-            while rest:
+            while rest:  # httpcore's own stream would begin the timeout again with each part that is sent
                 left = timeout - self._clock.now()
                 if left <= 0.0:
                     raise httpcore.WriteTimeout("no time is left")
@@ -268,19 +272,123 @@ class _Stream(httpcore.NetworkStream):
 
     def close(self) -> None:
         with suppress(OSError):  # the peer has closed it already
-            self._socket.shutdown(socket.SHUT_RDWR)  # a thread that reads is woken, which closing alone does not do
+            self._socket.shutdown(socket.SHUT_RDWR)  # wakes a thread that reads, which closing alone does not do
         self._stream.close()
 
     def get_extra_info(self, info: str) -> Any:
         return self._stream.get_extra_info(info)
 
 
+HEARTBEAT = 10.0
+"""Time between two pings on a WebSocket [s]; without an answer within half of it, the connection is lost."""
+
+_CLOSE_TIMEOUT = 1.0  # [s]
+_END_TIMEOUT = 3.0  # [s] a thread that has not ended by then is left to itself
+_MAX_TEXT = 1024 * 1024
+
+
+class WebSocket:
+    """A WebSocket at ``address``, open once it is built; ``close`` it when done.
+
+    Raises:
+        NoConnection: nothing answers at the address in time.
+        ControllerRefused: what answers does not open a WebSocket.
+        MissingPrerequisite: the operating system permits no further thread.
+    """
+
+    def __init__(self, address: str, target: str, cookies: str, listener: Listener, timeout: float) -> None:
+        from websockets.exceptions import InvalidStatus, WebSocketException  # noqa: PLC0415 - the server needs none
+        from websockets.sync.client import connect  # noqa: PLC0415
+        from websockets.typing import Subprotocol  # noqa: PLC0415
+
+        self._address = address
+        self._listener = listener
+        self._is_closed = False
+        self._stack = ExitStack()
+        end: socket.socket | None = None
+        try:
+            begin, url = monotonic(), httpx.URL(f"http://{address}")
+            end = socket.create_connection((url.host, url.port or 80), timeout)
+            end.settimeout(None)
+            self._connection = self._stack.enter_context(
+                connect(
+                    f"ws://{address}{target}",
+                    sock=end,  # which keeps it from following redirects
+                    subprotocols=[Subprotocol(listener.protocol)],
+                    additional_headers={"Cookie": cookies} if cookies else None,
+                    compression=None,
+                    proxy=None,
+                    open_timeout=max(0.0, timeout - (monotonic() - begin)),
+                    close_timeout=_CLOSE_TIMEOUT,
+                    ping_interval=HEARTBEAT,
+                    ping_timeout=HEARTBEAT / 2,
+                    max_size=_MAX_TEXT,
+                )
+            )
+        except Exception as error:
+            if end is not None:
+                end.close()
+            refused = error.__cause__ if isinstance(error, ValueError) else error  # a redirect is a ValueError
+            if isinstance(refused, InvalidStatus):
+                status = refused.response.status_code
+                reason = f"{address} does not open a WebSocket at {target}: it answers HTTP {status}."
+                raise ControllerRefused(reason, status=status) from error
+            if isinstance(error, TimeoutError):
+                raise NoConnection(f"{address} did not open a WebSocket within {timeout:.1f} s.") from error
+            if isinstance(error, OSError) and error.errno in _NO_DESCRIPTOR:
+                reason = f"No file descriptor is left for the WebSocket of {address}; raise the limit (ulimit -n)."
+                raise NoConnection(reason) from error
+            if isinstance(error, OSError | WebSocketException):
+                raise NoConnection(f"The WebSocket of {address} cannot be reached ({error}).") from error
+            if isinstance(error, RuntimeError):
+                raise MissingPrerequisite(no_thread("the WebSocket", error)) from error
+            raise
+        self._thread = threading.Thread(target=self._receive, name="web-socket", daemon=True)
+        try:
+            start_thread(self._thread)
+        except MissingPrerequisite:
+            self._stack.close()
+            raise
+
+    def close(self) -> None:
+        """End the connection; the listener is not called any more."""
+        self._is_closed = True
+        self._stack.close()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_END_TIMEOUT)
+
+    def _receive(self) -> None:
+        """Not started again when it fails: the owner hears of the loss, and opens another one."""
+        from websockets.exceptions import ConnectionClosed  # noqa: PLC0415
+
+        reason = f"The WebSocket of {self._address} broke."
+        try:
+            while True:
+                text = self._connection.recv()
+                if isinstance(text, str) and not self._is_closed:
+                    self._listener.on_text(text)
+        except ConnectionClosed as end:
+            if end.rcvd is not None:
+                reason = f"{self._address} has closed the WebSocket (code {end.rcvd.code:d})."
+        except Exception as error:
+            log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
+        self._stack.close()
+        if not self._is_closed:
+            self._is_closed = True
+            self._listener.on_lost(reason)
+
+
 @contextmanager
 def _converted_errors(address: str, timeout: float) -> Iterator[None]:
     try:
         yield
+    except httpcore.ConnectTimeout as error:
+        raise NoConnection(
+            f"Nothing answers at {address} within {timeout:.1f} s; check the address, the cable and that the "
+            "controller is switched on."
+        ) from error
     except httpcore.TimeoutException as error:
-        raise _timed_out(address, timeout, error) from error
+        raise AnswerTimeout(f"{address} accepted the connection but did not answer within {timeout:.1f} s.") from error
     except httpcore.ConnectError as error:
         raise NoConnection(_why_no_connection(address, error)) from error
     except httpcore.LocalProtocolError as error:
@@ -297,15 +405,6 @@ def _converted_errors(address: str, timeout: float) -> Iterator[None]:
         ) from error
 
 
-def _timed_out(address: str, timeout: float, error: httpcore.TimeoutException) -> NoConnection:
-    if isinstance(error, httpcore.ConnectTimeout):
-        return NoConnection(
-            f"Nothing answers at {address} within {timeout:.1f} s; check the address, the cable and that the "
-            "controller is switched on."
-        )
-    return AnswerTimeout(f"{address} accepted the connection but did not answer within {timeout:.1f} s.")
-
-
 def _why_no_connection(address: str, error: httpcore.ConnectError) -> str:
     *_, root = _origins(error)
     if isinstance(root, socket.gaierror | UnicodeError):
@@ -315,7 +414,7 @@ def _why_no_connection(address: str, error: httpcore.ConnectError) -> str:
             f"The machine at {address} refuses the connection: no controller listens there; check address "
             "and port, or start the virtual controller."
         )
-    if isinstance(root, OSError) and root.errno in (errno.EMFILE, errno.ENFILE):
+    if isinstance(root, OSError) and root.errno in _NO_DESCRIPTOR:
         return f"No file descriptor is left for a connection to {address}; raise the limit (ulimit -n)."
     return f"There is no way to {address} ({root}); check the address and the network."
 
@@ -327,36 +426,13 @@ def _origins(error: BaseException | None) -> Iterator[BaseException]:
         error = error.__cause__ or error.__context__
 
 
-def _fixed_headers(address: str, request: HttpRequest) -> list[tuple[bytes, bytes]]:
-    """What HTTP demands beside what the owner of the link has put into the request."""
-    headers = [(b"Host", address.removesuffix(":80").encode("ascii"))]
-    if request.body or request.method in ("POST", "PUT"):
-        headers.append((b"Content-Length", str(len(request.body)).encode("ascii")))
-    return headers
-
-
-def _text(value: bytes) -> str:
-    """A name or value of a header; what is not UTF-8 is Latin-1 by HTTP's rule."""
-    try:
-        return value.decode("utf-8")
-    except UnicodeDecodeError:
-        return value.decode("latin-1")
-
-
-def _url(address: str) -> httpcore.URL:
+def _check_address(address: str) -> None:
     try:
         parts = urlsplit(f"//{address}")
-        host, port = parts.hostname, parts.port or 80
+        host, _ = parts.hostname, parts.port
         if host and _HOST.fullmatch(host) and parts.netloc == address and not parts.username:
-            return httpcore.URL(scheme="http", host=host, port=port, target="/")
-    except ValueError as error:
-        raise SettingsError(_not_an_address(address)) from error
-    raise SettingsError(_not_an_address(address))
-
-
-def _not_an_address(address: str) -> str:
-    return f"{address!r} is not an address; give a host name or IP address, with :port if not 80."
-
-
-def _first(headers: Headers, name: str) -> str | None:
-    return next((value for key, value in headers if key.lower() == name.lower()), None)
+            httpx.URL(f"http://{address}")
+            return
+    except (ValueError, httpx.InvalidURL):
+        pass
+    raise SettingsError(f"{address!r} is not an address; give a host name or IP address, with :port if not 80.")

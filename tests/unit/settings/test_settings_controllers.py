@@ -86,7 +86,7 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
     ("text", "sentence"),
     [
         ("- 1", "mine.yaml must hold a mapping of settings."),
-        ("/c: [", "mine.yaml is no YAML:"),
+        ("/c: [", "mine.yaml is not YAML:"),
         ("/c: 3", "mine.yaml line 1: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  ros__parameters: 3", "mine.yaml line 2: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  p: 3", "mine.yaml line 2: /c/p needs a mapping 'ros__parameters'."),
