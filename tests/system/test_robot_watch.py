@@ -263,8 +263,10 @@ def test_watch_tells_each_change_once(watched: Watched) -> None:
 
 def test_watch_asks_little_while_nothing_happens(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
-    exchange = watched.system.http.exchange
-    monkeypatch.setattr(watched.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
+    exchange = watched.system.http.handle_request
+    monkeypatch.setattr(
+        watched.system.http, "handle_request", lambda *request: asked.append(request) or exchange(*request)
+    )
     watched.wait(10.0)
     assert len(asked) <= 20
 
