@@ -30,7 +30,8 @@ from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_traje
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest, Listener
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.transport import ConnectionLost, Listener
 from yumi.settings import Parameter, Values
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi.virtual.rws.adapter import RwsAdapter

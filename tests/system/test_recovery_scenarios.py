@@ -11,7 +11,7 @@ from system.recovery_bench import MovingSystem
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
 from yumi.robot.joints import Side
-from yumi.rws.http import AnswerTimeout
+from yumi.rws.transport import AnswerTimeout
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.fault_names import Fault
 

@@ -30,7 +30,7 @@ from yumi.errors import LoginRefused, NoConnection, ProtocolError
 from yumi.rws import documents as forms
 from yumi.rws.auth import CONNECTION, REALM, SESSION
 from yumi.rws.documents import Pairs
-from yumi.rws.http import ConnectionLost, Listener, Socket, until
+from yumi.rws.transport import ConnectionLost, Listener, Socket, until
 
 INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
@@ -120,7 +120,7 @@ class RequestPace:
 
 
 class Transport(Protocol):
-    """Carries two exchanges at a time; :class:`yumi.rws.http.HttpTransport` is one."""
+    """Carries two exchanges at a time; :class:`yumi.rws.transport.HttpTransport` is one."""
 
     @property
     def address(self) -> str: ...

@@ -9,8 +9,8 @@ import httpx
 
 from yumi.errors import LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws.events import PROTOCOL, Change, Resource, group_of, read_changes, read_event
-from yumi.rws.http import Listener, Socket
 from yumi.rws.session import Request, RwsSession
+from yumi.rws.transport import Listener, Socket
 
 OnChange = Callable[[Change], None]
 OnLost = Callable[[str], None]

@@ -25,7 +25,7 @@ from yumi.driver.control_process import ChildProcess, PipeEnd
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import child as command_module
 from yumi.process.child import DRIVER_READY, Command
-from yumi.rws.http import HttpTransport, Listener, WebSocket, until
+from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
