@@ -181,7 +181,9 @@ class Section:
 
     def concerns(self, node: str) -> bool:
         """Whether it is for the node of that full name."""
-        return re.fullmatch(_pattern(self.nodes), node) is not None
+        words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
+        pattern = "".join(words.get(token, "/" + re.escape(token)) for token in self.nodes.split("/")[1:])
+        return re.fullmatch(pattern, node) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +237,7 @@ def read_parameter_file(path: Path) -> ParameterFile:
 
 
 class _Reader:
-    """Goes through the nodes of a YAML document, which know their lines."""
+    """Walks the nodes of a YAML document, which know their lines."""
 
     def __init__(self, file: str, text: str) -> None:
         self._file = file
@@ -250,20 +252,20 @@ class _Reader:
     def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
         for key, place, value in self._items(node):
             nodes = f"{namespace}/{key.strip('/')}"
-            if key == _PARAMETERS and namespace:
-                yield Section(namespace, place, dict(self._parameters_of(value, place, namespace)))
-            elif isinstance(value, yaml.MappingNode):
+            is_parameters = key == _PARAMETERS and bool(namespace)
+            if not isinstance(value, yaml.MappingNode):
+                is_empty = isinstance(value, yaml.ScalarNode) and value.tag == "tag:yaml.org,2002:null"
+                if not is_empty:
+                    where = namespace if is_parameters else nodes
+                    raise SettingsError(f"{place}: {where} needs a mapping {_PARAMETERS!r}.")
+                if is_parameters:
+                    yield Section(namespace, place, {})
+            elif is_parameters:
+                is_general = namespace.endswith("*")
+                entries = {name: Entry(item, at, is_general) for name, at, item in self._parameters(value, "")}
+                yield Section(namespace, place, entries)
+            else:
                 yield from self._sections(value, nodes)
-            elif not _is_empty(value):
-                raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
-
-    def _parameters_of(self, node: yaml.Node, place: str, nodes: str) -> Iterator[tuple[str, Entry]]:
-        if isinstance(node, yaml.MappingNode):
-            is_general = nodes.endswith("*")
-            for name, where, value in self._parameters(node, ""):
-                yield name, Entry(value, where, is_general)
-        elif not _is_empty(node):
-            raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
 
     def _parameters(self, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
         for key, place, value in self._items(node):
@@ -293,13 +295,3 @@ class _Reader:
             if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
                 return tuple(float(element) for element in value)
         raise SettingsError(f"{place} is {value!r}; it must be a truth value, a number, a text or a list of one kind.")
-
-
-def _is_empty(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null"
-
-
-def _pattern(nodes: str) -> str:
-    """A regular expression for the full names that a name with wildcards stands for."""
-    words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
-    return "".join(words.get(token, "/" + re.escape(token)) for token in nodes.split("/")[1:])

@@ -240,7 +240,12 @@ def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSe
 def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, ControllerSettings]:
     """Names, types and initial states; other parameters of the controller manager are refused."""
     entries = file.parameters(f"/{side.value}/controller_manager")
-    names = [key.removesuffix(".type") for key, entry in entries.items() if _is_type(key, entry)]
+    names = [
+        key.removesuffix(".type")
+        for key, entry in entries.items()
+        # Under a wildcard it may be a parameter of another node; types of controllers have a slash in them.
+        if key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
+    ]
     for key, entry in entries.items():
         name, _, word = key.rpartition(".")
         if entry.is_general or (name in names and f".{word}" in MANAGER_SETTINGS):
@@ -251,26 +256,19 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
             f"{entry.place}: the controller manager has no setting {key} = {entry.value!r}; it has: <controller>.type, "
             f"<controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's datagrams give."
         )
-    return {name: _listed_controller(name, entries) for name in names}
-
-
-def _is_type(key: str, entry: Entry) -> bool:
-    """What stands under a wildcard may be a parameter of another node."""
-    return key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
-
-
-def _listed_controller(name: str, entries: Mapping[str, Entry]) -> ControllerSettings:
-    kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
-    if not isinstance(kind.value, str):
-        raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
-    if state is None:
-        return ControllerSettings(name, kind.value, place=kind.place)
     states = {each.value: each for each in InitialState}
-    if state.value not in states:
-        raise SettingsError(
-            f"{state.place}: {name}.initial_state is {state.value!r}; choose one of {', '.join(states)}."
-        )
-    return ControllerSettings(name, kind.value, state=states[str(state.value)], place=kind.place)
+    listed: dict[str, ControllerSettings] = {}
+    for name in names:
+        kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
+        if not isinstance(kind.value, str):
+            raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
+        if state is not None and state.value not in states:
+            raise SettingsError(
+                f"{state.place}: {name}.initial_state is {state.value!r}; choose one of {', '.join(states)}."
+            )
+        initial = None if state is None else states[str(state.value)]
+        listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
+    return listed
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:

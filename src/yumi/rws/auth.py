@@ -9,7 +9,7 @@ import re
 from base64 import b64decode, b64encode
 from binascii import Error as Base64Error
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from hashlib import md5
 from hmac import compare_digest
 from urllib.parse import unquote
@@ -81,7 +81,9 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     """
     if credentials.realm != REALM or unquote(credentials.uri) != unquote(target):
         return False
-    expected = _response(replace(credentials, user=user), password, method)
+    secret = _md5(f"{user}:{credentials.realm}:{password}")
+    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth"
+    expected = _md5(f"{secret}:{count}:" + _md5(f"{method}:{credentials.uri}"))
     same_user = compare_digest(_bytes(credentials.user), _bytes(user))
     return compare_digest(_bytes(credentials.response.lower()), _bytes(expected)) and same_user
 
@@ -100,12 +102,6 @@ def nonce_age(nonce: str, secret: str, now: float) -> float | None:
     except (Base64Error, ValueError, OverflowError):
         return None
     return age if compare_digest(made_by, secret) and realm == REALM else None
-
-
-def _response(credentials: Credentials, password: str, method: str) -> str:
-    secret = _md5(f"{credentials.user}:{credentials.realm}:{password}")
-    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth"
-    return _md5(f"{secret}:{count}:" + _md5(f"{method}:{credentials.uri}"))
 
 
 def _md5(text: str) -> str:

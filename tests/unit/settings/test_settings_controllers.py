@@ -131,6 +131,7 @@ def test_controllers_may_be_listed_for_both_arms_at_once(file: Path) -> None:
     ("more", "sentence"),
     [
         ("/r/place: {ros__parameters: {p: 1}}", "mine.yaml line 7: /r/place is not the name of anything here;"),
+        ("/r/place: {ros__parameters: }", "mine.yaml line 7: /r/place is not the name of anything here;"),
         ("/l/position: {ros__parameters: {p: 1}}", "there are: /r/controller_manager, /r/position, /l/controller_m"),
         ("      kind: x", "mine.yaml line 7: the controller manager has no setting position.kind = 'x'; it has: <con"),
         ("    other: {initial_state: active}", "line 7: the controller manager has no setting other.initial_state"),
