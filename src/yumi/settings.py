@@ -106,8 +106,9 @@ class Parameter:
                 if self.choices and element not in self.choices:
                     raise CommandRefused(f"is {value!r}; choose from: {', '.join(self.choices)}.")
             elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
+                shown = f"{value:g}" if isinstance(value, float) else value
                 raise CommandRefused(
-                    f"is {value}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
+                    f"is {shown}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
                 )
         return accepted
 
