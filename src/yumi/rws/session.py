@@ -285,9 +285,10 @@ class RwsSession:
         """``message`` with the answer to the challenge of a controller; httpx computes it."""
         login = httpx.DigestAuth(self._user, self._password).auth_flow(message)
         next(login)
-        challenge.request = message  # httpx looks for cookies in it
+        # Without the cookies of whatever answers: httpx would send them with the credentials.
+        headers = [(name, value) for name, value in challenge.headers.raw if name.lower() == b"www-authenticate"]
         try:
-            proved = login.send(challenge)
+            proved = login.send(httpx.Response(challenge.status_code, headers=headers, request=message))
         except (StopIteration, httpx.ProtocolError, NotImplementedError, LookupError, ValueError) as error:
             raise self.not_a_controller("it asks for another kind of login") from error
         realm = _REALM.search(challenge.headers["WWW-Authenticate"])

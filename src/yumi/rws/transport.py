@@ -262,13 +262,12 @@ class WebSocket:
         self._address = address
         self._listener = listener
         self._is_closed = False
-        self._stack = ExitStack()
         end: socket.socket | None = None
         try:
             begin, url = monotonic(), httpx.URL(f"http://{address}")
             end = socket.create_connection((url.host, url.port or 80), timeout)
             end.settimeout(None)
-            self._connection = self._stack.enter_context(
+            self._connection = ExitStack().enter_context(  # websockets demands a context; close() ends it
                 connect(
                     f"ws://{address}{target}",
                     sock=end,  # which keeps it from following redirects
@@ -305,13 +304,13 @@ class WebSocket:
         try:
             start_thread(self._thread)
         except MissingPrerequisite:
-            self._stack.close()
+            self._connection.close()
             raise
 
     def close(self) -> None:
         """End the connection; the listener is not called any more."""
         self._is_closed = True
-        self._stack.close()
+        self._connection.close()
         if threading.current_thread() is not self._thread:
             self._thread.join(_END_TIMEOUT)
 
@@ -330,7 +329,7 @@ class WebSocket:
                 reason = f"{self._address} has closed the WebSocket (code {end.rcvd.code:d})."
         except Exception as error:
             log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
-        self._stack.close()
+        self._connection.close()
         if not self._is_closed:
             self._is_closed = True
             self._listener.on_lost(reason)
