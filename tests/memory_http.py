@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from yumi.clock import Clock
 from yumi.errors import NoConnection
-from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.transport import ConnectionLost
 from yumi.virtual.rws.http_server import Upgrade
 from yumi.virtual.rws.routes import Controller
 from yumi_evaluation.virtual_machine import MemoryChannel, MemoryRws, MemorySocket
@@ -15,7 +16,7 @@ PASSWORD = "robotics"
 
 
 class MemoryHttp(MemoryRws):
-    """A link to ``controller``; call ``advance`` whenever time has passed.
+    """A transport to ``controller``; call ``advance`` whenever time has passed.
 
     Attributes:
         is_there: whether there is a controller at all.

@@ -1,28 +1,25 @@
-"""Bounds of a setting, declared beside its default; whoever reads settings checks and quotes them.
+"""Values that can be set: their types, ranges, choices and units, and ROS 2 parameter files that set them.
 
-What can be set on a controller: typed values with ranges, choices and units, as ros2_control's parameter files.
-
-A ROS 2 parameter file: nodes by name or wildcard, each with its parameters and the line where each one stands.
-
-::
+A parameter file names nodes, in full or by wildcard, each with its parameters; every value knows its line::
 
     /r/controller_manager:            a node; also nested, r: {controller_manager: …}
       ros__parameters:
         gains: {joint_1: {p: 1.0}}    the parameter gains.joint_1.p
     /**/forward_controller:           that node in any namespace; * stands for one name, ** for any number
-    /**:                              every node that knows the parameters
+    /**:                              every node that has the parameters
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
 from pathlib import Path
-from typing import Any, TypeAlias, TypeGuard
+from typing import Any, TypeAlias
 
+import msgspec
 import yaml
 
 from yumi.errors import CommandRefused, SettingsError
@@ -41,7 +38,7 @@ Values: TypeAlias = Mapping[str, Value]
 
 
 class ParameterType(Enum):
-    """Type of a parameter; the values are the words for a sentence."""
+    """Type of a parameter; the values are the words for messages."""
 
     BOOL = "true or false"
     INTEGER = "a whole number"
@@ -51,13 +48,23 @@ class ParameterType(Enum):
     STRING_ARRAY = "a list of texts"
 
 
+_PYTHON_TYPES: Mapping[ParameterType, Any] = {
+    ParameterType.BOOL: bool,
+    ParameterType.INTEGER: int,
+    ParameterType.DOUBLE: float,
+    ParameterType.STRING: str,
+    ParameterType.DOUBLE_ARRAY: tuple[float, ...],
+    ParameterType.STRING_ARRAY: tuple[str, ...],
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A value of a controller that can be set.
+    """A value that can be set.
 
     Attributes:
         name: as in ros2_control's parameter files; dots group.
-        default: value until told otherwise; its type is the parameter's, an empty tuple is a list of texts.
+        default: value until another one is set; its type is the parameter's, an empty tuple is a list of texts.
         lowest: smallest number allowed, of each element in a list.
         highest: largest number allowed, of each element in a list.
         unit: unit of the value, empty for a bare number.
@@ -77,67 +84,33 @@ class Parameter:
 
     @property
     def type(self) -> ParameterType:
-        """The type, as told by the default."""
+        """The type of the default."""
         if isinstance(self.default, tuple):
             numeric = bool(self.default) and not isinstance(self.default[0], str)
             return ParameterType.DOUBLE_ARRAY if numeric else ParameterType.STRING_ARRAY
-        return _TYPES[type(self.default)]
+        return next(kind for kind, python in _PYTHON_TYPES.items() if python is type(self.default))
 
     def accept(self, value: object) -> Value:
         """``value`` in the parameter's own type: a whole number becomes a number, a list a tuple.
 
         Raises:
             CommandRefused: wrong type, out of range, not a finite number or not among the choices; the sentence
-                begins with "is", for the caller to put the parameter's name before it.
+                begins with "is", so that the caller can put the name before it.
         """
-        accepted = _converted(self.type, value)
-        if accepted is None:
-            raise CommandRefused(f"is {value!r}; it must be {self.type.value}.")
+        try:
+            accepted: Value = msgspec.convert(value, _PYTHON_TYPES[self.type])
+        except (msgspec.ValidationError, OverflowError) as error:
+            raise CommandRefused(f"is {value!r}; it must be {self.type.value}.") from error
         for element in accepted if isinstance(accepted, tuple) else (accepted,):
-            self._check_element(element, value)
+            if isinstance(element, str):
+                if self.choices and element not in self.choices:
+                    raise CommandRefused(f"is {value!r}; choose from: {', '.join(self.choices)}.")
+            elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
+                shown = f"{value:g}" if isinstance(value, float) else value
+                raise CommandRefused(
+                    f"is {shown}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
+                )
         return accepted
-
-    def _check_element(self, element: bool | float | str, value: object) -> None:
-        if isinstance(element, str):
-            if self.choices and element not in self.choices:
-                raise CommandRefused(f"is {value!r}; choose from: {', '.join(self.choices)}.")
-        elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
-            raise CommandRefused(
-                f"is {value}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
-            )
-
-
-_TYPES = {
-    bool: ParameterType.BOOL,
-    int: ParameterType.INTEGER,
-    float: ParameterType.DOUBLE,
-    str: ParameterType.STRING,
-}
-
-
-def _converted(kind: ParameterType, value: object) -> Value | None:
-    """``value`` as ``kind``; None where it is of another type."""
-    if kind is ParameterType.BOOL:
-        return value if isinstance(value, bool) else None
-    if kind is ParameterType.INTEGER:
-        return value if isinstance(value, int) and not isinstance(value, bool) else None
-    if kind is ParameterType.DOUBLE:
-        return float(value) if _is_number(value) else None
-    if kind is ParameterType.STRING:
-        return value if isinstance(value, str) else None
-    return _list_of(kind, value)
-
-
-def _list_of(kind: ParameterType, value: object) -> Value | None:
-    if isinstance(value, str) or not isinstance(value, Sequence):
-        return None
-    if kind is ParameterType.STRING_ARRAY:
-        return tuple(value) if all(isinstance(element, str) for element in value) else None
-    return tuple(float(element) for element in value) if all(map(_is_number, value)) else None
-
-
-def _is_number(value: object) -> TypeGuard[int | float]:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def number(values: Values, name: str) -> float:
@@ -185,7 +158,7 @@ class Entry:
     Attributes:
         value: what is set.
         place: file and line, for a sentence.
-        is_general: whether it stands under a wildcard instead of the node's name: for whoever knows the parameter.
+        is_general: whether it stands under a wildcard instead of the node's name: for every node with the parameter.
     """
 
     value: Value
@@ -195,7 +168,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What a file says to the nodes of one name or wildcard.
+    """What a file sets on the nodes of one name or wildcard.
 
     Attributes:
         nodes: full name, or wildcard, of the nodes.
@@ -209,7 +182,9 @@ class Section:
 
     def concerns(self, node: str) -> bool:
         """Whether it is for the node of that full name."""
-        return re.fullmatch(_pattern(self.nodes), node) is not None
+        words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
+        pattern = "".join(words.get(token, "/" + re.escape(token)) for token in self.nodes.split("/")[1:])
+        return re.fullmatch(pattern, node) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +200,7 @@ class ParameterFile:
     sections: tuple[Section, ...]
 
     def parameters(self, node: str) -> dict[str, Entry]:
-        """What it says to the node of that full name; what comes later in the file counts more."""
+        """What it sets on the node of that full name; later sections override earlier ones."""
         merged: dict[str, Entry] = {}
         for section in self.sections:
             if section.concerns(node):
@@ -233,10 +208,10 @@ class ParameterFile:
         return merged
 
     def check_nodes(self, nodes: Iterable[str]) -> None:
-        """Whether every section is for one of ``nodes``.
+        """Check that every section is for one of ``nodes``.
 
         Raises:
-            SettingsError: one is for somebody else.
+            SettingsError: one is for another node.
         """
         known = tuple(nodes)
         for section in self.sections:
@@ -250,7 +225,7 @@ def read_parameter_file(path: Path) -> ParameterFile:
     """The parameters in ``path``.
 
     Raises:
-        SettingsError: the file is missing or no YAML, or something in it is no parameter.
+        SettingsError: the file is missing or is not YAML, or something in it is not a parameter.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -259,11 +234,11 @@ def read_parameter_file(path: Path) -> ParameterFile:
     try:
         return ParameterFile(path.name, tuple(_Reader(path.name, text).sections()))
     except yaml.YAMLError as error:
-        raise SettingsError(f"{path} is no YAML: {' '.join(str(error).split())}.") from error
+        raise SettingsError(f"{path} is not YAML: {' '.join(str(error).split())}.") from error
 
 
 class _Reader:
-    """Goes through the nodes of a YAML document, which know their lines."""
+    """Walks the nodes of a YAML document, which know their lines."""
 
     def __init__(self, file: str, text: str) -> None:
         self._file = file
@@ -278,20 +253,20 @@ class _Reader:
     def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
         for key, place, value in self._items(node):
             nodes = f"{namespace}/{key.strip('/')}"
-            if key == _PARAMETERS and namespace:
-                yield Section(namespace, place, dict(self._parameters_of(value, place, namespace)))
-            elif isinstance(value, yaml.MappingNode):
+            is_parameters = key == _PARAMETERS and bool(namespace)
+            if not isinstance(value, yaml.MappingNode):
+                is_empty = isinstance(value, yaml.ScalarNode) and value.tag == "tag:yaml.org,2002:null"
+                if not is_empty:
+                    where = namespace if is_parameters else nodes
+                    raise SettingsError(f"{place}: {where} needs a mapping {_PARAMETERS!r}.")
+                if is_parameters:
+                    yield Section(namespace, place, {})
+            elif is_parameters:
+                is_general = namespace.endswith("*")
+                entries = {name: Entry(item, at, is_general) for name, at, item in self._parameters(value, "")}
+                yield Section(namespace, place, entries)
+            else:
                 yield from self._sections(value, nodes)
-            elif not _is_empty(value):
-                raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
-
-    def _parameters_of(self, node: yaml.Node, place: str, nodes: str) -> Iterator[tuple[str, Entry]]:
-        if isinstance(node, yaml.MappingNode):
-            is_general = nodes.endswith("*")
-            for name, where, value in self._parameters(node, ""):
-                yield name, Entry(value, where, is_general)
-        elif not _is_empty(node):
-            raise SettingsError(f"{place}: {nodes} needs a mapping {_PARAMETERS!r}.")
 
     def _parameters(self, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
         for key, place, value in self._items(node):
@@ -321,13 +296,3 @@ class _Reader:
             if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
                 return tuple(float(element) for element in value)
         raise SettingsError(f"{place} is {value!r}; it must be a truth value, a number, a text or a list of one kind.")
-
-
-def _is_empty(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:null"
-
-
-def _pattern(nodes: str) -> str:
-    """A regular expression for the full names that a name with wildcards stands for."""
-    words = {"**": r"(?:/[^/]+)*", "*": r"/[^/]+"}
-    return "".join(words.get(token, "/" + re.escape(token)) for token in nodes.split("/")[1:])

@@ -19,6 +19,8 @@ from dataclasses import dataclass, replace
 from math import cos, degrees, pi, radians, sin
 from threading import RLock
 
+import httpx
+
 from yumi.clock import Clock
 from yumi.control.commands import MemoryMailbox, put_goal
 from yumi.control.controllers.joint_position import JointPositionController
@@ -28,7 +30,8 @@ from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_traje
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest, Listener
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.transport import ConnectionLost, Listener
 from yumi.settings import Parameter, Values
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi.virtual.rws.adapter import RwsAdapter
@@ -74,7 +77,7 @@ class MemorySocket:
 
 
 class MemoryRws:
-    """A link to ``controller``; call ``advance`` whenever time has passed.
+    """A transport to ``controller``; call ``advance`` whenever time has passed.
 
     Args:
         controller: the virtual one.
@@ -97,17 +100,19 @@ class MemoryRws:
         with self._lock:
             self.adapter.advance(self._clock.now())
 
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        """The answer, at once; raises ConnectionLost when there is none."""
-        reply = self.handle(request)
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The response, at once; raises ConnectionLost when there is none."""
+        target = request.url.raw_path.decode("ascii")
+        reply = self.handle(HttpRequest(request.method, target, tuple(request.headers.items()), request.read()))
         if not isinstance(reply, HttpReply):
             raise ConnectionLost("memory closed the connection without an HTTP answer.")
-        return reply
+        headers = httpx.Headers(list(reply.headers), encoding="utf-8")
+        return httpx.Response(reply.status, headers=headers, content=reply.body)
 
-    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> MemorySocket:
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> MemorySocket:
         """A WebSocket; raises ControllerRefused when the controller opens none."""
-        headers = (*request.headers, ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
-        reply = self.handle(HttpRequest("GET", request.target, headers, peer="socket"))
+        headers = (("Cookie", cookies), ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
+        reply = self.handle(HttpRequest("GET", target, headers, peer="socket"))
         if not isinstance(reply, Upgrade):
             raise ControllerRefused("memory does not open a WebSocket.", status=reply.status if reply else 0)
         channel = MemoryChannel(listener)

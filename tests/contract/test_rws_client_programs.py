@@ -8,9 +8,9 @@ from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import CYCLE
-from yumi.rws import requests
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import FileInfo
+from yumi.rws.session import Request
 from yumi.rws.types import ControllerState, ExecutionState
 from yumi.virtual.controller.controller import DARKNESS
 from yumi.virtual.world import World
@@ -176,4 +176,4 @@ def test_events_are_cleared(plant: Plant, client: RwsClient) -> None:
 
 
 def test_file_is_written_again_when_the_connection_breaks() -> None:
-    assert requests.put_file(PATH, b"").is_repeatable
+    assert Request("PUT", PATH, content=b"").is_repeatable

@@ -1,42 +1,41 @@
-"""What is asked again and what never is, with a link that answers by script."""
+"""Which requests are sent again and which never are, with a transport that answers by script."""
 
 from __future__ import annotations
 
+import httpx
 import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
 from yumi.rws import auth as digest
-from yumi.rws import requests
-from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest
-from yumi.rws.requests import Request
-from yumi.rws.session import BURST, INTERVAL, RwsSession
+from yumi.rws.session import BURST, INTERVAL, Request, RwsSession
+from yumi.rws.transport import ConnectionLost
 
 TIMEOUT = 4.0
-READ = requests.get_execution()
-WRITE = requests.start_rapid()
+READ = Request("GET", "/rw/rapid/execution")
+WRITE = Request("POST", "/rw/rapid/execution", (("action", "start"),), (("cycle", "forever"),))
 
-OK = HttpReply(200, (("Set-Cookie", "-http-session-=1; path=/"),))
-BUSY = HttpReply(503)
-STRANGER = HttpReply(401, (("WWW-Authenticate", digest.Challenge("abc").header()),))
+OK = httpx.Response(200, headers={"Set-Cookie": "-http-session-=1; path=/"})
+BUSY = httpx.Response(503)
+STRANGER = httpx.Response(401, headers={"WWW-Authenticate": digest.Challenge("abc").header()})
 LOST = ConnectionLost("the connection broke")
 DEAD = NoConnection("nothing answers")
 
 
-class ScriptedLink:
+class ScriptedTransport:
     """Answers with the script's entries in turn, each after half a second."""
 
     address = "yumi"
 
-    def __init__(self, clock: ManualClock, *script: HttpReply | NoConnection) -> None:
+    def __init__(self, clock: ManualClock, *script: httpx.Response | NoConnection) -> None:
         self._clock = clock
         self._script = list(script)
-        self.sent: list[HttpRequest] = []
+        self.sent: list[httpx.Request] = []
         self.timeouts: list[float] = []
 
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply:
-        self.sent.append(request)
-        self.timeouts.append(timeout)
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        self.sent.append(httpx.Request(request.method, request.url, headers=request.headers, content=request.read()))
+        self.timeouts.append(request.extensions["timeout"]["read"] - self._clock.now())
         self._clock.advance(0.5)
         reply = self._script.pop(0)
         if isinstance(reply, NoConnection):
@@ -47,17 +46,17 @@ class ScriptedLink:
         self._script.clear()
 
 
-def ask(request: Request, *script: HttpReply | NoConnection, timeout: float = TIMEOUT) -> ScriptedLink:
-    """The link after asking once; an error of the session passes through."""
+def ask(request: Request, *script: httpx.Response | NoConnection, timeout: float = TIMEOUT) -> ScriptedTransport:
+    """The transport after one request; an error of the session passes through."""
     clock = ManualClock()
-    link = ScriptedLink(clock, *script)
-    session = RwsSession(link, user="u", password="p", timeout=timeout, clock=clock)
-    assert session.exchange(request).status == (BUSY if script[-1] is BUSY else OK).status
-    return link
+    transport = ScriptedTransport(clock, *script)
+    session = RwsSession(transport, user="u", password="p", timeout=timeout, clock=clock)
+    assert session.exchange(request).status_code == (BUSY if script[-1] is BUSY else OK).status_code
+    return transport
 
 
 @pytest.mark.parametrize("script", [(LOST, OK), (LOST, LOST, OK), (BUSY, LOST, OK), (BUSY, BUSY, BUSY)])
-def test_reading_is_tried_up_to_three_times(script: tuple[HttpReply | NoConnection, ...]) -> None:
+def test_reading_is_tried_up_to_three_times(script: tuple[httpx.Response | NoConnection, ...]) -> None:
     assert len(ask(READ, *script).sent) == len(script)
 
 
@@ -82,10 +81,11 @@ def test_writing_is_not_tried_again_when_the_controller_is_busy() -> None:
 
 def test_writing_is_sent_again_after_a_challenge_with_a_proof() -> None:
     first, second = ask(WRITE, STRANGER, OK).sent
-    credentials = digest.read_credentials(second.header("Authorization") or "")
-    assert first.header("Authorization") is None
-    assert digest.is_genuine(credentials, user="u", password="p", method="POST", target=second.target)
-    assert first.body == second.body
+    credentials = digest.read_credentials(second.headers["Authorization"])
+    assert "Authorization" not in first.headers
+    target = second.url.raw_path.decode()
+    assert digest.is_genuine(credentials, user="u", password="p", method="POST", target=target)
+    assert first.content == second.content == b"cycle=forever"
 
 
 def test_second_challenge_refuses_the_login() -> None:
@@ -104,9 +104,9 @@ def test_no_attempt_begins_after_the_deadline() -> None:
 
 def test_every_request_on_the_wire_counts_for_the_pace() -> None:
     clock = ManualClock()
-    link = ScriptedLink(clock)
-    link.exchange = lambda request, timeout: STRANGER if len(request.headers) == 0 else OK  # type: ignore[method-assign]
-    session = RwsSession(link, user="u", password="p", timeout=TIMEOUT, clock=clock)
+    transport = ScriptedTransport(clock)
+    transport.handle_request = lambda request: OK if {"authorization", "cookie"} & {*request.headers} else STRANGER  # type: ignore[method-assign]
+    session = RwsSession(transport, user="u", password="p", timeout=TIMEOUT, clock=clock)
     for _ in range(40):
         session.exchange(READ)
     assert clock.now() == pytest.approx((40 + 1 - BURST) * INTERVAL)
@@ -114,10 +114,10 @@ def test_every_request_on_the_wire_counts_for_the_pace() -> None:
 
 def test_waiting_for_its_turn_is_no_part_of_the_timeout() -> None:
     clock = ManualClock()
-    link = ScriptedLink(clock, *[OK] * 40)
+    transport = ScriptedTransport(clock, *[OK] * 40)
     clock.advance = lambda seconds: None  # type: ignore[method-assign] # the controller answers at once
-    session = RwsSession(link, user="u", password="p", timeout=0.1, clock=clock)
+    session = RwsSession(transport, user="u", password="p", timeout=0.1, clock=clock)
     clock.wait = lambda seconds: ManualClock.advance(clock, seconds)  # type: ignore[method-assign]
     for _ in range(40):
         session.exchange(READ)
-    assert link.timeouts == pytest.approx([0.1] * 40)
+    assert transport.timeouts == pytest.approx([0.1] * 40)

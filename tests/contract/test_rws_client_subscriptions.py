@@ -11,10 +11,10 @@ from contract.rws_bench import PlainController
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
-from yumi.rws import requests as rws
+from yumi.rws import events as rws
 from yumi.rws.client import RwsClient
+from yumi.rws.events import Change, Priority, Resource
 from yumi.rws.http import HttpReply, HttpRequest
-from yumi.rws.requests import Change, Priority, Resource
 from yumi.rws.types import OperatingMode
 from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer, Upgrade

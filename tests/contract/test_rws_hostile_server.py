@@ -13,6 +13,7 @@ from contract.rws_bench import PlainController, serving
 from hostile_server import ATTACKS, HostileServer, dripping, hostile_before
 from yumi.errors import NoConnection, ProtocolError, YumiError
 from yumi.rws.client import RwsClient
+from yumi.rws.events import SPEED_RATIO
 
 pytestmark = pytest.mark.real_time
 
@@ -69,8 +70,8 @@ def test_attack_ends_in_time_and_leaves_nothing_behind(
         ("102 Processing floods", LONG, "is longer than 262144 bytes."),
         ("body drips", TIMEOUT, "is too slow: its answer did not end in time."),
         ("1000 nested lists", LONG, "The answer has more than 32 lists within each other, which no controller sends."),
-        ("300 nested states", LONG, "The answer has more than 32 states within each other, which no controller sends."),
-        ("100000 nested states", LONG, "The answer is not JSON."),
+        ("300 nested states", LONG, "The answer is application/json, not XHTML."),
+        ("100000 nested states", LONG, "The answer is application/json, not XHTML."),
     ],
 )
 def test_attack_is_named_in_a_sentence(name: str, timeout: float, sentence: str, server: HostileServer) -> None:
@@ -97,6 +98,19 @@ def test_request_whose_answer_drips_keeps_no_other_one_waiting(server: HostileSe
         assert isinstance(hung.exception(), NoConnection)
         assert timeout - 0.1 < monotonic() - begin < timeout + MARGIN
         server.attack = None
+
+
+@pytest.mark.parametrize("name", ["status line drips", "headers drip", "headers flood", "nothing", "reset"])
+def test_web_socket_that_does_not_open_is_given_up_in_time(name: str, server: HostileServer, client: RwsClient) -> None:
+    server.targets, server.attack = "/poll/", ATTACKS[name]
+    threads = set(threading.enumerate())
+    begin = monotonic()
+    with pytest.raises(NoConnection):
+        client.subscribe([SPEED_RATIO], lambda change: None, lambda reason: None)
+    assert monotonic() - begin < TIMEOUT + MARGIN
+    assert client.speed_ratio() == 100
+    new = {thread.name for thread in threading.enumerate() if thread not in threads}
+    assert not [each for each in new if "web-socket" in each or "recv_events" in each]
 
 
 def test_several_requests_to_a_server_that_drips_all_end(server: HostileServer, client: RwsClient) -> None:

@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import yumi.controller_files
+from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.host import Execution
-from yumi.rws import auth as digest
 from yumi.rws import documents as forms
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws import adapter as rws_adapter
@@ -206,9 +206,9 @@ class Client:
 
     def __init__(self) -> None:
         self.adapter = RwsAdapter(World().controller, user=USER, password=PASSWORD)
-        challenge = digest.read_challenge(self.asked(HttpRequest("GET", "/rw")).header("WWW-Authenticate") or "")
-        login = digest.answer(challenge, user=USER, password=PASSWORD, method="GET", uri="/rw", cnonce="0")
-        reply = self.asked(HttpRequest("GET", "/rw", (("Authorization", login.header()),)))
+        challenge = self.asked(HttpRequest("GET", "/rw")).header("WWW-Authenticate") or ""
+        proof = authorization(challenge, user=USER, password=PASSWORD, method="GET", uri="/rw")
+        reply = self.asked(HttpRequest("GET", "/rw", (("Authorization", proof),)))
         jar = [text.partition(";")[0] for name, text in reply.headers if name == "Set-Cookie"]
         self.cookie = ("Cookie", "; ".join(jar))
 

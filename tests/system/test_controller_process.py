@@ -15,7 +15,7 @@ from yumi.cli.main import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
 from yumi.process.child import CONTROLLER_READY, Command
 from yumi.rws.client import RwsClient
-from yumi.rws.requests import CONTROLLER_STATE, Change
+from yumi.rws.events import CONTROLLER_STATE, Change
 from yumi.rws.types import ControllerState
 
 PATIENCE = 20.0  # [s]

@@ -301,7 +301,7 @@ def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs
     calibrated.start_egm()
     right.begin(go_to(TRAVEL, speed=0.0125))
     calibrated.wait(0.1)
-    monkeypatch.setattr(calibrated.http, "exchange", lambda *_: pytest.fail("something was asked"))
+    monkeypatch.setattr(calibrated.http, "handle_request", lambda *_: pytest.fail("something was asked"))
     positions = set()
     for _ in range(60):
         calibrated.wait(6 * CYCLE)

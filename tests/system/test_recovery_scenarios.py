@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import NoReturn
 
+import httpx
 import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
 from yumi.robot.joints import Side
-from yumi.rws.http import AnswerTimeout, HttpReply, HttpRequest
+from yumi.rws.transport import AnswerTimeout
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.fault_names import Fault
 
@@ -258,7 +259,7 @@ def test_recovery_says_within_ten_seconds_that_the_web_service_hangs(
         raise AnswerTimeout("memory accepted the connection but did not answer within 2.0 s.")
 
     with monkeypatch.context() as patch:
-        patch.setattr(system.http, "exchange", hang)
+        patch.setattr(system.http, "handle_request", hang)
         begin = system.now()
         with pytest.raises(RobotNotReady, match=r"within 2\.0 s\. The web service of the controller hangs, or the"):
             system.recover()
@@ -270,15 +271,15 @@ def test_recovery_says_within_ten_seconds_that_the_web_service_hangs(
 def test_one_slow_answer_does_not_end_the_waiting_for_a_controller(
     system: MovingSystem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    exchange, slow = system.http.exchange, [1]
+    exchange, slow = system.http.handle_request, [1]
 
-    def hang_once(request: HttpRequest, timeout: float) -> HttpReply:
+    def hang_once(request: httpx.Request) -> httpx.Response:
         if slow:
             slow.pop()
             raise AnswerTimeout("memory accepted the connection but did not answer within 2.0 s.")
-        return exchange(request, timeout)
+        return exchange(request)
 
-    monkeypatch.setattr(system.http, "exchange", hang_once)
+    monkeypatch.setattr(system.http, "handle_request", hang_once)
     assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
 
 

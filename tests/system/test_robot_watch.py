@@ -18,7 +18,7 @@ from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
 from yumi.robot.gripper import TRAVEL, HandCommand, HandState
 from yumi.robot.joints import Side
-from yumi.rws.requests import Change, Resource
+from yumi.rws.events import Change, Resource
 from yumi.rws.subscription import OnChange, OnLost, Subscription
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.controller.events import EventType as VirtualEventType
@@ -263,8 +263,10 @@ def test_watch_tells_each_change_once(watched: Watched) -> None:
 
 def test_watch_asks_little_while_nothing_happens(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
-    exchange = watched.system.http.exchange
-    monkeypatch.setattr(watched.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
+    exchange = watched.system.http.handle_request
+    monkeypatch.setattr(
+        watched.system.http, "handle_request", lambda *request: asked.append(request) or exchange(*request)
+    )
     watched.wait(10.0)
     assert len(asked) <= 20
 

@@ -9,8 +9,7 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws import auth as digest
-from yumi.rws.auth import read_set_cookie
+from digest_client import authorization
 
 RESOURCE = "/rw/panel/ctrlstate"
 
@@ -41,8 +40,8 @@ def ask(connection: HTTPConnection, target: str = RESOURCE, **headers: str) -> H
 
 
 def proof(response: HTTPResponse, password: str = PASSWORD, target: str = RESOURCE) -> str:
-    challenge = digest.read_challenge(response.headers["WWW-Authenticate"])
-    return digest.answer(challenge, user=USER, password=password, method="GET", uri=target, cnonce="0a4f113b").header()
+    challenge = response.headers["WWW-Authenticate"]
+    return authorization(challenge, user=USER, password=password, method="GET", uri=target)
 
 
 def set_cookies(response: HTTPResponse) -> list[str]:
@@ -50,7 +49,7 @@ def set_cookies(response: HTTPResponse) -> list[str]:
 
 
 def cookie(*lines: str) -> str:
-    return "; ".join("=".join(read_set_cookie(line)) for line in lines)
+    return "; ".join(line.partition(";")[0] for line in lines)
 
 
 def test_stranger_is_challenged_and_gets_no_session(connection: HTTPConnection) -> None:

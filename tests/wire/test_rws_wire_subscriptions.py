@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from contract.rws_bench import PASSWORD, USER, PlainController, serving
-from yumi.rws import auth as digest
+from digest_client import authorization
 
 RESOURCE = "/rw/panel/speedratio"
 ONE = f"resources=1&1={RESOURCE}&1-p=1"
@@ -97,8 +97,8 @@ def test_web_socket_opens_for_a_cookie_without_extensions(client: httpx.Client) 
 def test_web_socket_opens_for_the_connection_cookie_with_credentials(client: httpx.Client) -> None:
     subscribe(client)
     stranger = client.get("/rw", headers={"Cookie": ""})
-    challenge = digest.read_challenge(stranger.headers["WWW-Authenticate"])
-    proof = digest.answer(challenge, user=USER, password=PASSWORD, method="GET", uri="/poll/1", cnonce="ab").header()
+    challenge = stranger.headers["WWW-Authenticate"]
+    proof = authorization(challenge, user=USER, password=PASSWORD, method="GET", uri="/poll/1")
     cookie = client.headers["Cookie"].partition("; ")[2]
     assert cookie.startswith("ABBCX=")
     assert upgrade(client, "/poll/1", cookie=cookie, proof=proof).startswith("HTTP/1.1 101 ")

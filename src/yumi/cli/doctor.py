@@ -1,4 +1,4 @@
-"""``yumi doctor``: says what is missing before a robot can be driven, and touches nothing."""
+"""``yumi doctor``: lists what is missing before a robot can be driven, and changes nothing."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _TABLE_WIDTH = 110
 @click.command()
 @click.option("--robot", help="Address of the controller; else as in the settings.")
 @click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
-@click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams are to arrive.")
-@click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams are to arrive.")
+@click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams must arrive.")
+@click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams must arrive.")
 @click.option("--user", help="User name on the controller.")
 @password_options
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
@@ -43,9 +43,9 @@ def doctor(
     config: Path | None,
     report: TextIO | None,
 ) -> None:
-    """Say what is missing before a robot can be driven, with the remedy; it only reads and nothing moves.
+    """List what is missing before a robot can be driven, with the remedy; it only reads and nothing moves.
 
-    Exit code 0: nothing stands against it; 1: there are problems.
+    Exit code 0: no problems; 1: there are problems.
 
     \b
     Examples:

@@ -6,13 +6,10 @@ import click
 
 from yumi.errors import CommandRefused, NoConnection
 from yumi.robot.joints import Side
-from yumi.rws import documents as forms
-from yumi.rws.http import HttpLink, HttpRequest
 from yumi.virtual.controller.fault_names import Fault, FaultKind, Way
 
 _PATH = "/virtual/faults"
 _TIMEOUT = 4.0
-_SUCCESS = range(200, 300)
 _WIDTH = 120
 
 
@@ -71,21 +68,20 @@ def fault(
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
-    _post(f"127.0.0.1:{rws_port}", name, tuple((key, text) for key, text in chosen.items() if text is not None))
+    _post(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
     click.echo(f"{name}: done")
 
 
-def _post(address: str, name: str, form: forms.Pairs) -> None:
-    link = HttpLink(address)
-    headers = (("Content-Type", forms.CONTENT_TYPE),)
-    request = HttpRequest("POST", f"{_PATH}/{name}", headers, forms.encode(form).encode("ascii"))
+def _post(address: str, name: str, form: dict[str, str]) -> None:
+    import httpx  # noqa: PLC0415 - a quick --help
+
     try:
-        reply = link.exchange(request, _TIMEOUT)
-    except NoConnection as error:
-        raise NoConnection(f"{error} A virtual controller is started with `yumi controller`.") from error
-    finally:
-        link.close()
-    if reply.status not in _SUCCESS:
-        is_virtual = (reply.header("Content-Type") or "").startswith("text/plain")
-        sentence = reply.body.decode("utf-8", "replace") if is_virtual else ""
+        reply = httpx.post(f"http://{address}{_PATH}/{name}", data=form, timeout=_TIMEOUT, trust_env=False)
+    except httpx.HTTPError as error:
+        raise NoConnection(
+            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
+        ) from error
+    if not reply.is_success:
+        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
+        sentence = reply.text if is_virtual else ""
         raise CommandRefused(sentence or f"What answers at {address} is no virtual controller of this package.")

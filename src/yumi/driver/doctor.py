@@ -1,4 +1,4 @@
-"""The doctor: looks at all that driving a robot takes, on the controller and on this machine, and changes nothing.
+"""Checks all that driving a robot takes, on the controller and on this machine, and changes nothing.
 
 It goes on where the driver gives up at the first thing that is missing.
 """
@@ -18,7 +18,6 @@ from functools import partial
 from importlib.resources import files
 from ipaddress import ip_address
 from pathlib import Path
-from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROGRAM_VERSION, EgmAddress, LaunchChecks
 from yumi.driver.panel import STOPPED_FOR_GOOD
@@ -54,18 +53,8 @@ _UFW_ON = re.compile(r"(?im)^\s*ENABLED\s*=\s*\"?yes")
 _CLOSES = re.compile(r"hook input[^}]*policy drop|-P INPUT DROP|\breject\b|-j (?:REJECT|DROP)")
 
 
-class _Rules(NamedTuple):
-    """What a firewall's program lists; text is None where it is not readable."""
-
-    name: str
-    text: str | None
-
-    def names(self, ports: list[int]) -> bool:
-        return all(str(port) in (self.text or "") for port in ports)
-
-
 class Verdict(Enum):
-    """What becomes of a requirement."""
+    """Whether a requirement is met."""
 
     OK = "ok"
     NOTE = "note"
@@ -78,7 +67,7 @@ class Finding:
 
     Attributes:
         requirement: what is needed, in two or three words.
-        verdict: whether it is there; a note keeps nothing from working.
+        verdict: whether it is met; a note keeps nothing from working.
         found: what was found.
         remedy: what to do about it; empty where nothing is to be done.
     """
@@ -125,9 +114,17 @@ def examine_controller(
     for side, address in addresses.items():
         yield _device(client, side, address)
     try:
-        yield _clock(client.clock(), now())
+        robot, here = client.clock(), now()
     except YumiError as error:
         yield Finding("clock", Verdict.NOTE, f"cannot be read: {error}")
+        return
+    off = abs((robot - here).total_seconds())
+    if off <= CLOCK_TOLERANCE:
+        yield Finding("clock", Verdict.OK, f"{off:.0f} s from this machine's")
+    else:
+        found = f"{robot:%Y-%m-%d %H:%M:%S} there, {here:%Y-%m-%d %H:%M:%S} here (local times, zones are not compared)"
+        remedy = "set it on the FlexPendant, so that its event log can be matched"
+        yield Finding("clock", Verdict.NOTE, found, remedy)
 
 
 def examine_machine(
@@ -159,7 +156,7 @@ def examine_machine(
 
 
 def _problem(requirement: str, error: Exception) -> Finding:
-    """What an error says; its sentences have the remedy after a semicolon."""
+    """The finding of an error; its message has the remedy after a semicolon."""
     found, _, remedy = str(error).rstrip(".").partition("; ")
     return Finding(requirement, Verdict.PROBLEM, found, remedy)
 
@@ -271,7 +268,7 @@ _PERSISTENT = re.compile(r"\b(pers\s+\w+\s+\w+(?:\{[^}]*\})?)\s*:=[^;]*;", re.IG
 
 
 def essence(text: str) -> str:
-    """What counts of a RAPID text: no comments, spaces and letter cases, nor the values that PERS data have by now."""
+    """A RAPID text to compare: without comments, spaces, letter case and the present values of PERS data."""
     code = "\n".join(match[0] for line in text.splitlines() if (match := _CODE.match(line)))
     return "".join(_PERSISTENT.sub(r"\1;", code).split()).lower()
 
@@ -288,45 +285,30 @@ def _device(client: RwsClient, side: Side, address: EgmAddress) -> Finding:
     return Finding(name, Verdict.OK, f"sends to {address.host}:{address.port}, where it is awaited")
 
 
-def _clock(robot: datetime, here: datetime) -> Finding:
-    off = abs((robot - here).total_seconds())
-    if off <= CLOCK_TOLERANCE:
-        return Finding("clock", Verdict.OK, f"{off:.0f} s from this machine's")
-    found = f"{robot:%Y-%m-%d %H:%M:%S} there, {here:%Y-%m-%d %H:%M:%S} here (local times, zones are not compared)"
-    return Finding("clock", Verdict.NOTE, found, "set it on the FlexPendant, so that its event log can be matched")
-
-
 def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:
     """What can be known of it without root; a firewall that drops EGM is the most frequent fault of a new set-up."""
     wanted = f"{min(ports)}:{max(ports)}"
-    verdict, found, remedy = Verdict.OK, "none found (ufw, nft, iptables)", ""
-    rules = next(filter(None, (_rules(command, run) for command in _LISTINGS)), None)
     if ip_address(robot).is_loopback:
-        found = "does not matter to this machine's own address"
-    elif ufw.is_file() and _UFW_ON.search(ufw.read_text(encoding="utf-8", errors="replace")):
-        verdict, found = Verdict.NOTE, "ufw is on, its rules are not readable without root"
+        return Finding("firewall", Verdict.OK, "does not matter to this machine's own address")
+    if ufw.is_file() and _UFW_ON.search(ufw.read_text(encoding="utf-8", errors="replace")):
         remedy = f"sudo ufw allow from {robot} to any port {wanted} proto udp"
-    elif rules is not None and rules.text is None:
-        verdict, found = Verdict.NOTE, f"{rules.name}: not readable without root"
-        remedy = f"see with sudo that UDP ports {wanted} are open to {robot}"
-    elif rules is not None and _CLOSES.search(rules.text or "") and not rules.names(ports):
-        verdict, found = Verdict.NOTE, f"{rules.name} closes something, and does not name all of the ports {wanted}"
-        remedy = f"see that UDP ports {wanted} are open to {robot}"
-    elif rules is not None:
-        found = f"{rules.name} shows nothing that closes UDP ports {wanted}"
-    return Finding("firewall", verdict, found, remedy)
-
-
-def _rules(command: list[str], run: Run) -> _Rules | None:
-    """What a firewall's program lists; None where there is no such program."""
-    program = shutil.which(command[0], path=_SYSTEM_PATH)
-    if program is None:
-        return None
-    try:
-        done = run([program, *command[1:]])
-    except (OSError, subprocess.TimeoutExpired):
-        return _Rules(command[0], None)
-    return _Rules(command[0], done.stdout if done.returncode == 0 else None)
+        return Finding("firewall", Verdict.NOTE, "ufw is on, its rules are not readable without root", remedy)
+    for name, *arguments in _LISTINGS:
+        program = shutil.which(name, path=_SYSTEM_PATH)
+        if program is None:
+            continue
+        try:
+            done = run([program, *arguments])
+        except (OSError, subprocess.TimeoutExpired):
+            done = None
+        if done is None or done.returncode != 0:
+            remedy = f"see with sudo that UDP ports {wanted} are open to {robot}"
+            return Finding("firewall", Verdict.NOTE, f"{name}: not readable without root", remedy)
+        if _CLOSES.search(done.stdout) and not all(str(port) in done.stdout for port in ports):
+            found = f"{name} closes something, and does not name all of the ports {wanted}"
+            return Finding("firewall", Verdict.NOTE, found, f"see that UDP ports {wanted} are open to {robot}")
+        return Finding("firewall", Verdict.OK, f"{name} shows nothing that closes UDP ports {wanted}")
+    return Finding("firewall", Verdict.OK, "none found (ufw, nft, iptables)")
 
 
 def _run(command: list[str]) -> subprocess.CompletedProcess[str]:

@@ -47,7 +47,7 @@ from yumi.robot.gripper import (
 )
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.requests import Change, Resource, signal_state
+from yumi.rws.events import Change, Resource, signal_state
 
 SignalName = tuple[Side, str]
 

@@ -34,8 +34,8 @@ from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
+from yumi.rws.events import CONTROLLER_STATE, EXECUTION, OPERATING_MODE, SPEED_RATIO, Change, event_log, signal_state
 from yumi.rws.replies import Event
-from yumi.rws.requests import CONTROLLER_STATE, EXECUTION, OPERATING_MODE, SPEED_RATIO, Change, event_log, signal_state
 from yumi.rws.subscription import Subscription
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 

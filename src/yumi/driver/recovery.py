@@ -22,7 +22,7 @@ from yumi.driver.state import Report
 from yumi.driver.stops import StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.process.supervision import SupervisedThread
-from yumi.rws.http import AnswerTimeout
+from yumi.rws.transport import AnswerTimeout
 
 RESTART = 120.0
 """Longest wait for a controller that is starting [s]."""

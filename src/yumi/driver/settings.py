@@ -1,6 +1,6 @@
-"""What a user may set: two YAML files, read once into frozen values; a key nobody knows is refused.
+"""What a user may set: two YAML files, read once into frozen values; an unknown key is refused.
 
-Each group is declared as a dataclass; a field's metadata gives its unit and bounds, which the refusals quote.
+Each group is a dataclass; a field's metadata gives its unit and bounds, which the refusals quote.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ import os
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
+from math import inf
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import yaml
 
@@ -21,12 +22,10 @@ from yumi.driver.recovery import RecoverySettings
 from yumi.driver.speed import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.driver.watchdog import WatchdogSettings
-from yumi.errors import SettingsError
+from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side
-from yumi.settings import Entry, ParameterFile, Values, bounded, read_parameter_file
-
-T = TypeVar("T")
+from yumi.settings import Entry, Parameter, ParameterFile, Values, bounded, read_parameter_file
 
 MAX_PORT = 65535
 PASSWORD_VARIABLE = "YUMI_PASSWORD"
@@ -93,17 +92,17 @@ class CalibrateWhen(Enum):
 
 @dataclass(frozen=True, slots=True)
 class GripperSettings:
-    """Both hands.
+    """Both grippers.
 
     Attributes:
-        right: what the right hand is made of.
-        left: what the left hand is made of.
+        right: modules of the right gripper.
+        left: modules of the left gripper.
         force: holding force where a goal names none [N].
         speed: of each finger where a goal names none [m/s].
         timeout: a gripper that has not come to rest after this time has failed [s].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         calibrate: whether a gripper that needs it is calibrated when the robot becomes ready, which closes its fingers.
-        test_at_start: whether each hand is closed once when the driver starts, to see that it does.
+        test_at_start: whether each gripper is closed once when the driver starts, to see that it does.
     """
 
     right: GripperModules = GripperModules.SERVO
@@ -116,7 +115,7 @@ class GripperSettings:
     test_at_start: bool = False
 
     def modules(self, side: Side) -> GripperModules:
-        """What one hand is made of."""
+        """Modules of one gripper."""
         return self.left if side is Side.LEFT else self.right
 
 
@@ -149,7 +148,7 @@ class RecorderSettings:
 
 
 class InitialState(Enum):
-    """How far a controller is led when the driver starts."""
+    """State of a controller when the driver starts."""
 
     UNLOADED = "unloaded"
     UNCONFIGURED = "unconfigured"
@@ -165,7 +164,7 @@ class ControllerSettings:
         name: its name.
         kind: its type string.
         entries: its parameters.
-        state: its state when the driver starts; None: active when it only watches, else inactive.
+        state: its state when the driver starts; None: active when it only reads, else inactive.
         place: where in the file it is listed.
     """
 
@@ -211,10 +210,10 @@ def read_settings(path: Path | None = None) -> Settings:
     """Settings from ``path``, by default the delivered ``yumi.yaml``.
 
     Raises:
-        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
+        SettingsError: the file is missing, not YAML, or a key or value in it is not allowed.
     """
     path = path or config_folder() / "yumi.yaml"
-    return _build(Settings, _read_yaml(path), path.name)
+    return Settings(**_checked(Settings, _read_yaml(path), path.name))
 
 
 def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSettings, ...]:
@@ -224,7 +223,7 @@ def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSe
     ``/<namespace>/<name>: ros__parameters`` their parameters; see :mod:`yumi.settings` for wildcards.
 
     Raises:
-        SettingsError: the file is missing, no YAML, or a key or value in it is not allowed.
+        SettingsError: the file is missing, not YAML, or a key or value in it is not allowed.
     """
     file = read_parameter_file(path or config_folder() / "controllers.yaml")
     listed = {each: _listed_controllers(file, each) for each in Side}
@@ -239,9 +238,14 @@ def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSe
 
 
 def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, ControllerSettings]:
-    """Names, types and initial states; what else the controller manager is told is refused."""
+    """Names, types and initial states; other parameters of the controller manager are refused."""
     entries = file.parameters(f"/{side.value}/controller_manager")
-    names = [key.removesuffix(".type") for key, entry in entries.items() if _is_type(key, entry)]
+    names = [
+        key.removesuffix(".type")
+        for key, entry in entries.items()
+        # Under a wildcard it may be a parameter of another node; types of controllers have a slash in them.
+        if key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
+    ]
     for key, entry in entries.items():
         name, _, word = key.rpartition(".")
         if entry.is_general or (name in names and f".{word}" in MANAGER_SETTINGS):
@@ -252,26 +256,19 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
             f"{entry.place}: the controller manager has no setting {key} = {entry.value!r}; it has: <controller>.type, "
             f"<controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's datagrams give."
         )
-    return {name: _listed_controller(name, entries) for name in names}
-
-
-def _is_type(key: str, entry: Entry) -> bool:
-    """What stands under a wildcard may be a parameter of another node."""
-    return key.endswith(".type") and (not entry.is_general or "/" in str(entry.value))
-
-
-def _listed_controller(name: str, entries: Mapping[str, Entry]) -> ControllerSettings:
-    kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
-    if not isinstance(kind.value, str):
-        raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
-    return ControllerSettings(
-        name,
-        kind.value,
-        state=None
-        if state is None
-        else InitialState(_choice(InitialState, state.value, f"{state.place}: {name}.initial_state")),
-        place=kind.place,
-    )
+    states = {each.value: each for each in InitialState}
+    listed: dict[str, ControllerSettings] = {}
+    for name in names:
+        kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
+        if not isinstance(kind.value, str):
+            raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
+        if state is not None and state.value not in states:
+            raise SettingsError(
+                f"{state.place}: {name}.initial_state is {state.value!r}; choose one of {', '.join(states)}."
+            )
+        initial = None if state is None else states[str(state.value)]
+        listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
+    return listed
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
@@ -307,11 +304,10 @@ def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place:
     return replace(settings, **groups)
 
 
-def _build(kind: type[T], values: Mapping[str, Any], place: str) -> T:
-    return kind(**_checked(kind, values, place))
-
-
-def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any]:
+def _checked(kind: type, values: object, place: str) -> dict[str, Any]:
+    """The arguments of the dataclass ``kind`` that ``values`` of a file make."""
+    if not isinstance(values, dict):
+        raise SettingsError(f"{place} needs a mapping, it has {values!r}.")
     hints = get_type_hints(kind)
     known = {item.name: item for item in fields(kind)}
     for key in values:
@@ -320,37 +316,26 @@ def _checked(kind: type, values: Mapping[str, Any], place: str) -> dict[str, Any
     return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
 
 
-def _value(item: Field[Any], kind: type, value: object, place: str) -> object:
+def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
+    if isinstance(kind, type) and is_dataclass(kind):
+        return kind(**_checked(kind, value, place))
     if NoneType in get_args(kind):
         if value is None or value == _AUTO:
             return None
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
-    if is_dataclass(kind):
-        if not isinstance(value, dict):
-            raise SettingsError(f"{place} needs a mapping, it has {value!r}.")
-        return _build(kind, value, place)
-    if issubclass(kind, Enum):
-        return _choice(kind, value, place)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
-        if not item.repr:
-            raise SettingsError(f"{place} must be a text; put it in quotes.")
-        raise SettingsError(f"{place} is {value!r}; it must be of type {kind.__name__}.")
-    _check_range(item, value, place)
-    return value
-
-
-def _choice(kind: type[Enum], value: object, place: str) -> Enum:
-    for member in kind:
-        if member.value == value:
-            return member
-    raise SettingsError(f"{place} is {value!r}; choose one of {', '.join(str(member.value) for member in kind)}.")
-
-
-def _check_range(item: Field[Any], value: object, place: str) -> None:
-    if not isinstance(value, int | float) or "lowest" not in item.metadata:
-        return
-    lowest, highest, unit = (item.metadata[key] for key in ("lowest", "highest", "unit"))
-    if not lowest <= value <= highest:
-        raise SettingsError(f"{place} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}".rstrip() + ".")
+    is_choice = issubclass(kind, Enum)
+    rule = Parameter(
+        item.name,
+        next(iter(kind)).value if is_choice else kind(),
+        item.metadata.get("lowest", -inf),
+        item.metadata.get("highest", inf),
+        item.metadata.get("unit", ""),
+        choices=tuple(each.value for each in kind) if is_choice else (),
+    )
+    try:
+        accepted = rule.accept(value)
+    except CommandRefused as refusal:
+        if not item.repr:  # a password: its value is not shown
+            raise SettingsError(f"{place} must be a text; put it in quotes.") from None
+        raise SettingsError(f"{place} {refusal}") from refusal
+    return kind(accepted)

@@ -20,13 +20,13 @@ DRIVER_RUNNING = "Driver running, robot not ready: "
 """How the line begins that either command prints when it serves; the last one when the robot is not ready."""
 
 _STOP_TIMEOUT = 20.0
-_GLANCE = 0.1  # [s]
+_POLL_PERIOD = 0.1  # [s]
 
 
 class Command:
     """``yumi <arguments>`` as a child in a session of its own, so that Ctrl-C reaches its parent only.
 
-    The child ends when its standard input does, so a parent that is killed leaves nobody behind.
+    The child ends when its standard input does, so a parent that is killed leaves no child behind.
 
     Args:
         name: for sentences.
@@ -93,16 +93,16 @@ class Command:
         Raises:
             RobotNotReady: it ended or did not become ready in time; the message is its last line.
         """
-        last, looks = "", int(timeout / _GLANCE)
-        while looks > 0:
+        last, polls = "", int(timeout / _POLL_PERIOD)
+        while polls > 0:
             check()
             try:
-                line = self._lines.get(timeout=_GLANCE)
+                line = self._lines.get(timeout=_POLL_PERIOD)
             except Empty:
-                looks -= 1
+                polls -= 1
                 continue
             if line is None:
-                raise RobotNotReady(last or f"The {self.name} ended without a word; see {self.log}.")
+                raise RobotNotReady(last or f"The {self.name} exited without a message; see {self.log}.")
             for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING):
                 if line.startswith(ready):
                     return line.removeprefix(ready).strip()

@@ -1,4 +1,4 @@
-"""Makes sure that a program runs once for this user on this machine, and knows which process is the one."""
+"""A lock, so that a program runs once for this user on this machine; a second one learns which process has it."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _NO_FILE_NAME = re.compile(r"[^\w.:-]")
 
 
 class Only:
-    """The one of its ``name``, from ``claim`` to ``release`` or the end of the process.
+    """The lock ``name``, held from ``claim`` to ``release`` or the end of the process.
 
     It is a locked file in a folder that only this user may enter, so that no other user can take its place first. The
     file stays: removing it could take away the lock of a process that has just opened it.
 
     Args:
-        name: what there shall be one of.
-        refusal: what another one is told; ``{owner}`` in it becomes the process that is the one.
+        name: what may run once.
+        refusal: the message when another process has the lock; ``{owner}`` in it becomes that process.
     """
 
     def __init__(self, name: str, refusal: str) -> None:
@@ -34,10 +34,10 @@ class Only:
         self._file: int | None = None
 
     def claim(self) -> None:
-        """Become the one.
+        """Take the lock.
 
         Raises:
-            RobotNotReady: another process is, whose number the message has; or there is no folder for the lock.
+            RobotNotReady: another process has it, whose number the message has; or there is no folder for the lock.
         """
         if sys.platform == "win32":
             return
@@ -58,14 +58,14 @@ class Only:
         self._file = file
 
     def release(self) -> None:
-        """Let another be the one."""
+        """Let another process take the lock."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
 
 
 def lock_folder() -> Path:
-    """The folder for locks: the user's own of this login, else one of his in the folder for temporary files.
+    """The folder for locks: the user's own of this login, else one in the folder for temporary files.
 
     Raises:
         RobotNotReady: it cannot be made, or others may enter it.

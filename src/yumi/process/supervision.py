@@ -1,4 +1,4 @@
-"""Threads that outlive a fault of their work: it is logged with its traceback, and the work begins again."""
+"""Threads that survive a failure of their work: it is logged with its traceback, and the work starts again."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 5.0
 """The time does not grow beyond this [s]; work that ran for longer begins with the shortest one again."""
 
-_DECADE = 10
-
 log = logging.getLogger(__name__)
 
 
@@ -33,12 +31,16 @@ class Failures:
 
     def note(self, what: str, error: Exception) -> bool:
         """Log that ``what`` failed with ``error``; whether that was logged, or has been too often already."""
-        kind = _kind(error)
+        trace = error.__traceback__
+        while trace is not None and trace.tb_next is not None:
+            trace = trace.tb_next
+        file, line = ("", 0) if trace is None else (trace.tb_frame.f_code.co_filename, trace.tb_lineno)
+        kind = (type(error), file, line)
         self._counts[kind] += 1
         count = self._counts[kind]
         if count == 1:
             log.error("%s failed with %s: %s", what, type(error).__name__, error, exc_info=error)
-        elif _is_power_of_ten(count):
+        elif count == 10 ** (len(str(count)) - 1):
             log.error("%s has failed %d times with %s: %s", what, count, type(error).__name__, error)
         else:
             return False
@@ -46,7 +48,7 @@ class Failures:
 
 
 class SupervisedThread:
-    """A thread that has to live as long as the program: what ends its work by an exception does not end the thread.
+    """A thread for the whole life of the program: an exception ends its work, which starts again, not the thread.
 
     Args:
         name: of the thread, for the log.
@@ -90,7 +92,7 @@ class SupervisedThread:
             try:
                 self._work()
                 return
-            except Exception as error:  # whatever it is: who depends on this thread depends on it for good
+            except Exception as error:  # whatever it is: the program depends on this thread
                 self._failures.note(f"Thread {self._name}", error)
             try:
                 self._on_failure()
@@ -120,21 +122,3 @@ def no_thread(name: str, error: Exception) -> str:
         f"The operating system permits no further thread for {name} ({error}); raise the limits of processes and "
         "memory (ulimit -u, ulimit -v) or end other programs."
     )
-
-
-def _kind(error: Exception) -> tuple[type[Exception], str, int]:
-    """The type and the line of code that raised it."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    return (
-        type(error),
-        "" if trace is None else trace.tb_frame.f_code.co_filename,
-        0 if trace is None else trace.tb_lineno,
-    )
-
-
-def _is_power_of_ten(count: int) -> bool:
-    while count % _DECADE == 0:
-        count //= _DECADE
-    return count == 1

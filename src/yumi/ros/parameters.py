@@ -1,7 +1,4 @@
-"""The parameters of a controller as ROS parameters of its node: declared with type, range, unit and description.
-
-The parameters of a controller manager's node: its own, and those that say how each controller is loaded.
-"""
+"""Parameters of controllers and of a controller manager as ROS parameters: type, range, unit and description."""
 
 from __future__ import annotations
 
@@ -29,51 +26,34 @@ _TYPES = {
 _LARGEST_INTEGER = 2**63 - 1
 
 Presets = Mapping[str, Entry]
-"""What ``controllers.yaml`` says of a controller, by parameter."""
+"""Values of a controller's parameters in ``controllers.yaml``, by name."""
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """What ``ros2 param describe`` tells: unit and rule stand beside the sentence."""
-    return ParameterDescriptor(
-        name=parameter.name,
-        type=_TYPES[parameter.type].value,
-        description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
-        additional_constraints=_constraints(parameter),
-        floating_point_range=_floating_range(parameter),
-        integer_range=_integer_range(parameter),
-    )
-
-
-def _constraints(parameter: Parameter) -> str:
+    """What ``ros2 param describe`` shows: unit and rule stand beside the description."""
+    is_bounded = not (isinf(parameter.lowest) and isinf(parameter.highest))
     rules = []
     if parameter.choices:
         rules.append(f"one of {', '.join(parameter.choices)}")
-    if parameter.type is ParameterType.DOUBLE_ARRAY and _is_bounded(parameter):
+    if parameter.type is ParameterType.DOUBLE_ARRAY and is_bounded:
         rules.append(f"each from {parameter.lowest:g} to {parameter.highest:g}")
     if parameter.unit:
         rules.append(f"in {parameter.unit}")
     if parameter.read_only:
         rules.append("only while the controller is unconfigured")
-    return "; ".join(rules)
-
-
-def _is_bounded(parameter: Parameter) -> bool:
-    return not (isinf(parameter.lowest) and isinf(parameter.highest))
-
-
-def _floating_range(parameter: Parameter) -> list[FloatingPointRange]:
-    if parameter.type is not ParameterType.DOUBLE or not _is_bounded(parameter):
-        return []
-    return [FloatingPointRange(from_value=parameter.lowest, to_value=parameter.highest)]
-
-
-def _integer_range(parameter: Parameter) -> list[IntegerRange]:
-    if parameter.type is not ParameterType.INTEGER or not _is_bounded(parameter):
-        return []
-    lowest, highest = (
-        int(max(-_LARGEST_INTEGER, min(_LARGEST_INTEGER, bound))) for bound in (parameter.lowest, parameter.highest)
+    described = ParameterDescriptor(
+        name=parameter.name,
+        type=_TYPES[parameter.type].value,
+        description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
+        additional_constraints="; ".join(rules),
     )
-    return [IntegerRange(from_value=lowest, to_value=highest)]
+    lowest, highest = parameter.lowest, parameter.highest
+    if is_bounded and parameter.type is ParameterType.DOUBLE:
+        described.floating_point_range = [FloatingPointRange(from_value=lowest, to_value=highest)]
+    elif is_bounded and parameter.type is ParameterType.INTEGER:
+        low, high = (int(max(-_LARGEST_INTEGER, min(_LARGEST_INTEGER, bound))) for bound in (lowest, highest))
+        described.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    return described
 
 
 def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Values:
@@ -82,10 +62,10 @@ def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Valu
     Args:
         node: which may have parameter files of its own.
         infos: the parameters and what the controller holds.
-        presets: what holds where the node's own files say nothing.
+        presets: values that apply where the node's own files give none.
 
     Returns:
-        What the controller shall hold otherwise than it does.
+        The values that differ from what the controller holds.
 
     Raises:
         CommandRefused: a file gives a value of the wrong type or out of its range.
@@ -95,22 +75,17 @@ def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Valu
         name: entry.value for name, entry in presets.items() if name in held or not entry.is_general
     }
     for name, info in held.items():
-        wanted[name] = _declared(node, info.parameter, wanted.get(name, info.value))
+        parameter, of_node = info.parameter, f"Parameter {name!r} of {node.get_name()!r}"
+        try:
+            accepted = parameter.accept(wanted.get(name, info.value))
+        except CommandRefused as refusal:
+            raise CommandRefused(f"{of_node} {refusal}") from refusal
+        try:
+            initial = list(accepted) if isinstance(accepted, tuple) else accepted
+            wanted[name] = value_of(node.declare_parameter(name, initial, descriptor(parameter)))
+        except ParameterException as error:
+            raise CommandRefused(f"{of_node}: {error}.") from error
     return {name: value for name, value in wanted.items() if name not in held or value != held[name].value}
-
-
-def _declared(node: Any, parameter: Parameter, value: Value) -> Value:
-    name = parameter.name
-    try:
-        accepted = parameter.accept(value)
-    except CommandRefused as refusal:
-        raise CommandRefused(f"Parameter {name!r} of {node.get_name()!r} {refusal}") from refusal
-    try:
-        initial = list(accepted) if isinstance(accepted, tuple) else accepted
-        declared: Value = value_of(node.declare_parameter(name, initial, descriptor(parameter)))
-    except ParameterException as error:
-        raise CommandRefused(f"Parameter {name!r} of {node.get_name()!r}: {error}.") from error
-    return declared
 
 
 def value_of(parameter: Any) -> Any:
@@ -120,7 +95,7 @@ def value_of(parameter: Any) -> Any:
 
 
 def pass_on_changes(node: Any, names: Iterable[str], change: Callable[[Values], None]) -> None:
-    """Have ``change`` called with what is set on ``node`` among ``names``; what it refuses is refused to the client."""
+    """Call ``change`` with what is set on ``node`` among ``names``; what it refuses is refused to the client."""
     known = frozenset(names)
 
     def on_set(parameters: list[Any]) -> SetParametersResult:
@@ -148,10 +123,14 @@ def _fixed(description: str) -> ParameterDescriptor:
 _STRICTNESS = "defaults.switch_controller.strictness"
 _STRICTNESSES = {"best_effort": Strictness.BEST_EFFORT, "strict": Strictness.STRICT}
 _THRESHOLDS = "diagnostics.threshold"
+_SUBJECTS = ("controller_manager", "controllers", "hardware_components")
+_FIGURES = ("mean_error", "standard_deviation")
 
 
 class ManagerParameters:
-    """Declares and reads them. The node must allow parameters that nobody declared: tools set them before loading.
+    """Parameters of a controller manager's node: its own, and those that say how each controller is loaded.
+
+    The node must allow undeclared parameters: tools set them before loading.
 
     Args:
         node: the controller manager's node.
@@ -168,13 +147,15 @@ class ManagerParameters:
     def note_type(self, name: str, kind: str) -> None:
         """Declare the type of a controller that was loaded from the start, for tools that offer what can be loaded."""
         if not self._node.has_parameter(f"{name}.type"):
-            self._node.declare_parameter(f"{name}.type", kind, _dynamic("Type of the controller."))
+            # Tools may change the type: the spawner sets lists where a file had a text.
+            rule = ParameterDescriptor(description="Type of the controller.", dynamic_typing=True)
+            self._node.declare_parameter(f"{name}.type", kind, rule)
 
     def type_of(self, name: str) -> str:
         """The type of the controller ``name``.
 
         Raises:
-            CommandRefused: nobody has said.
+            CommandRefused: it is not set.
         """
         kinds = tuple(text for text in self._texts(f"{name}.type") if text)
         if len(kinds) != 1:
@@ -192,11 +173,11 @@ class ManagerParameters:
 
     @property
     def strictness(self) -> Strictness:
-        """How strict a switch is that does not say."""
+        """Strictness of a switch that names none."""
         return _STRICTNESSES[self._node.get_parameter(_STRICTNESS).value]
 
     def threshold(self, subject: str, quantity: str) -> tuple[float, float]:
-        """From where on a figure is worth a warning, and an error: [Hz] or [µs]."""
+        """From which figure on /diagnostics warns, and shows an error: [Hz] or [µs]."""
         warn, error = (
             self._node.get_parameter(f"{_THRESHOLDS}.{subject}.{quantity}.{level}").value for level in ("warn", "error")
         )
@@ -223,20 +204,15 @@ class ManagerParameters:
             description="Strictness of a switch that asks for 0.", additional_constraints=f"one of {words}"
         )
         self._node.declare_parameter(_STRICTNESS, "best_effort", rule)
-        self._declare_thresholds()
-
-    def _declare_thresholds(self) -> None:
-        for subject in ("controller_manager", "controllers", "hardware_components"):
-            for figure in ("mean_error", "standard_deviation"):
-                self._declare_threshold(f"{subject}.periodicity.{figure}", 5.0, 10.0, "Hz")
-        for subject in ("controllers", "hardware_components"):
-            self._declare_threshold(f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs")
-            self._declare_threshold(f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs")
-
-    def _declare_threshold(self, name: str, warn: float, error: float, unit: str) -> None:
-        for level, value in (("warn", warn), ("error", error)):
-            description = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
-            self._node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", value, description)
+        thresholds: list[tuple[str, float, float, str]] = [
+            *((f"{subject}.periodicity.{figure}", 5.0, 10.0, "Hz") for subject in _SUBJECTS for figure in _FIGURES),
+            *((f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs") for subject in _SUBJECTS[1:]),
+            *((f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs") for subject in _SUBJECTS[1:]),
+        ]
+        for name, warn, error, unit in thresholds:
+            for level, bound in (("warn", warn), ("error", error)):
+                described = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
+                self._node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", bound, described)
 
     def _check(self, parameters: list[Any]) -> SetParametersResult:
         for parameter in parameters:
@@ -245,8 +221,3 @@ class ManagerParameters:
                 return SetParametersResult(successful=False, reason=f"{_STRICTNESS} is {words}.")
         self._on_change()
         return SetParametersResult(successful=True)
-
-
-def _dynamic(description: str) -> ParameterDescriptor:
-    """Of a parameter whose type tools may change: the spawner sets lists where a file had a text."""
-    return ParameterDescriptor(description=description, dynamic_typing=True)

@@ -1,18 +1,11 @@
-"""What one answer of Robot Web Services holds, free of its format: a page of states, or a status.
+"""What one response of Robot Web Services holds, free of its format, and the formats (reference/rws.md §1, §3).
 
-A *state* is ABB's word for one thing shown: an ``<li>`` of XHTML, an object of ``_state`` in JSON
-(reference/rws.md §3).
+A *state* is ABB's word for one thing shown: an ``<li>`` of XHTML, an object of ``_state`` in JSON. A controller answers
+with XHTML unless a client asks for JSON with ``json=1``. The client reads XHTML alone: the events of subscriptions come
+in no other format, and the controller's JSON deviates from it in several names.
 
-Pages and statuses as XHTML documents, the default representation (reference/rws.md §3.1, §3.4).
-
-Pages and statuses as JSON, which a client asks for with ``json=1`` (reference/rws.md §3.2, §3.4).
-
-The two formats of an answer, XHTML and JSON, chosen and told apart in one place (reference/rws.md §3).
-
-Names and values in queries and form bodies, written strictly and read as tolerantly as a controller does.
-
-Source: reference/rws.md §1. ABB's own C++ client sends values unescaped, Python clients percent-encode them;
-both must arrive as the same text.
+Names and values in queries and form bodies are written strictly and read as tolerantly as a controller does: ABB's own
+C++ client sends values unescaped, Python clients percent-encode them; both must arrive as the same text.
 """
 
 from __future__ import annotations
@@ -22,7 +15,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
 from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -48,17 +40,13 @@ def decode(text: str) -> Pairs:
     The text is split only at ``&``: a ``;`` belongs to the values of subscriptions. A name without ``=`` has
     the value "".
     """
-    return tuple(_pair(part) for part in text.split("&") if part)
+    pairs = (part.partition("=") for part in text.split("&") if part)
+    return tuple((_text(name), _text(value)) for name, _, value in pairs)
 
 
 def first(pairs: Pairs, name: str) -> str | None:
     """The first value of ``name``, or None."""
     return next((value for key, value in pairs if key == name), None)
-
-
-def _pair(part: str) -> tuple[str, str]:
-    name, _, value = part.partition("=")
-    return _text(name), _text(value)
 
 
 def _text(raw: str) -> str:
@@ -161,10 +149,67 @@ class Status:
     message: str
 
 
-XHTML_CONTENT_TYPE = "application/xhtml+xml"
+class Form(Enum):
+    """A format; the value is its content type."""
+
+    XHTML = "application/xhtml+xml"
+    JSON = "application/json"  # without a charset: abb_robot_client compares the whole value
+
+
+def write_page(page: Page, form: Form) -> bytes:
+    """The page as a document: XHTML on one line after the XML declaration, as clients match it line by line.
+
+    The title has no place in JSON.
+    """
+    if form is Form.JSON:
+        links = {"base": {"href": page.base}} | _json_links(page.links)
+        return _dump({"_links": links, "_embedded": {"_state": [_json_state(state) for state in page.states]}})
+    states = "".join(map(write_item, page.states))
+    content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
+    return _document(page.title, page.base, content)
+
+
+def write_status(status: Status, form: Form, *, base: str, title: str = "rw") -> bytes:
+    """The status as an error document; its code is a number in JSON."""
+    if form is Form.JSON:
+        embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
+        return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
+    content = f'<div class="status">{_span("code", str(status.code))}{_span("msg", status.message)}</div>'
+    return _document(title, base, content)
+
+
+def read_page(content_type: str, body: bytes) -> Page:
+    """The page in an XHTML document.
+
+    Raises:
+        ProtocolError: it is another kind of document, or not the XHTML of Robot Web Services.
+    """
+    root = _parse(content_type, body)
+    division = _division(root, "state")
+    states = tuple(_state(item) for item in division.findall("ul/li"))
+    base = root.find("head/base")
+    return Page(
+        root.findtext("head/title") or "", "" if base is None else base.get("href", ""), states, _links(division)
+    )
+
+
+def read_status(content_type: str, body: bytes) -> Status:
+    """The status in an XHTML error document.
+
+    Raises:
+        ProtocolError: it is another kind of document, or holds no status.
+    """
+    division = _division(_parse(content_type, body), "status")
+    texts = {span.get("class"): span.text or "" for span in division.findall("span")}
+    try:
+        return Status(int(texts["code"]), texts.get("msg", ""))
+    except (KeyError, ValueError) as error:
+        raise ProtocolError("The controller's error document holds no code.") from error
+
 
 _XML = '<?xml version="1.0" encoding="UTF-8"?>'
 _XMLNS = "http://www.w3.org/1999/xhtml"
+_XHTML_TYPES = (Form.XHTML.value, "text/html", "text/xml", "application/xml")
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ENTITIES = {
     "&": "&amp;",
@@ -181,50 +226,9 @@ _DEEPEST = 32  # lists within lists; a controller's pages have two
 _LARGEST = 16 * 1024 * 1024  # [byte]; a page holds 100 items at most (reference/rws.md §1.1)
 
 
-def write_page(page: Page) -> str:
-    """The page on one line after the XML declaration; clients match it line by line."""
-    states = "".join(map(write_item, page.states))
-    content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
-    return _document(page.title, page.base, content)
-
-
-def write_status(status: Status, title: str, base: str) -> str:
-    """An error document."""
-    content = f'<div class="status">{_span("code", str(status.code))}{_span("msg", status.message)}</div>'
-    return _document(title, base, content)
-
-
-def read_page(body: bytes) -> Page:
-    """The page in an XHTML document.
-
-    Raises:
-        ProtocolError: it is not the XHTML of Robot Web Services.
-    """
-    root = _parse(body)
-    division = _division(root, "state")
-    states = tuple(_state(item) for item in division.findall("ul/li"))
-    title = root.findtext("head/title") or ""
-    base = root.find("head/base")
-    return Page(title, "" if base is None else base.get("href", ""), states, _links(division))
-
-
-def read_status(body: bytes) -> Status:
-    """The status in an XHTML error document.
-
-    Raises:
-        ProtocolError: there is none.
-    """
-    division = _division(_parse(body), "status")
-    texts = {span.get("class"): span.text or "" for span in division.findall("span")}
-    try:
-        return Status(int(texts["code"]), texts.get("msg", ""))
-    except (KeyError, ValueError) as error:
-        raise ProtocolError("The controller's error document holds no code.") from error
-
-
-def _document(title: str, base: str, content: str) -> str:
+def _document(title: str, base: str, content: str) -> bytes:
     head = f'<head><title>{escaped(title)}</title><base href="{escaped(base)}"/></head>'
-    return f'{_XML}\n<html xmlns="{_XMLNS}">{head}<body>{content}</body></html>'
+    return f'{_XML}\n<html xmlns="{_XMLNS}">{head}<body>{content}</body></html>'.encode("utf-8", "replace")
 
 
 def write_item(state: State) -> str:
@@ -252,8 +256,11 @@ def escaped(text: str) -> str:
     return _SPECIAL.sub(lambda match: _ENTITIES[match.group()], _ILLEGAL.sub("\ufffd", text))
 
 
-def _parse(body: bytes) -> Element:
+def _parse(content_type: str, body: bytes) -> Element:
     """The document without its namespace; a DOCTYPE is refused, since entities can be made to explode."""
+    kind = content_type.partition(";")[0].strip().lower()
+    if kind not in _XHTML_TYPES:
+        raise ProtocolError(f"The answer is {kind or 'of no type'}, not XHTML.")
     if len(body) > _LARGEST:
         raise ProtocolError(f"The answer is a document of {len(body)} bytes; a controller's has {_LARGEST} at most.")
     try:
@@ -293,12 +300,9 @@ def _links(element: Element) -> tuple[Link, ...]:
     return tuple(Link(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
 
 
-JSON_PAGES_CONTENT_TYPE = "application/json"  # without a charset: abb_robot_client compares the whole value
-
 # Where the controller's JSON deviates from its XHTML (reference/rws.md §3.2).
-_EXTERNAL_AXES = {f"eax_{letter}": f"eax{letter}" for letter in "abcdef"}
 _FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
-    "ms-robtargets": _EXTERNAL_AXES,
+    "ms-robtargets": {f"eax_{letter}": f"eax{letter}" for letter in "abcdef"},
     "ms-mechunit": {
         "task-name": "task",
         "is-integrated-unit": "is-integrated-unitname",
@@ -308,76 +312,23 @@ _FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
 _TYPES = {"elog-message-li": "elog-message"}
 _LISTS = {"sys-option-li": "options", "cfg-ia-t-li": "attrib"}
 _NUMBERS = ("lvalue", "pvalue")
-_OWN_KEYS = ("_type", "_title", "_links")
 
 
-def json_pages_write_page(page: Page) -> str:
-    """The page; the title has no place in it."""
-    links = {"base": {"href": page.base}} | _write_links(page.links)
-    return _dump({"_links": links, "_embedded": {"_state": [_object(state) for state in page.states]}})
+def _dump(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
 
 
-def json_pages_write_status(status: Status, base: str) -> str:
-    """An error document; its code is a number."""
-    embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
-    return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
-
-
-def json_pages_read_page(body: bytes) -> Page:
-    """The page in a JSON document.
-
-    Raises:
-        ProtocolError: it is not the JSON of Robot Web Services.
-    """
-    document = _load(body)
-    links = dict(_read_links(document.get("_links")))
-    base = links.pop("base", "")
-    states = document["_embedded"].get("_state")
-    if not isinstance(states, list):
-        raise ProtocolError("The controller's JSON holds no list of states.")
-    return Page("", base, tuple(map(_json_pages_state, states)), tuple(Link(*item) for item in links.items()))
-
-
-def json_pages_read_status(body: bytes) -> Status:
-    """The status in a JSON error document.
-
-    Raises:
-        ProtocolError: there is none.
-    """
-    status = _load(body)["_embedded"].get("status")
-    try:
-        return Status(int(status["code"]), str(status.get("msg", "")))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ProtocolError("The controller's error document holds no code.") from error
-
-
-def _dump(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
-
-
-def _load(body: bytes) -> dict[str, Any]:
-    if len(body) > _LARGEST:
-        raise ProtocolError(f"The answer is a document of {len(body)} bytes; a controller's has {_LARGEST} at most.")
-    try:
-        document = json.loads(body)
-    except (ValueError, RecursionError) as error:
-        raise ProtocolError("The answer is not JSON.") from error
-    if not isinstance(document, dict) or not isinstance(document.get("_embedded"), dict):
-        raise ProtocolError("The answer is not a JSON document of Robot Web Services.")
-    return document
-
-
-def _object(state: State) -> dict[str, object]:
+def _json_state(state: State) -> dict[str, object]:
     names = _FIELD_NAMES.get(state.type, {})
     result: dict[str, object] = {"_type": _TYPES.get(state.type, state.type), "_title": state.title}
     if state.links:
-        result["_links"] = _write_links(state.links)
+        result["_links"] = _json_links(state.links)
     for name, text in state.fields.items():
         result[names.get(name, name)] = _number(text) if name in _NUMBERS else text
     if state.arguments:
         result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
     if state.children:
-        result[_LISTS.get(state.children[0].type, "state")] = [_object(child) for child in state.children]
+        result[_LISTS.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
     return result
 
 
@@ -388,103 +339,5 @@ def _number(text: str) -> object:
         return text
 
 
-def _write_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
-    return {link.rel: {"href": _with_json(link.href)} for link in links}
-
-
-def _with_json(href: str) -> str:
-    return f"{href}{'&' if '?' in href else '?'}json=1"
-
-
-def _without_json(href: str) -> str:
-    return href.removesuffix("?json=1").removesuffix("&json=1")
-
-
-def _json_pages_state(value: object, depth: int = 1) -> State:
-    if depth > _DEEPEST:
-        raise ProtocolError(f"The answer has more than {_DEEPEST} states within each other, which no controller sends.")
-    if not isinstance(value, dict):
-        raise ProtocolError("A state in the controller's JSON is not an object.")
-    type_ = str(value.get("_type", ""))
-    lists = [item for item in value.values() if isinstance(item, list)]
-    children = tuple(_json_pages_state(child, depth + 1) for items in lists for child in items if _is_state(child))
-    return State(
-        type_,
-        str(value.get("_title", "")),
-        _fields(value, {theirs: ours for ours, theirs in _FIELD_NAMES.get(type_, {}).items()}),
-        tuple(Link(*item) for item in _read_links(value.get("_links"))),
-        children,
-        tuple(Argument(str(item.get("type", "")), str(item.get("value", ""))) for item in _argv(value)),
-    )
-
-
-def _fields(value: Mapping[str, object], names: Mapping[str, str]) -> dict[str, str]:
-    texts = {name: item for name, item in value.items() if isinstance(item, (str, int, float))}
-    return {names.get(name, name): str(item) for name, item in texts.items() if name not in _OWN_KEYS}
-
-
-def _is_state(value: object) -> bool:
-    return isinstance(value, dict) and "_type" in value
-
-
-def _argv(value: Mapping[str, object]) -> list[dict[str, object]]:
-    argv = value.get("argv", [])
-    return [item for item in argv if isinstance(item, dict)] if isinstance(argv, list) else []
-
-
-def _read_links(value: object) -> list[tuple[str, str]]:
-    if not isinstance(value, dict):
-        return []
-    hrefs = {rel: link.get("href", "") for rel, link in value.items() if isinstance(link, dict)}
-    return [(str(rel), _without_json(str(href))) for rel, href in hrefs.items()]
-
-
-class Form(Enum):
-    """A format; the value is its content type."""
-
-    XHTML = XHTML_CONTENT_TYPE
-    JSON = JSON_PAGES_CONTENT_TYPE
-
-
-def representations_write_page(page: Page, form: Form) -> bytes:
-    """The page as a document."""
-    text = json_pages_write_page(page) if form is Form.JSON else write_page(page)
-    return text.encode("utf-8", "replace")
-
-
-def representations_write_status(status: Status, form: Form, *, base: str, title: str = "rw") -> bytes:
-    """The status as an error document."""
-    is_json = form is Form.JSON
-    text = json_pages_write_status(status, base) if is_json else write_status(status, title, base)
-    return text.encode("utf-8", "replace")
-
-
-def representations_read_page(content_type: str, body: bytes) -> Page:
-    """The page in a document of either format.
-
-    Raises:
-        ProtocolError: it is neither, or not a document of Robot Web Services.
-    """
-    if _form(content_type) is Form.JSON:
-        return json_pages_read_page(body)
-    return read_page(body)
-
-
-def representations_read_status(content_type: str, body: bytes) -> Status:
-    """The status in an error document of either format.
-
-    Raises:
-        ProtocolError: it is neither, or holds no status.
-    """
-    if _form(content_type) is Form.JSON:
-        return json_pages_read_status(body)
-    return read_status(body)
-
-
-def _form(content_type: str) -> Form:
-    kind = content_type.partition(";")[0].strip().lower()
-    if kind == Form.JSON.value:
-        return Form.JSON
-    if kind in (Form.XHTML.value, "text/html", "text/xml", "application/xml"):
-        return Form.XHTML
-    raise ProtocolError(f"The answer is {kind or 'of no type'}, neither XHTML nor JSON.")
+def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
+    return {link.rel: {"href": f"{link.href}{'&' if '?' in link.href else '?'}json=1"} for link in links}

@@ -1,4 +1,4 @@
-"""What a client gets out of the answers of Robot Web Services: typed values, or a refusal with ABB's code."""
+"""What the pages of Robot Web Services say to a client: typed values, or a refusal with ABB's code."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from urllib.parse import unquote, unquote_plus
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
 from yumi.rws import types as codes
-from yumi.rws.documents import Page, State, Status, representations_read_status
+from yumi.rws.documents import Page, State, read_status
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution
 
 E = TypeVar("E", bound=Enum)
@@ -150,7 +150,7 @@ def operating_mode(page: Page) -> OperatingMode:
 
 def speed_ratio(page: Page) -> int:
     """``/rw/panel/speedratio`` [%]."""
-    return int(_number(page.one("pnl-speedratio"), "speedratio"))
+    return _whole(page.one("pnl-speedratio"), "speedratio")
 
 
 def execution(page: Page) -> ExecutionState:
@@ -160,7 +160,15 @@ def execution(page: Page) -> ExecutionState:
 
 def tasks(page: Page) -> tuple[TaskInfo, ...]:
     """``/rw/rapid/tasks``."""
-    return tuple(map(_task, page.of_type("rap-task-li")))
+    return tuple(
+        TaskInfo(
+            name=state.text("name"),
+            execution=_enum(TaskExecution, state.text("excstate")[:4].lower()),
+            is_active=state.text("active").lower() == "on",
+            is_motion_task=state.text("motiontask").lower() == "true",
+        )
+        for state in page.of_type("rap-task-li")
+    )
 
 
 def modules(page: Page) -> tuple[ModuleInfo, ...]:
@@ -196,7 +204,7 @@ def signal(page: Page) -> Signal:
 
 
 def signals(page: Page) -> Mapping[str, float]:
-    """``/rw/iosystem/signals``: the values by name; an entry of which nobody could make sense is left out."""
+    """``/rw/iosystem/signals``: the values by name; an entry without a valid value is left out."""
     values: dict[str, float] = {}
     for state in page.of_type("ios-signal-li"):
         with suppress(ProtocolError):
@@ -222,65 +230,45 @@ def joint_target(page: Page) -> JointTarget:
 
 def events(page: Page) -> tuple[Event, ...]:
     """``/rw/elog/{domain}``, in the controller's order."""
-    return tuple(map(_event, page.of_type("elog-message-li", "elog-message")))
+    found: list[Event] = []
+    for state in page.of_type("elog-message-li", "elog-message"):
+        number = state.title.rpartition("/")[2]
+        if not number.isdecimal():
+            raise ProtocolError(f"The controller's event {state.title!r} has no number.")
+        found.append(
+            Event(
+                number=int(number),
+                type=_enum(EventType, _whole(state, "msgtype")),
+                code=_whole(state, "code"),
+                time=state.text("tstamp"),
+                title=state.text("title"),
+                description=state.text("desc"),
+                arguments=tuple(argument.value for argument in state.arguments),
+            )
+        )
+    return tuple(found)
 
 
 def files(page: Page) -> tuple[FileInfo, ...]:
     """``/fileservice/{directory}``."""
-    return tuple(map(_file, page.of_type("fs-dir", "fs-file")))
+    return tuple(
+        FileInfo(state.title, _whole(state, "fs-size") if state.type == "fs-file" else None)
+        for state in page.of_type("fs-dir", "fs-file")
+    )
 
 
 def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
-    """The error for an answer that says no; ``what`` is the request in a few words."""
-    known = _status(content_type, body)
-    if known is None:
+    """The error for a response that refuses; ``what`` is the request in a few words."""
+    try:
+        known = read_status(content_type, body)
+    except ProtocolError:  # a body of another kind, which gateways and old versions send
         return ControllerRefused(f"{what} was refused with HTTP status {status}.", status=status)
     reason = codes.sentence(known.code) or known.message or "the controller gives no reason"
     name = f"{codes.name_of(known.code)} {known.code}".strip()
     return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)
 
 
-def _status(content_type: str, body: bytes) -> Status | None:
-    """The status in an error body; None for a body of another kind, which gateways and old versions send."""
-    try:
-        return representations_read_status(content_type, body)
-    except ProtocolError:
-        return None
-
-
-def _task(state: State) -> TaskInfo:
-    return TaskInfo(
-        name=state.text("name"),
-        execution=_enum(TaskExecution, state.text("excstate")[:4].lower()),
-        is_active=state.text("active").lower() == "on",
-        is_motion_task=state.text("motiontask").lower() == "true",
-    )
-
-
-def _file(state: State) -> FileInfo:
-    return FileInfo(state.title, int(_number(state, "fs-size")) if state.type == "fs-file" else None)
-
-
-def _event(state: State) -> Event:
-    return Event(
-        number=int(_last_number(state.title)),
-        type=EventType(int(_number(state, "msgtype"))),
-        code=int(_number(state, "code")),
-        time=state.text("tstamp"),
-        title=state.text("title"),
-        description=state.text("desc"),
-        arguments=tuple(argument.value for argument in state.arguments),
-    )
-
-
-def _last_number(title: str) -> str:
-    number = title.rpartition("/")[2]
-    if not number.isdecimal():
-        raise ProtocolError(f"The controller's event {title!r} has no number.")
-    return number
-
-
-def _enum(kind: type[E], text: str) -> E:
+def _enum(kind: type[E], text: str | int) -> E:
     try:
         return kind(text)
     except ValueError as error:
@@ -294,3 +282,10 @@ def _number(state: State, name: str) -> float:
         return float(text)
     except ValueError as error:
         raise ProtocolError(f"The controller's {name!r} is {text!r}, not a number.") from error
+
+
+def _whole(state: State, name: str) -> int:
+    value = _number(state, name)
+    if not value.is_integer():
+        raise ProtocolError(f"The controller's {name!r} is {state.text(name)!r}, not a whole number.")
+    return int(value)

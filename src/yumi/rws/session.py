@@ -1,47 +1,101 @@
-"""One session with a controller over one connection: login, retries and deadline, one policy for all.
+"""One session with a controller: login, retries, rate limit and deadline, one policy for every request.
 
-* A session is opened by digest once and then kept by its cookies; when the controller has forgotten it, the
-  request is answered 401, was not carried out, and is sent again with a new login.
-* A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy
-  (503).
+* A session is opened by digest once and then kept by its cookies; credentials are never sent unasked. When the
+  controller has forgotten the session, the request is answered 401, was not carried out, and is sent again with a new
+  login.
+* A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy (503).
 * Any other request is never repeated after it may have been carried out.
-* Requests keep the pace a controller asks for; waiting for its turn is no part of a request's timeout.
-* One request at a time; but one that a peer lets wait keeps no other one waiting for long: that goes on a second
+* Requests keep the rate a controller asks for; waiting for it is not part of a request's timeout.
+* One request at a time; but one that a peer lets wait delays another one only shortly: that goes on a second
   connection, which belongs to the same session (reference/rws.md §2.2: cookies hold on every connection).
 
 Source: reference/rws.md §1.1-1.2, §2.2.
-
-The pace of requests: a controller wants fewer than twenty a second (reference/rws.md §1.1).
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import inf
 from threading import Condition, Lock
 from typing import Protocol
+from urllib.parse import quote
+
+import httpx
 
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
-from yumi.rws import auth as digest
-from yumi.rws.auth import Headers, Login
-from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest, Listener
-from yumi.rws.requests import Request
+from yumi.rws import documents as forms
+from yumi.rws.auth import CONNECTION, REALM, SESSION
+from yumi.rws.documents import Pairs
+from yumi.rws.transport import ConnectionLost, Listener, Socket, until
 
 INTERVAL = 0.051
-"""Mean time between two requests [s]."""
+"""Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
+BUSY = 503
+_UNAUTHORIZED = 401
+_REPEATS = 2
+_CONNECTIONS = 2
+_PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
+
+_PATH_SAFE = "/;:$@-._~"
+_REALM = re.compile(r'realm="([^"]*)"')
+
+# A controller's own cookies: visible ASCII; the longest that was seen has 55 characters. All others are dropped: they
+# would make the next requests longer than the controller reads.
+_COOKIE = re.compile(rf"({SESSION}|{CONNECTION})=([!-:<-~]{{1,256}})\s*(?:;|$)")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One request, free of connection and session.
+
+    Attributes:
+        method: of HTTP.
+        path: resource, unescaped.
+        query: parameters in the URL.
+        form: parameters in the body; None for a request without a body.
+        content: a file in the body instead of a form.
+    """
+
+    method: str
+    path: str
+    query: Pairs = ()
+    form: Pairs | None = None
+    content: bytes | None = None
+
+    @property
+    def target(self) -> str:
+        """Path and query as on the request line."""
+        path = quote(self.path, safe=_PATH_SAFE)
+        return f"{path}?{forms.encode(self.query)}" if self.query else path
+
+    @property
+    def body(self) -> bytes:
+        """The file, or the form, encoded."""
+        return forms.encode(self.form or ()).encode("ascii") if self.content is None else self.content
+
+    @property
+    def content_type(self) -> str | None:
+        """What the body is; None for a request without one."""
+        if self.content is not None:
+            return "application/octet-stream"
+        return None if self.form is None else forms.CONTENT_TYPE
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Whether sending it twice does no more than sending it once."""
+        return self.method in ("GET", "PUT")
+
 
 class RequestPace:
-    """Gives every request its turn, in the order in which the requests come; safe from any thread.
-
-    Args:
-        clock: where waiting time comes from.
-    """
+    """Limits the rate of requests, in the order in which they come; safe from any thread."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -49,7 +103,7 @@ class RequestPace:
         self._rested_at = -inf  # when the whole burst is available again
 
     def wait(self) -> None:
-        """Wait for the turn of one request."""
+        """Wait until one more request may be sent."""
         delay = self._take()
         if delay > 0.0:
             self._clock.wait(delay)
@@ -65,56 +119,46 @@ class RequestPace:
             return self._rested_at - now - BURST * INTERVAL
 
 
-_REPEATS = 2
-_UNAUTHORIZED = 401
-_BUSY = 503
-_CONNECTIONS = 2
-_PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
-
-
-class Link(Protocol):
-    """Carries two exchanges at a time; :class:`yumi.rws.http.HttpLink` is one."""
+class Transport(Protocol):
+    """Carries two exchanges at a time; :class:`yumi.rws.transport.HttpTransport` is one."""
 
     @property
     def address(self) -> str: ...
 
-    def exchange(self, request: HttpRequest, timeout: float) -> HttpReply: ...
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
 
-    def open_socket(self, request: HttpRequest, listener: Listener, timeout: float) -> Socket: ...
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> Socket:
+        """A WebSocket on a connection of its own, within ``timeout`` [s]."""
 
     def close(self) -> None:
         """Close the connections, and end the exchanges under way."""
 
 
-class Socket(Protocol):
-    """An open WebSocket; :class:`yumi.rws.subscription.WebSocket` is one."""
-
-    def close(self) -> None: ...
-
-
 class RwsSession:
-    """A login over ``link``; requests of several threads queue up."""
+    """A login over ``transport``; requests of several threads queue up."""
 
-    def __init__(self, link: Link, *, user: str, password: str, timeout: float, clock: Clock) -> None:
-        self.address = link.address
-        self._link = link
+    def __init__(self, transport: Transport, *, user: str, password: str, timeout: float, clock: Clock) -> None:
+        self.address = transport.address
+        self._transport = transport
         self._user = user
+        self._password = password
         self._timeout = timeout
         self._clock = clock
-        self._login = Login(user, password)
+        self._cookies: dict[str, str] = {}  # replaced as a whole: another thread may be reading it
         self._turns = Condition()
         self._running: list[object] = []  # exchanges under way, the oldest first
-        self._slow: object = None  # the one that has kept another one waiting for too long
+        self._slow: object = None  # the one that has delayed another one for too long
         self._is_abandoned = False
         self._pace = RequestPace(clock)
 
     @property
     def is_open(self) -> bool:
         """Whether the controller has given us a session, as far as we know."""
-        return self._login.has_session
+        return SESSION in self._cookies
 
-    def exchange(self, request: Request) -> HttpReply:
-        """The controller's answer to ``request``, whatever its status, within the timeout once it has its turn.
+    def exchange(self, request: Request) -> httpx.Response:
+        """The controller's response to ``request``, whatever its status, within the timeout once it has its turn.
 
         Its turn comes within the timeout, too, unless several requests wait for a controller that does not answer.
 
@@ -126,7 +170,18 @@ class RwsSession:
         self._check_not_abandoned()
         self._pace.wait()
         with self._turn():
-            return self._repeated(request, self._clock.now() + self._timeout)
+            deadline = self._clock.now() + self._timeout
+            repeats = _REPEATS if request.is_repeatable else 0
+            while True:
+                try:
+                    response = self._authorized(request, deadline)
+                    if response.status_code != BUSY or not repeats:
+                        return response
+                except ConnectionLost:
+                    if not repeats:
+                        raise
+                repeats -= 1
+                self._pace.count()
 
     def open_socket(self, target: str, listener: Listener) -> Socket:
         """A WebSocket that belongs to this session, on a connection of its own.
@@ -137,12 +192,12 @@ class RwsSession:
         """
         self._check_not_abandoned()
         self._pace.wait()
-        return self._link.open_socket(HttpRequest("GET", target, self._login.headers()), listener, self._timeout)
+        return self._transport.open_socket(target, _cookie_header(self._cookies), listener, self._timeout)
 
     def close(self) -> None:
         """Close the connection and forget the session; the controller keeps it until its time is up."""
-        self._login.forget()
-        self._link.close()
+        self._cookies = {}
+        self._transport.close()
 
     def abandon(self) -> None:
         """End what is under way, and refuse every later request at once: for a program that has to end now.
@@ -152,7 +207,14 @@ class RwsSession:
         with self._turns:
             self._is_abandoned = True
             self._turns.notify_all()
-        self._link.close()
+        self._transport.close()
+
+    def not_a_controller(self, why: str) -> ProtocolError:
+        """The error for a peer that speaks HTTP but not Robot Web Services."""
+        return ProtocolError(
+            f"A web server answers at {self.address}, but it is not an IRC5 controller with Robot Web Services "
+            f"1.0: {why}; check the address and the port."
+        )
 
     def _check_not_abandoned(self) -> None:
         if self._is_abandoned:
@@ -179,64 +241,73 @@ class RwsSession:
                 self._turns.notify_all()
 
     def _may_begin(self) -> bool:
-        """Whoever is not logged in waits for the one that logs in: two at once would open two sessions."""
+        """A request without a session waits for the one that logs in: two at once would open two sessions."""
         if not self._running or self._is_abandoned:
             return True
-        return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self._login.has_session
+        return self._slow is self._running[0] and len(self._running) < _CONNECTIONS and self.is_open
 
-    def _repeated(self, request: Request, deadline: float) -> HttpReply:
-        for _ in range(_REPEATS if request.is_repeatable else 0):
-            try:
-                reply = self._authorized(request, deadline)
-            except ConnectionLost:
-                self._pace.count()
-                continue
-            if reply.status != _BUSY:
-                return reply
-            self._pace.count()
-        return self._authorized(request, deadline)
-
-    def _authorized(self, request: Request, deadline: float) -> HttpReply:
-        cookies = self._login.headers()
-        reply = self._once(request, cookies, deadline)
-        if reply.status == _UNAUTHORIZED and self._login.has_session and self._login.headers() != cookies:
+    def _authorized(self, request: Request, deadline: float) -> httpx.Response:
+        """The response of a controller that knows us; logs in where it does not."""
+        cookies = self._cookies
+        message = self._message(request, deadline)
+        response = self._once(message, cookies, deadline)
+        if response.status_code == _UNAUTHORIZED and self.is_open and self._cookies != cookies:
             # Another request has logged in meanwhile: one session is enough.
-            reply = self._once(request, self._login.headers(), deadline)
-        if reply.status != _UNAUTHORIZED:
-            return reply
-        proof = self._login.answer(self._challenge(reply), request.method, request.target)
+            response = self._once(message, self._cookies, deadline)
+        if response.status_code != _UNAUTHORIZED:
+            return response
+        self._cookies = {}  # the old session is gone
         self._pace.count()
-        reply = self._once(request, proof, deadline)
-        if reply.status == _UNAUTHORIZED:
+        response = self._once(self._with_credentials(message, response), {}, deadline)
+        if response.status_code == _UNAUTHORIZED:
             raise LoginRefused(
                 f"The controller at {self.address} does not accept user {self._user!r} with this password; give "
                 "the right ones (a new controller knows user 'Default User' with password 'robotics')."
             )
-        return reply
+        return response
 
-    def _once(self, request: Request, headers: Headers, deadline: float) -> HttpReply:
-        self._check_not_abandoned()
-        left = deadline - self._clock.now()
-        if left <= 0.0:
-            raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")
-        kind = () if request.content_type is None else (("Content-Type", request.content_type),)
-        message = HttpRequest(request.method, request.target, headers + kind, request.body)
-        reply = self._link.exchange(message, left)
-        self._login.accept(reply.headers)
-        return reply
-
-    def _challenge(self, reply: HttpReply) -> digest.Challenge:
+    def _message(self, request: Request, deadline: float) -> httpx.Request:
+        headers = {} if request.content_type is None else {"Content-Type": request.content_type}
         try:
-            challenge = digest.read_challenge(reply.header("WWW-Authenticate") or "")
-        except ProtocolError as error:
-            raise self.not_a_controller("it asks for another kind of login") from error
-        if challenge.realm != digest.REALM:
-            raise self.not_a_controller(f"its login is for {challenge.realm!r}")
-        return challenge
+            message = httpx.Request(
+                request.method,
+                f"http://{self.address}{request.target}",
+                headers=headers,
+                content=request.body,
+                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
+            )
+        except httpx.InvalidURL as error:
+            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
+        message.headers.encoding = "utf-8"  # of user names in a login
+        return message
 
-    def not_a_controller(self, why: str) -> ProtocolError:
-        """The error for a peer that speaks HTTP but not Robot Web Services."""
-        return ProtocolError(
-            f"A web server answers at {self.address}, but it is not an IRC5 controller with Robot Web Services "
-            f"1.0: {why}; check the address and the port."
-        )
+    def _with_credentials(self, message: httpx.Request, challenge: httpx.Response) -> httpx.Request:
+        """``message`` with the answer to the challenge of a controller; httpx computes it."""
+        login = httpx.DigestAuth(self._user, self._password).auth_flow(message)
+        next(login)
+        # Without the cookies of whatever answers: httpx would send them with the credentials.
+        headers = [(name, value) for name, value in challenge.headers.raw if name.lower() == b"www-authenticate"]
+        try:
+            proved = login.send(httpx.Response(challenge.status_code, headers=headers, request=message))
+        except (StopIteration, httpx.ProtocolError, NotImplementedError, LookupError, ValueError) as error:
+            raise self.not_a_controller("it asks for another kind of login") from error
+        realm = _REALM.search(challenge.headers["WWW-Authenticate"])
+        if realm is None or realm[1] != REALM:
+            raise self.not_a_controller(f"its login is for {realm[1] if realm else ''!r}")
+        return proved
+
+    def _once(self, message: httpx.Request, cookies: dict[str, str], deadline: float) -> httpx.Response:
+        self._check_not_abandoned()
+        if self._clock.now() >= deadline:
+            raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")
+        message.headers.pop("Cookie", None)
+        if cookies:
+            message.headers["Cookie"] = _cookie_header(cookies)
+        response = self._transport.handle_request(message)
+        found = (_COOKIE.match(line.strip()) for line in response.headers.get_list("Set-Cookie"))
+        self._cookies = {**self._cookies, **{own[1]: own[2] for own in found if own}}
+        return response
+
+
+def _cookie_header(cookies: dict[str, str]) -> str:
+    return "; ".join(f"{name}={value}" for name, value in cookies.items())

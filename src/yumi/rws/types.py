@@ -1,8 +1,7 @@
-"""The states a controller reports, spelled as on the wire (reference/rws.md §5-6).
+"""Values of Robot Web Services: states and codes of a controller, and RAPID values as literals.
 
-ABB's return codes and what they mean to a person (reference/rws.md §3.4-3.5).
-
-RAPID values as Robot Web Services carries them: literals without blanks (reference/rws.md §6.5).
+States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
+literals without blanks (§6.5):
 
 ========== ==================== ==========================
 RAPID      Python               text
@@ -18,6 +17,7 @@ array      tuple of values      ``[1,2,3]``
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from enum import Enum, IntEnum
 from math import isfinite
 
@@ -49,7 +49,7 @@ class ControllerState(Enum):
 
 
 class CollisionState(Enum):
-    """What the collision detection has to say, ``/rw/panel/coldetstate``."""
+    """State of the collision detection, ``/rw/panel/coldetstate``."""
 
     INIT = "INIT"
     TRIGGERED = "TRIGGERED"
@@ -132,7 +132,7 @@ class Code(IntEnum):
     UNEXPECTED = -1073414145
 
 
-_SENTENCES = {
+_SENTENCES: Mapping[int | None, str] = {
     Code.REJECT: 'the controller does not let remote clients write this; a signal needs Access "All"',
     Code.UNEXPECTED: 'the controller does not let remote clients write this; a signal needs Access "All"',
     Code.INVALIDARG: "a value in the request is not allowed",
@@ -170,7 +170,7 @@ def name_of(code: int) -> str:
 
 def sentence(code: int | None) -> str | None:
     """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
-    return next((words for known, words in _SENTENCES.items() if known == code), None)
+    return _SENTENCES.get(code)
 
 
 RapidValue = float | bool | str | tuple["RapidValue", ...]
@@ -230,15 +230,13 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def _encode_number(value: float) -> str:
+    """The number as the controller prints it: 9000000000 is 9E+09."""
     if not isfinite(value):
         raise CommandRefused(f"RAPID has no number {value}; give a finite one.")
     mantissa, _, exponent = repr(value).upper().partition("E")
     digits = mantissa.removesuffix(".0")
-    return f"{digits}E{exponent}" if exponent else _with_exponent(digits)
-
-
-def _with_exponent(digits: str) -> str:
-    """Shorten whole numbers the way the controller prints them: 9000000000 is 9E+09."""
+    if exponent:
+        return f"{digits}E{exponent}"
     significant = digits.lstrip("-").rstrip("0")
     places = len(digits.lstrip("-")) - 1
     if "." in digits or places < 7 or len(significant) != 1:
@@ -253,14 +251,10 @@ def _decode(text: str, depth: int) -> RapidValue:
     if word.startswith("["):
         return tuple(_decode(part, depth + 1) for part in split(word))
     if match := _STRING.fullmatch(word):
-        return _ESCAPE.sub(_unescaped, match[1])
+        # A doubled quote or backslash, or the character of a two-digit code.
+        return _ESCAPE.sub(lambda escape: escape[1] or escape[2] or chr(int(escape[3], 16)), match[1])
     if word.upper() in ("TRUE", "FALSE"):
         return word.upper() == "TRUE"
     if _NUMBER.fullmatch(word):
         return float(word)
     raise ProtocolError(f"{text!r} is not a RAPID value.")
-
-
-def _unescaped(escape: re.Match[str]) -> str:
-    """A doubled quote or backslash, or the character of a two-digit code."""
-    return escape[1] or escape[2] or chr(int(escape[3], 16))

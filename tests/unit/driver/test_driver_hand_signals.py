@@ -11,7 +11,7 @@ from yumi.driver.gripper import HandSignals
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
 from yumi.robot.gripper import GripperModules, HandState
 from yumi.robot.joints import Side
-from yumi.rws.requests import Change, Priority, Resource
+from yumi.rws.events import Change, Priority, Resource
 
 MODULES = {Side.RIGHT: GripperModules.SERVO, Side.LEFT: GripperModules.VISION_VACUUM}
 

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
+import gc
 import multiprocessing.heap
 import os
 import resource
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
+import httpx
 import pytest
 
+from yumi.clock import SystemClock
 from yumi.control.shared_state import PROCESSES, new_bell, shared_numbers
 from yumi.driver.control_process import ChildProcess, PipeEnd
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import child as command_module
 from yumi.process.child import DRIVER_READY, Command
-from yumi.rws.http import HttpLink, HttpRequest, Listener
+from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
+from yumi.virtual.rws.http_server import HttpServer, Upgrade
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
 
@@ -71,29 +75,40 @@ def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:
 def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
-        link = HttpLink(address)
+        transport = HttpTransport(address)
+        request = httpx.Request("GET", f"http://{address}/", extensions=until(SystemClock().now() + 1.0, 1.0))
         with no_descriptor_left(), pytest.raises(NoConnection) as refused:
-            link.exchange(HttpRequest("GET", "/"), 1.0)
-        link.close()
+            transport.handle_request(request)
+        transport.close()
     assert (
         str(refused.value) == f"No file descriptor is left for a connection to {address}; raise the limit (ulimit -n)."
     )
 
 
-def test_web_socket_without_an_event_loop_is_refused_and_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(asyncio.events, "new_event_loop", refuse)
-    with pytest.raises(NoConnection, match=r"cannot be reached .*No space left on device"):
-        HttpLink("127.0.0.1:9").open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)
-
-
-def test_web_socket_looks_for_its_descriptors_before_it_begins() -> None:
-    link = HttpLink("127.0.0.1:9")
+def test_web_socket_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with pytest.raises(NoConnection, match="cannot be reached"):
-        link.open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)  # its modules are read before the limit
+        WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)  # its modules are read before the limit
     with no_descriptor_left(), pytest.raises(NoConnection) as refused:
-        link.open_socket(HttpRequest("GET", "/poll/1"), LISTENER, 1.0)
+        WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)
     sentence = "No file descriptor is left for the WebSocket of 127.0.0.1:9; raise the limit (ulimit -n)."
     assert str(refused.value) == sentence
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # of a pair of sockets that websockets leaves to the collector
+def test_web_socket_without_a_thread_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    start = threading.Thread.start
+
+    def no_thread_of_ours(thread: threading.Thread) -> None:
+        if threading.current_thread() is threading.main_thread():
+            raise RuntimeError("can't start new thread")
+        start(thread)
+
+    with HttpServer(lambda _: Upgrade("rws", lambda channel: None), 0) as server:
+        monkeypatch.setattr(threading.Thread, "start", no_thread_of_ours)
+        with pytest.raises(MissingPrerequisite, match="permits no further thread for the WebSocket"):
+            WebSocket(server.address, "/poll/1", "", LISTENER, 1.0)
+        monkeypatch.undo()
+        gc.collect()
 
 
 def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from yumi.errors import ProtocolError
 from yumi.rws import replies
-from yumi.rws.documents import Form, Page, State, Status, representations_write_status
+from yumi.rws.documents import Form, Page, State, Status, write_status
 from yumi.rws.replies import Event, Signal, SystemInfo, TaskInfo
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
 
@@ -19,9 +19,9 @@ def page(kind: str, **fields: str) -> Page:
     return Page("", "", (State(kind, "/rw/elog/0/18", fields),))
 
 
-def refused(status: Status, form: Form = Form.XHTML) -> str:
-    body = representations_write_status(status, form, base="")
-    return str(replies.refusal("writing signal x", 403, form.value, body))
+def refused(status: Status) -> str:
+    body = write_status(status, Form.XHTML, base="")
+    return str(replies.refusal("writing signal x", 403, Form.XHTML.value, body))
 
 
 def test_system_has_name_version_and_options() -> None:
@@ -89,6 +89,13 @@ def test_event_is_read(kind: str) -> None:
     assert replies.events(page(kind, **fields)) == (expected,)
 
 
+@pytest.mark.parametrize(("weight", "sentence"), [("7", "'7|7 where only 1, 2, 3"), ("inf", "not a whole number")])
+def test_event_of_an_unknown_weight_is_refused(weight: str, sentence: str) -> None:
+    fields = {"msgtype": weight, "code": "10012", "tstamp": "", "title": "Stop", "desc": "It."}
+    with pytest.raises(ProtocolError, match=sentence):
+        replies.events(page("elog-message", **fields))
+
+
 def test_properties_give_the_type_of_any_kind_of_symbol() -> None:
     assert replies.symbol_type(page("rap-symproppers", dattyp="EGMSettings")) == "EGMSettings"
 
@@ -98,10 +105,9 @@ def test_properties_of_nothing_are_refused() -> None:
         replies.symbol_type(Page("", ""))
 
 
-@pytest.mark.parametrize("form", Form)
-def test_refusal_says_what_a_known_code_means(form: Form) -> None:
+def test_refusal_says_what_a_known_code_means() -> None:
     status = Status(Code.MODE_REJECT, "rws.cpp[1] Mode reject code:-1073445860 icode:-1")
-    assert refused(status, form) == (
+    assert refused(status) == (
         "writing signal x was refused: the operating mode forbids it; switch the controller to AUTO "
         "(HTTP 403, MODE_REJECT -1073445860)."
     )

@@ -8,9 +8,9 @@ import pytest
 
 from yumi.errors import ProtocolError
 from yumi.rws import documents as forms
-from yumi.rws import requests as event_pages
+from yumi.rws import events as event_pages
 from yumi.rws.documents import Link, State
-from yumi.rws.requests import (
+from yumi.rws.events import (
     Change,
     Priority,
     Resource,

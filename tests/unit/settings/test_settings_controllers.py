@@ -86,7 +86,7 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
     ("text", "sentence"),
     [
         ("- 1", "mine.yaml must hold a mapping of settings."),
-        ("/c: [", "mine.yaml is no YAML:"),
+        ("/c: [", "mine.yaml is not YAML:"),
         ("/c: 3", "mine.yaml line 1: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  ros__parameters: 3", "mine.yaml line 2: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  p: 3", "mine.yaml line 2: /c/p needs a mapping 'ros__parameters'."),
@@ -131,6 +131,7 @@ def test_controllers_may_be_listed_for_both_arms_at_once(file: Path) -> None:
     ("more", "sentence"),
     [
         ("/r/place: {ros__parameters: {p: 1}}", "mine.yaml line 7: /r/place is not the name of anything here;"),
+        ("/r/place: {ros__parameters: }", "mine.yaml line 7: /r/place is not the name of anything here;"),
         ("/l/position: {ros__parameters: {p: 1}}", "there are: /r/controller_manager, /r/position, /l/controller_m"),
         ("      kind: x", "mine.yaml line 7: the controller manager has no setting position.kind = 'x'; it has: <con"),
         ("    other: {initial_state: active}", "line 7: the controller manager has no setting other.initial_state"),

@@ -3,11 +3,13 @@ from __future__ import annotations
 import socket
 from select import select
 
+import httpx
 import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.rws.http import ConnectionLost, HttpLink, HttpReply, HttpRequest, Listener
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
 from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
 
 
@@ -27,20 +29,33 @@ def test_taken_port_is_refused() -> None:
 
 def test_request_nobody_answers_ends_the_connection() -> None:
     with HttpServer(lambda _: None, 0) as server:
-        link = HttpLink(server.address, ManualClock())
+        transport = HttpTransport(server.address, ManualClock())
         with pytest.raises(ConnectionLost, match="closed the connection without an HTTP answer"):
-            link.exchange(HttpRequest("GET", "/"), 5.0)
-        link.close()
+            transport.handle_request(httpx.Request("GET", f"http://{server.address}/", extensions=until(5.0, 5.0)))
+        transport.close()
 
 
 def test_web_socket_that_is_not_granted_is_refused() -> None:
     listener = Listener("robapi2_subscription", lambda text: None, lambda sentence: None)
     with HttpServer(lambda _: HttpReply(404), 0) as server:
-        link, sentence = HttpLink(server.address), f"{server.address} does not open a WebSocket at /poll/1"
+        sentence = f"{server.address} does not open a WebSocket at /poll/1"
         with pytest.raises(ControllerRefused, match=f"{sentence}: it answers HTTP 404"):
-            link.open_socket(HttpRequest("GET", "/poll/1"), listener, 5.0)
+            WebSocket(server.address, "/poll/1", "", listener, 5.0)
     with pytest.raises(NoConnection, match=f"The WebSocket of {server.address} cannot be reached"):
-        link.open_socket(HttpRequest("GET", "/poll/1"), listener, 5.0)
+        WebSocket(server.address, "/poll/1", "", listener, 5.0)
+
+
+def test_web_socket_does_not_follow_a_redirect() -> None:
+    """The session's cookies belong to the controller."""
+    listener = Listener("robapi2_subscription", lambda text: None, lambda sentence: None)
+    asked: list[HttpRequest] = []
+    with (
+        HttpServer(lambda request: asked.append(request) or HttpReply(404), 0) as other,
+        HttpServer(lambda _: HttpReply(302, (("Location", f"ws://{other.address}/poll/1"),)), 0) as server,
+        pytest.raises(ControllerRefused, match="it answers HTTP 302"),
+    ):
+        WebSocket(server.address, "/poll/1", "-http-session-=1", listener, 5.0)
+    assert asked == []
 
 
 HANDSHAKE = (

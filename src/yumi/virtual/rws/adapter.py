@@ -18,7 +18,7 @@ from yumi.errors import ProtocolError, RapidError
 from yumi.rws import auth as cookies
 from yumi.rws import auth as digest
 from yumi.rws import documents as forms
-from yumi.rws.documents import Form, representations_write_page, representations_write_status
+from yumi.rws.documents import Form, write_page, write_status
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import Code
 from yumi.virtual.controller.errors import Refused
@@ -220,7 +220,7 @@ class RwsAdapter:
             return HttpReply(_NO_CONTENT)
         if isinstance(page, HttpReply):
             return page
-        body = representations_write_page(replace(page, base=root + page.base), form)
+        body = write_page(replace(page, base=root + page.base), form)
         return HttpReply(_OK, (("Content-Type", form.value),), body)
 
 
@@ -255,7 +255,7 @@ def _form(request: HttpRequest) -> forms.Pairs:
 
 def _failed(failure: Failure, call: Call, form: Form, root: str) -> HttpReply:
     service = call.path[1] if len(call.path) > 1 else "rw"
-    body = representations_write_status(rws_refusals.status_of(failure, service), form, base=f"{root}/")
+    body = write_status(rws_refusals.status_of(failure, service), form, base=f"{root}/")
     return HttpReply(failure.status, (("Content-Type", form.value),), body)
 
 

@@ -19,8 +19,7 @@ from math import inf
 from yumi.errors import ProtocolError
 from yumi.rapid.errors import UnknownSymbol
 from yumi.rws.documents import Form, Link, State
-from yumi.rws.http import HttpReply
-from yumi.rws.requests import (
+from yumi.rws.events import (
     MAX_GROUPS,
     MAX_HIGH,
     MAX_RESOURCES,
@@ -31,6 +30,7 @@ from yumi.rws.requests import (
     write_event,
     write_group,
 )
+from yumi.rws.http import HttpReply
 from yumi.rws.types import Code
 from yumi.virtual.controller.errors import Refused
 from yumi.virtual.controller.signals import path_of, printed

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.rws import auth as cookies
 from yumi.virtual.rws.sessions import IDLE_LIFE, MAX_SESSIONS, SessionTable, TooManySessions
 
 
@@ -12,7 +11,7 @@ def table() -> SessionTable:
 
 
 def sent_back(lines: tuple[str, ...]) -> dict[str, str]:
-    return dict(map(cookies.read_set_cookie, lines))
+    return dict(line.partition(";")[0].split("=", 1) for line in lines)
 
 
 def test_new_session_sets_session_cookie_then_connection_cookie(table: SessionTable) -> None:

@@ -1,0 +1,220 @@
+"""What a client may subscribe to, and the documents in which changes come (reference/rws.md §14).
+
+A controller sends a change at once, but at most as often as the priority permits: low every 5 s, medium every 200 ms,
+high every 50 ms; of a resource that changes faster, the last value is sent. High is for signals and persistent
+variables only.
+
+The documents are XHTML on one line, ASCII, short (reference/rws.md §14.1-14.2): clients cut them with regular
+expressions and receive into buffers of 1024 bytes, so spelling and length count.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+
+from yumi.errors import ProtocolError
+from yumi.rws import documents as forms
+from yumi.rws.documents import Form, Page, Pairs, State, escaped, read_page, write_item
+
+PROTOCOL = "robapi2_subscription"
+"""Sub-protocol of the WebSocket."""
+
+MAX_GROUPS = 2
+"""Groups a session may have."""
+
+MAX_RESOURCES = 1000
+"""Resources a group may have."""
+
+MAX_HIGH = 64
+"""Resources with high priority, of all clients together."""
+
+_SYMBOL_DATA = "/rw/rapid/symbol/data/RAPID/"
+
+
+class Priority(IntEnum):
+    """How soon a change is sent."""
+
+    LOW = 0
+    MEDIUM = 1
+    HIGH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Resource:
+    """One thing that can be subscribed; ``path`` as the controller spells it, e.g. ``/rw/panel/opmode``."""
+
+    path: str
+    priority: Priority = Priority.MEDIUM
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """The new value of a resource.
+
+    Attributes:
+        path: of the resource, as it was subscribed.
+        fields: the texts by name, e.g. ``{"opmode": "AUTO"}``; empty where the controller says only that there is
+            something new.
+    """
+
+    path: str
+    fields: Mapping[str, str] = field(default_factory=dict)
+
+
+CONTROLLER_STATE = Resource("/rw/panel/ctrlstate")
+"""Field ``ctrlstate``."""
+
+OPERATING_MODE = Resource("/rw/panel/opmode")
+"""Field ``opmode``."""
+
+SPEED_RATIO = Resource("/rw/panel/speedratio")
+"""Field ``speedratio``."""
+
+COLLISION_STATE = Resource("/rw/panel/coldetstate")
+"""Field ``coldetstate``."""
+
+EXECUTION = Resource("/rw/rapid/execution;ctrlexecstate")
+"""Field ``ctrlexecstate``."""
+
+
+def signal_state(name: str, priority: Priority = Priority.HIGH) -> Resource:
+    """An I/O signal: fields ``lvalue`` and ``lstate``."""
+    return Resource(f"/rw/iosystem/signals/{name};state", priority)
+
+
+def variable_value(task: str, module: str, name: str, priority: Priority = Priority.HIGH) -> Resource:
+    """A persistent variable (PERS; a VAR cannot be subscribed): field ``value``, its RAPID literal."""
+    return Resource(f"{_SYMBOL_DATA}{task}/{module}/{name};value", priority)
+
+
+def task_execution(task: str) -> Resource:
+    """Execution of one RAPID task: field ``pgmtaskexec-state``."""
+    return Resource(f"/rw/rapid/tasks/{task};excstate")
+
+
+def event_log(domain: int = 0) -> Resource:
+    """The event log: field ``seqnum``, the number of the newest message; domain 0 holds all."""
+    return Resource(f"/rw/elog/{domain}")
+
+
+def write_resources(resources: Sequence[Resource]) -> Pairs:
+    """The form that asks for ``resources``."""
+    pairs: list[tuple[str, str]] = []
+    for number, resource in enumerate(resources):
+        pairs += [
+            ("resources", str(number)),
+            (str(number), resource.path),
+            (f"{number}-p", str(int(resource.priority))),
+        ]
+    return tuple(pairs)
+
+
+def read_resources(form: Pairs) -> tuple[Resource, ...]:
+    """The resources a form asks for.
+
+    Raises:
+        ProtocolError: a path or a priority is missing, or the priority is none.
+    """
+    numbers = [value for name, value in form if name == "resources"]
+    if not numbers:
+        raise ProtocolError("the body lacks resources")
+    resources: list[Resource] = []
+    for number in numbers:
+        path, priority = forms.first(form, number), forms.first(form, f"{number}-p")
+        if not path or priority is None:
+            raise ProtocolError(f"the body lacks {number if not path else f'{number}-p'}")
+        if priority not in ("0", "1", "2"):
+            raise ProtocolError(f"{number}-p is 0, 1 or 2, not {priority!r}")
+        resources.append(Resource(path, Priority(int(priority))))
+    return tuple(resources)
+
+
+def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
+    """The changes in an event or in the answer to a subscription to ``paths``.
+
+    A variable's value comes in a second state, right behind the one that names it.
+    """
+    known = tuple(paths)
+    changes: list[Change] = []
+    for state in page.states:
+        href = next((link.href for link in state.links if link.rel == "self"), None)
+        if href is not None:
+            changes.append(Change(_subscribed(href, known), state.fields))
+        elif changes:
+            change = changes.pop()
+            changes.append(Change(change.path, {**change.fields, **state.fields}))
+    return tuple(changes)
+
+
+def _subscribed(href: str, paths: tuple[str, ...]) -> str:
+    """The path under which ``href`` was subscribed.
+
+    Messages of the event log have paths below it; signals may come with their network and device.
+    """
+    if href in paths:
+        return href
+    for path in paths:
+        if href.startswith(f"{path}/") or _signal(path) == _signal(href) != "":
+            return path
+    return href
+
+
+def _signal(path: str) -> str:
+    """Name of the signal of a path, or ""."""
+    return path.rpartition("/")[2] if "/iosystem/signals/" in path else ""
+
+
+MAX_EVENT = 1024
+"""What the receive buffers of common clients hold [byte]."""
+
+_POLL = re.compile(r"/poll/(\d+)")
+
+
+def write_group(root: str, group: int, events: Sequence[Sequence[State]]) -> bytes:
+    """The answer to a subscription, with the values of this moment; ``root`` is ``host:port`` of the controller."""
+    links = (
+        f'<a href="subscription/{group}" rel="group"></a>'
+        f'<a href="ws://{escaped(root)}/poll/{group}" rel="self"></a>'
+        f'<a href="subscription/{group}?action=show" rel="action"></a>'
+    )
+    return _document(root, links, (state for event in events for state in event))
+
+
+def write_event(root: str, group: int, event: Sequence[State]) -> str:
+    """The message with one event; common clients look for one only in each.
+
+    What is too long for their buffers is sent without its value, which a client can read where the link leads.
+    """
+    link = f'<a href="subscription/{group}" rel="group"></a>'
+    text = _document(root, link, event)
+    if len(text) > MAX_EVENT:
+        text = _document(root, link, [replace(event[0], fields={})])
+    return text.decode("ascii")
+
+
+def read_event(text: str) -> Page:
+    """The page in a message or in the answer to a subscription.
+
+    Raises:
+        ProtocolError: it is not the XHTML of Robot Web Services.
+    """
+    return read_page(Form.XHTML.value, text.encode())
+
+
+def group_of(text: str) -> int | None:
+    """Number of the group in an address such as ``ws://192.168.125.1:80/poll/5``."""
+    found = _POLL.search(text)
+    return None if found is None else int(found[1])
+
+
+def _document(root: str, links: str, states: Iterable[State]) -> bytes:
+    items = "".join(map(write_item, states))
+    text = (
+        '<?xml version="1.0" encoding="UTF-8"?><html xmlns="http://www.w3.org/1999/xhtml">'
+        f'<head><title>Event</title><base href="http://{escaped(root)}/"/></head>'
+        f'<body><div class="state">{links}<ul>{items}</ul></div></body></html>'
+    )
+    return text.encode("ascii", "xmlcharrefreplace")
