@@ -349,7 +349,7 @@ def test_14_motors_off_are_told(guided):
 
 
 def test_14_rapid_state_is_undefined_after_a_restart_as_an_option():
-    bench = RobotBench(EgmOptions(tells_rapid_state=False)).prepare(FULL_SPEED, data=RAW).run()
+    bench = RobotBench(EgmOptions(sends_rapid_state=False)).prepare(FULL_SPEED, data=RAW).run()
     assert bench.cycle().rapid is RapidState.UNDEFINED
 
 

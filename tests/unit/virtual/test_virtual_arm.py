@@ -114,7 +114,7 @@ def test_motion_is_refused_when_motors_are_off():
 
 def test_motion_is_refused_when_egm_guides_the_arm(arm):
     arm.start_egm(EgmSettings())
-    with pytest.raises(RobotNotReady, match="EGM guides the left arm"):
+    with pytest.raises(RobotNotReady, match="EGM moves the left arm"):
         arm.move_to(ZERO)
 
 
@@ -145,7 +145,7 @@ def test_brakes_hold_when_egm_was_guiding(arm):
     arm.advance(0.2)
     arm.switch_motors_off()
     assert settle(arm) < 0.3
-    with pytest.raises(RobotNotReady, match="EGM does not guide the left arm"):
+    with pytest.raises(RobotNotReady, match="EGM does not move the left arm"):
         arm.set_reference(ZERO, None)
 
 

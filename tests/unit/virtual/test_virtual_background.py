@@ -14,7 +14,7 @@ from lark import UnexpectedInput
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
 from yumi.virtual.rws import rapid as rws_rapid
-from yumi.virtual.rws.routes import Call, answer
+from yumi.virtual.rws.operations import Call, Router
 from yumi.virtual.server import Background, parsed
 from yumi.virtual.world import World
 
@@ -71,8 +71,8 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
-    call = Call("GET", ("rw", "rapid", "modules", "TRobMain"), options, session="", host="")
-    pages = [answer(rws_rapid.ROUTES, controller, call) for _ in range(3)]
+    operation, call = Router(rws_rapid.OPERATIONS).find(Call("GET", ("rw", "rapid", "modules", "TRobMain"), options))
+    pages = [operation.handler(controller, call) for _ in range(3)]
     assert (len(texts), pages[1:]) == (1, pages[:-1])
 
 

@@ -226,7 +226,7 @@ def test_reference_that_is_no_number_makes_the_controller_fail(bench, value):
     bench.run()
     bench.cycle(in_axes((value, *HOME[1:])))
     assert bench.egm.outcome is EgmOutcome.SYSTEM_FAILURE
-    assert bench.egm.fault == "The left arm got an EGM reference that is no finite number."
+    assert bench.egm.fault == "The left arm got an EGM reference that is not a finite number."
     assert (bench.cycle().mci, bench.arm.motors_on) == (MciState.ERROR, False)
     assert bench.arm.planned == HOME
 

@@ -87,13 +87,13 @@ def test_stop_ends_a_run(bench: InstructionBench) -> None:
     bench.start(MOVE + SETUP + ACT + start + "WaitTime 0.1; EGMStop egm,EGM_STOP_HOLD; number:=EGMGetState(egm);")
     guide(bench)
     assert float(bench.read("number")) == EgmState.CONNECTED
-    assert bench.station.arm.is_stationary
+    assert bench.unit.arm.is_stationary
 
 
 def test_reset_gives_the_identity_back(bench: InstructionBench) -> None:
     bench.run("EGMGetId egm; EGMReset egm; number:=EGMGetState(egm);")
     assert float(bench.read("number")) == EgmState.DISCONNECTED
-    assert bench.station.egm_identities == set()
+    assert bench.unit.egm_identities == set()
 
 
 def test_egm_cannot_be_the_first_motion(bench: InstructionBench) -> None:
@@ -141,7 +141,7 @@ def test_setup_refuses_a_unit_that_is_no_robot(bench: InstructionBench) -> None:
 def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
     bench.run('EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","UCdevice:"\\Joint;')
     assert bench.failure == ""
-    assert bench.station.egm_device == "UCdevice"
+    assert bench.unit.egm_device == "UCdevice"
 
 
 @pytest.mark.parametrize(("do_not_restart", "state"), [("FALSE", EgmState.RUNNING), ("TRUE", EgmState.CONNECTED)])
@@ -153,12 +153,12 @@ def test_interrupted_run_goes_on_after_motors_off_unless_configured_otherwise(
     bench.start(MOVE + SETUP + ACT + RUN.replace("0.2", "9") + "WaitTime 9;")
     guide(bench, limit=0.3)
     bench.task.stop()
-    bench.station.arm.switch_motors_off()
+    bench.unit.arm.switch_motors_off()
     bench.step()
-    bench.station.arm.switch_motors_on()
+    bench.unit.arm.switch_motors_on()
     bench.task.start()
     guide(bench, limit=0.6)
-    assert bench.station.egm.state is state
+    assert bench.unit.egm.state is state
     assert bench.task.is_running
 
 
@@ -190,12 +190,12 @@ def test_raw_data_shortens_the_reaction(bench: InstructionBench) -> None:
     filtered = InstructionBench()
     filtered.start(MOVE + SETUP + ACT + RUN)
     guide(filtered)
-    assert bench.station.arm.reaction_time < filtered.station.arm.reaction_time
+    assert bench.unit.arm.reaction_time < filtered.unit.arm.reaction_time
 
 
 def test_convergence_bands_arrive_in_chain_order(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
     activations: list[EgmActivation] = []
-    monkeypatch.setattr(bench.station.egm, "activate", activations.append)
+    monkeypatch.setattr(bench.unit.egm, "activate", activations.append)
     bands = "".join(f"\\J{axis}:=[-{axis},{axis}]" for axis in range(1, 8))
     bench.run(f"{SETUP} EGMActJoint egm{bands};")
     highest = [high for _, high in activations[0].cond_min_max]

@@ -9,10 +9,10 @@ from typing import Any
 from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration, Instance
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, EventType
-from yumi.virtual.controller.station import Station
 from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid
 from yumi.virtual.mechanics.arm import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 
@@ -32,21 +32,21 @@ class EgmInstructions:
     """The EGM instructions of one task.
 
     Args:
-        station: the arm EGM guides.
+        unit: the arm EGM guides.
         configuration: where devices and External Motion Interface Data are.
         events: the controller's event log.
     """
 
-    def __init__(self, station: Station, configuration: Configuration, events: EventLog) -> None:
-        self._station = station
-        self._client = station.egm
+    def __init__(self, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
+        self._unit = unit
+        self._client = unit.egm
         self._configuration = configuration
         self._events = events
         self._run: EgmRun | None = None
 
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
-        identities = self._station.egm_identities
+        identities = self._unit.egm_identities
         name = call.place("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
@@ -58,7 +58,7 @@ class EgmInstructions:
 
     def reset(self, call: Call) -> None:
         """EGMReset: end what the identity runs and give it back."""
-        self._station.egm_identities.discard(call.place("EGMid").name.lower())
+        self._unit.egm_identities.discard(call.place("EGMid").name.lower())
         self._client.reset()
 
     def setup_uc(self, call: Call) -> None:
@@ -67,7 +67,7 @@ class EgmInstructions:
             raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm is guided with \\Joint on RobotWare 6.")
         if call["MecUnit"].type != "TCPRobot":
             raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is no TCP robot (41830).")
-        self._station.egm_device = self._device(call["UCDevice"]).name
+        self._unit.egm_device = self._device(call["UCDevice"]).name
         data = self._motion_data(call["ExtConfigName"])
         self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
 
@@ -102,7 +102,7 @@ class EgmInstructions:
     def stop(self, call: Call) -> Wait:
         """EGMStop: done when the arm stands."""
         self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
-        while not self._station.arm.is_stationary:
+        while not self._unit.arm.is_stationary:
             yield None
 
     def stream_start(self, call: Call) -> None:
@@ -125,10 +125,10 @@ class EgmInstructions:
                 self._time_out(run)
             if outcome in _OVER or not self._client.resumes:
                 break
-            if outcome is not EgmOutcome.RUNNING and self._station.arm.is_stationary:
+            if outcome is not EgmOutcome.RUNNING and self._unit.arm.is_stationary:
                 # The program had been stopped and goes on: the interrupted instruction guides the arm again.
                 self._guide(run)
-        while not self._station.arm.is_stationary:
+        while not self._unit.arm.is_stationary:
             yield None
 
     def _time_out(self, run: EgmRun) -> None:
@@ -142,11 +142,11 @@ class EgmInstructions:
         self._do(lambda: self._client.run_joint(run))
 
     def _check_start(self) -> None:
-        if not self._station.has_moved:
+        if not self._unit.has_moved:
             raise RapidRuntimeError(
                 FATAL, "EGMRunJoint: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
             )
-        if not self._station.arm.is_stationary:
+        if not self._unit.arm.is_stationary:
             raise RapidRuntimeError(FATAL, "EGMRunJoint: the arm has to stand in a fine point; use WaitRob \\InPos.")
 
     def _do(self, action: Callable[[], None]) -> None:
@@ -204,9 +204,9 @@ def _run(call: Call) -> EgmRun:
     )
 
 
-def add_egm(library: Library, station: Station, configuration: Configuration, events: EventLog) -> None:
+def add_egm(library: Library, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
     """Register the EGM instructions of one task."""
-    egm = EgmInstructions(station, configuration, events)
+    egm = EgmInstructions(unit, configuration, events)
     identity = "VAR egmident EGMid"
     bands = "".join(rf", \egm_minmax {axis}" for axis in _AXES)
     switches = "".join(rf", \switch {axis}" for axis in _AXES)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import BOOL, is_numeric, resolved
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration
-from yumi.virtual.controller.station import Station
 from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
 
 _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
@@ -18,7 +18,7 @@ class SystemInstructions:
     """The system instructions of one task.
 
     Args:
-        station: the arm of the task.
+        unit: the arm of the task.
         units: the controller's mechanical units.
         configuration: the system parameters.
         sync_points: where the tasks meet.
@@ -26,12 +26,12 @@ class SystemInstructions:
 
     def __init__(
         self,
-        station: Station,
+        unit: ArmUnit,
         units: Sequence[MechanicalUnit],
         configuration: Configuration,
         sync_points: SyncPoints,
     ) -> None:
-        self._station = station
+        self._unit = unit
         self._units = units
         self._configuration = configuration
         self._sync_points = sync_points
@@ -87,7 +87,7 @@ class SystemInstructions:
 
     def wait_sync(self, call: Call) -> Wait:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
-        while call.present("InPos") and not self._station.arm.is_stationary:
+        while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
         point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
         arrival = self._sync_points.arrive(point, call.task.name)
@@ -121,13 +121,13 @@ def _number(text: str, attribute: str) -> float:
 
 def add_system(
     library: Library,
-    station: Station,
+    unit: ArmUnit,
     units: Sequence[MechanicalUnit],
     configuration: Configuration,
     sync_points: SyncPoints,
 ) -> None:
     """Register the system instructions of one task."""
-    system = SystemInstructions(station, units, configuration, sync_points)
+    system = SystemInstructions(unit, units, configuration, sync_points)
     library.function("GetMecUnitName", "mecunit MechUnit", "string")(system.unit_name)
     library.function(
         "GetNextMechUnit",

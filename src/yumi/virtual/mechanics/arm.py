@@ -647,11 +647,11 @@ class VirtualArm:
         """Order what EGM shall reach: None keeps the last position, and means no speed [rad], [rad/s], (7,).
 
         Raises:
-            RobotNotReady: EGM does not guide the arm.
+            RobotNotReady: EGM does not move the arm.
         """
         egm = self.egm
         if egm is None:
-            raise RobotNotReady(f"EGM does not guide the {self.side.word} arm: start EGM first.")
+            raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
         if position is not None:
             egm.reference = position
         egm.reference_velocity = ZERO if velocity is None else velocity
@@ -682,7 +682,7 @@ class VirtualArm:
         if not self._motors_on:
             raise RobotNotReady(f"The motors of the {self.side.word} arm are off: switch them on first.")
         if self.egm is not None:
-            raise RobotNotReady(f"EGM guides the {self.side.word} arm: end EGM before other motions (50453).")
+            raise RobotNotReady(f"EGM moves the {self.side.word} arm: end EGM before other motions (50453).")
 
     def _check_range(self, target: Joints) -> None:
         index = self.model.limits.outside(target)

@@ -1,7 +1,7 @@
-"""Where a running virtual controller is given faults: ``/virtual/faults``, which no ABB controller has.
+"""Fault injection into a running virtual controller: ``/virtual/faults``, which no ABB controller has.
 
-``GET /virtual/faults`` lists them, ``POST /virtual/faults/<name>`` lets one happen; ``side`` and ``duration`` stand in
-the form. Only programs of the same machine are served, without a login; a web page is not, wherever it is shown.
+``GET /virtual/faults`` lists the faults, ``POST /virtual/faults/<name>`` injects one; ``side``, ``duration``, ``by``
+and ``way`` are in the form. Only programs of the same machine are served, without a login; web pages are not.
 """
 
 from __future__ import annotations
@@ -18,56 +18,62 @@ from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 from yumi.rws import documents as forms
 from yumi.rws.http import HttpReply, HttpRequest
-from yumi.rws.types import ControllerState
-from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient
+from yumi.rws.types import ControllerState, OperatingMode
+from yumi.virtual.controller.egm import EgmClient
+from yumi.virtual.controller.egm_network import LASTING, SINGLE
 from yumi.virtual.controller.fault_names import Fault, FaultKind, Way, kind_of
-from yumi.virtual.controller.faults import Faults
-from yumi.virtual.rws.adapter import RwsAdapter
+from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
 PATH = "/virtual/faults"
 _MAX_DURATION = 86_400.0
-_GRIPPER_ERROR = 7  # any; the hand's numbers are not published
+_GRIPPER_ERROR = 7  # any; the gripper's numbers are not published
+_OTHER_FILE = "HOME:/Pick.mod"
+_OTHER_PROGRAM = """MODULE Pick
+    PROC main()
+        WHILE TRUE DO
+            WaitTime 1;
+        ENDWHILE
+    ENDPROC
+ENDMODULE
+"""
 
-_OK, _NO_CONTENT, _FORBIDDEN, _NOT_FOUND, _CONFLICT = 200, 204, 403, 404, 409
 
-
-class FaultDesk:
-    """Lets faults happen to a world and its web services.
+class FaultInjection:
+    """Injects faults into a world and its web services; what would change nothing is refused.
 
     Args:
         world: the virtual robot.
-        adapter: its Robot Web Services.
+        service: its Robot Web Services.
     """
 
-    def __init__(self, world: World, adapter: RwsAdapter) -> None:
+    def __init__(self, world: World, service: RwsService) -> None:
         self._world = world
-        self._adapter = adapter
-        hands = Faults(world.controller)
-        self._plain: Mapping[Fault, Callable[[], None]] = {
-            Fault.MOTORS_OFF: hands.switch_motors_off,
-            Fault.EMERGENCY_STOP: hands.press_emergency_stop,
-            Fault.EMERGENCY_STOP_RESET: hands.release_emergency_stop,
-            Fault.MANUAL_MODE: hands.select_manual_mode,
-            Fault.AUTO_MODE: hands.select_automatic_mode,
-            Fault.PROGRAM_STOP: hands.stop_program,
-            Fault.WRONG_PROGRAM: hands.load_wrong_program,
-            Fault.RIGHT_PROGRAM: hands.load_right_program,
-            Fault.RWS_RESET: adapter.reset_connections,
-            Fault.RWS_SESSIONS_EXPIRED: adapter.expire_sessions,
-            Fault.WEB_SOCKET_DROP: adapter.drop_web_sockets,
+        controller = world.controller
+        self._of_robot: Mapping[Fault, Callable[[], None]] = {
+            Fault.MOTORS_OFF: lambda: controller.set_motors(False),
+            Fault.EMERGENCY_STOP: controller.press_emergency_stop,
+            Fault.EMERGENCY_STOP_RESET: controller.release_emergency_stop,
+            Fault.MANUAL_MODE: lambda: controller.select_mode(OperatingMode.MANUAL_REDUCED),
+            Fault.AUTO_MODE: lambda: controller.select_mode(OperatingMode.AUTO),
+            Fault.PROGRAM_STOP: controller.stop_rapid,
+            Fault.WRONG_PROGRAM: lambda: controller.replace_program({_OTHER_FILE: _OTHER_PROGRAM}),
+            Fault.RIGHT_PROGRAM: lambda: controller.replace_program({}),
+            Fault.RWS_RESET: service.reset_connections,
+            Fault.RWS_SESSIONS_EXPIRED: service.expire_sessions,
+            Fault.WEB_SOCKET_DROP: service.drop_web_sockets,
         }
         self._lasting: Mapping[Fault, Callable[[float], None]] = {
-            Fault.WARM_RESTART: world.controller.restart,
-            Fault.RWS_BUSY: adapter.be_busy,
+            Fault.WARM_RESTART: controller.restart,
+            Fault.RWS_BUSY: service.be_busy,
         }
         self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
-            Fault.EGM_REPAIR: world.lines.repair,
-            Fault.COMM_TIMEOUT: lambda side: self._egm(side).lose_sensor(),
-            Fault.EGM_CONVERGENCE: lambda side: self._egm(side).converge(),
-            Fault.DYNAMIC_LOAD: lambda side: self._egm(side).overload(),
-            Fault.COLLISION: self._collide,
-            Fault.GRIPPER_NOT_CALIBRATED: self._forget_calibration,
+            Fault.EGM_REPAIR: world.network.repair,
+            Fault.COMM_TIMEOUT: lambda side: self._running_egm(side).lose_sensor(),
+            Fault.EGM_CONVERGENCE: lambda side: self._running_egm(side).converge(),
+            Fault.DYNAMIC_LOAD: lambda side: self._running_egm(side).overload(),
+            Fault.COLLISION: controller.collide,
+            Fault.GRIPPER_NOT_CALIBRATED: lambda side: world.grippers[side].cut_power(),
             Fault.GRIPPER_ERROR: lambda side: world.grippers[side].fail(_GRIPPER_ERROR),
             Fault.OBJECT_LOST: self._lose_object,
         }
@@ -80,7 +86,7 @@ class FaultDesk:
         amount: float | None = None,
         way: Way | None = None,
     ) -> None:
-        """Let a fault happen.
+        """Inject a fault.
 
         Args:
             fault: which.
@@ -94,47 +100,52 @@ class FaultDesk:
         """
         _check_choice(fault.value, side, duration)
         _check_strength(fault.value, amount, way)
+        self._check_effect(fault)
         sides = tuple(Side) if side is None else (side,)
         length = fault.value.default_duration if duration is None else duration
-        if fault in self._plain:
-            self._plain[fault]()
+        if fault in self._of_robot:
+            self._of_robot[fault]()
         elif fault in self._lasting:
             self._lasting[fault](inf if length is None else length)
         elif fault is Fault.EGM_SILENCE:
             for each in sides:
-                self._world.lines.put(Fault.EGM_LOSS, each, 100.0, duration=length)
+                self._world.network.inject(Fault.EGM_LOSS, each, 100.0, duration=length)
         elif fault in LASTING:
             for each in sides:
-                self._world.lines.put(fault, each, _strength(fault.value, amount), way or Way.BOTH, length)
+                self._world.network.inject(fault, each, _strength(fault.value, amount), way or Way.BOTH, length)
         elif fault in SINGLE:
-            send = partial(self._send_beside, fault, _strength(fault.value, amount))
+            send = partial(self._send_additional, fault, _strength(fault.value, amount))
             self._happen_to(send, sides, is_chosen=side is not None)
         else:
             self._happen_to(self._of_arm[fault], sides, is_chosen=side is not None)
 
     def answer(self, request: HttpRequest) -> HttpReply:
         """The answer to a request below :data:`PATH`."""
-        if not _is_local(request.peer):
-            return _sentence(_FORBIDDEN, "Faults are taken from programs on this machine only.")
-        if not _is_called_local(request):
+        if not _is_loopback(request.peer.rpartition(":")[0]):
+            return _sentence(403, "Faults are taken from programs on this machine only.")
+        # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
+        # leads to this machine.
+        origin = request.header("Origin")
+        urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
+        if not all(_is_loopback(_host_of(url)) for url in urls):
             return _sentence(
-                _FORBIDDEN, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
+                403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
         name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
         if not name:
-            return HttpReply(_OK, (("Content-Type", "application/json"),), json.dumps(_list()).encode())
+            return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(_list()).encode())
         fault = kind_of(name)
         if fault is None or request.method != "POST":
             known = ", ".join(each.value.name for each in Fault)
-            return _sentence(_NOT_FOUND, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
+            return _sentence(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
         try:
             self.happen(fault, *_choice(forms.decode(request.body.decode("utf-8", "replace"))))
         except YumiError as error:
-            return _sentence(_CONFLICT, str(error))
-        return HttpReply(_NO_CONTENT)
+            return _sentence(409, str(error))
+        return HttpReply(204)
 
     def _happen_to(self, happen: Callable[[Side], None], sides: Sequence[Side], *, is_chosen: bool) -> None:
-        """Let a fault happen to the arms it can happen to, at least one."""
+        """Inject a fault into the arms that are in a state for it, at least one."""
         refused: list[CommandRefused] = []
         for side in sides:
             try:
@@ -144,23 +155,47 @@ class FaultDesk:
         if refused and (is_chosen or len(refused) == len(sides)):
             raise refused[0]
 
-    def _send_beside(self, fault: Fault, amount: float, side: Side) -> None:
-        self._egm(side)  # one more datagram has to be like those that are sent
-        self._world.lines.put(fault, side, amount)
+    def _send_additional(self, fault: Fault, amount: float, side: Side) -> None:
+        self._running_egm(side)  # an additional datagram is a changed copy of one that was sent
+        self._world.network.inject(fault, side, amount)
 
-    def _egm(self, side: Side) -> EgmClient:
+    def _check_effect(self, fault: Fault) -> None:
+        """Refuse a fault of the controller that would change nothing.
+
+        Raises:
+            CommandRefused: says why.
+        """
+        controller = self._world.controller
+        state, mode = controller.controller_state, controller.mode
+        is_pressed, motors_on = state is ControllerState.EMERGENCY_STOP, state is ControllerState.MOTORS_ON
+        same_mode = f"The key stands at {mode.value} already."
+        refusals: Mapping[Fault, tuple[bool, str]] = {
+            Fault.EMERGENCY_STOP: (
+                is_pressed,
+                "The emergency stop is pressed already; emergency-stop-reset releases it.",
+            ),
+            Fault.EMERGENCY_STOP_RESET: (
+                not is_pressed,
+                "The emergency stop is not pressed; there is nothing to reset.",
+            ),
+            Fault.MOTORS_OFF: (not motors_on, "The motors are off already."),
+            Fault.PROGRAM_STOP: (not controller.is_running, "No RAPID program runs; there is nothing to stop."),
+            Fault.MANUAL_MODE: (mode is OperatingMode.MANUAL_REDUCED, same_mode),
+            Fault.AUTO_MODE: (mode is OperatingMode.AUTO, same_mode),
+            Fault.COLLISION: (
+                not motors_on,
+                "An arm whose motors are off does not collide; switch the motors on first.",
+            ),
+        }
+        is_refused, sentence = refusals.get(fault, (False, ""))
+        if is_refused:
+            raise CommandRefused(sentence)
+
+    def _running_egm(self, side: Side) -> EgmClient:
         egm = self._world.egm[side]
-        if not egm.is_guiding:
-            raise CommandRefused(f"EGM does not guide the {side.word} arm; start EGM first.")
+        if not egm.is_running:
+            raise CommandRefused(f"EGM does not move the {side.word} arm; start EGM first.")
         return egm
-
-    def _collide(self, side: Side) -> None:
-        if self._world.controller.controller_state is not ControllerState.MOTORS_ON:
-            raise CommandRefused("An arm whose motors are off does not collide; switch the motors on first.")
-        self._world.controller.collide(side)
-
-    def _forget_calibration(self, side: Side) -> None:
-        self._world.grippers[side].cut_power()
 
     def _lose_object(self, side: Side) -> None:
         gripper = self._world.grippers[side]
@@ -238,20 +273,6 @@ def _list() -> list[dict[str, object]]:
         }
         for fault in Fault
     ]
-
-
-def _is_local(peer: str) -> bool:
-    return _is_loopback(peer.rpartition(":")[0])
-
-
-def _is_called_local(request: HttpRequest) -> bool:
-    """Whether Host and, where there is one, Origin are names of this machine.
-
-    Else a page from elsewhere would let faults happen: by its forms, or by a name of its own that it lets lead here.
-    """
-    origin = request.header("Origin")
-    urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
-    return all(_is_loopback(_host_of(url)) for url in urls)
 
 
 def _host_of(url: str) -> str:
