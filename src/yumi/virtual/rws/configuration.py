@@ -16,17 +16,17 @@ _DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 _NUMBERED_OPTION = re.compile(r"(\d[\d/-]*-\d+) (.+)")
 
 
-def _domains(controller: Irc5, call: Call) -> Page:
+def get_domains(controller: Irc5, call: Call) -> Page:
     return resource("cfg", _BASE, "", *(entry("cfg-domain-li", domain) for domain in _DOMAINS))
 
 
-def _instances(controller: Irc5, call: Call) -> Page:
+def get_instances(controller: Irc5, call: Call) -> Page:
     place = _place(call)
     states = (_state("cfg-dt-instance-li", place, index, each) for index, each in enumerate(_found(controller, call)))
     return resource("cfg", _BASE, f"{place}/instances", *states)
 
 
-def _instance(controller: Irc5, call: Call) -> Page:
+def get_instance(controller: Irc5, call: Call) -> Page:
     place, name = _place(call), call.names["instance"]
     for index, each in enumerate(_found(controller, call)):
         if each.name == name:
@@ -67,7 +67,7 @@ def _state(type: str, place: str, index: int, instance: Instance) -> State:
 
 
 OPERATIONS = (
-    Operation("GET", "/rw/cfg", _domains),
-    Operation("GET", "/rw/cfg/{domain}/{type}/instances", _instances),
-    Operation("GET", "/rw/cfg/{domain}/{type}/instances/{instance}", _instance),
+    Operation("GET", "/rw/cfg", get_domains),
+    Operation("GET", "/rw/cfg/{domain}/{type}/instances", get_instances),
+    Operation("GET", "/rw/cfg/{domain}/{type}/instances/{instance}", get_instance),
 )

@@ -31,7 +31,7 @@ _DOMAINS: Mapping[int, str] = {
 }
 
 
-def _domains(controller: Irc5, call: Call) -> Page:
+def get_domains(controller: Irc5, call: Call) -> Page:
     states = []
     for number, name in _DOMAINS.items():
         fields = {} if call.option("lang") is None else {"domain-name": name}
@@ -42,7 +42,7 @@ def _domains(controller: Irc5, call: Call) -> Page:
     return resource("Elog", _BASE, "", *states)
 
 
-def _messages(controller: Irc5, call: Call) -> Page:
+def get_messages(controller: Irc5, call: Call) -> Page:
     """Newest first, in pages counted from 1."""
     domain = _number(call)
     entries = controller.events.entries(domain)
@@ -55,7 +55,7 @@ def _messages(controller: Irc5, call: Call) -> Page:
     return resource("Elog", _BASE, str(domain), *states, next_href=more)
 
 
-def _one_message(controller: Irc5, call: Call) -> Page:
+def get_message(controller: Irc5, call: Call) -> Page:
     domain, wanted = _number(call), call.names["number"]
     for event in controller.events.entries(domain):
         if str(event.number) == wanted:
@@ -88,9 +88,9 @@ def _message(type: str, domain: int, event: Event, call: Call) -> State:
 
 
 OPERATIONS = (
-    Operation("GET", "/rw/elog", _domains),
+    Operation("GET", "/rw/elog", get_domains),
     Operation("POST", "/rw/elog", lambda controller, _: controller.events.clear(), "clearall"),
-    Operation("GET", "/rw/elog/{domain}", _messages),
+    Operation("GET", "/rw/elog/{domain}", get_messages),
     Operation("POST", "/rw/elog/{domain}", lambda controller, call: controller.events.clear(_number(call)), "clear"),
-    Operation("GET", "/rw/elog/{domain}/{number}", _one_message),
+    Operation("GET", "/rw/elog/{domain}/{number}", get_message),
 )

@@ -18,11 +18,11 @@ _CREATED = 201
 _OK = 200
 
 
-def _devices(controller: Irc5, call: Call) -> Page:
+def get_devices(controller: Irc5, call: Call) -> Page:
     return resource("File Service", _BASE, "", *(entry("fs-device", f"${device.lower()}") for device in DEVICES))
 
 
-def _get(controller: Irc5, call: Call) -> Answer:
+def get(controller: Irc5, call: Call) -> Answer:
     """The content of a file, or the list of a directory."""
     file = _find(controller, call)
     if file.content is not None:
@@ -31,20 +31,20 @@ def _get(controller: Irc5, call: Call) -> Answer:
     return resource("File Service", f"{_BASE}{call.names['path']}/", "", *states)
 
 
-def _head(controller: Irc5, call: Call) -> None:
+def head(controller: Irc5, call: Call) -> None:
     _find(controller, call)
 
 
-def _put(controller: Irc5, call: Call) -> HttpReply:
+def put(controller: Irc5, call: Call) -> HttpReply:
     is_new = controller.files.write(_path(call), call.content)
     return HttpReply(_CREATED if is_new else _OK, _TEXT)
 
 
-def _delete(controller: Irc5, call: Call) -> None:
+def delete(controller: Irc5, call: Call) -> None:
     controller.files.remove(_find(controller, call).path)
 
 
-def _post(controller: Irc5, call: Call) -> HttpReply | None:
+def create_copy_or_rename(controller: Irc5, call: Call) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
         raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
@@ -98,10 +98,10 @@ def _entry(file: File) -> State:
 
 _PATH = "/fileservice/{path:.+}"
 OPERATIONS = (
-    Operation("GET", "/fileservice", _devices),
-    Operation("GET", _PATH, _get),
-    Operation("HEAD", _PATH, _head),
-    Operation("PUT", _PATH, _put),
-    Operation("POST", _PATH, _post),
-    Operation("DELETE", _PATH, _delete),
+    Operation("GET", "/fileservice", get_devices),
+    Operation("GET", _PATH, get),
+    Operation("HEAD", _PATH, head),
+    Operation("PUT", _PATH, put),
+    Operation("POST", _PATH, create_copy_or_rename),
+    Operation("DELETE", _PATH, delete),
 )

@@ -14,11 +14,11 @@ _BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
 
 
-def _io_system(controller: Irc5, call: Call) -> Page:
+def get_io_system(controller: Irc5, call: Call) -> Page:
     return resource("io", _BASE, "", entry("ios-signals-li", "signals"))
 
 
-def _signals(controller: Irc5, call: Call) -> Page:
+def get_signals(controller: Irc5, call: Call) -> Page:
     """All signals, or one page of them where the client asks for pages."""
     names = controller.signals.names
     start, limit = call.number_option("start", 0), call.number_option("limit", _DEFAULT_LIMIT)
@@ -30,7 +30,7 @@ def _signals(controller: Irc5, call: Call) -> Page:
     return resource("io", _BASE, "signals", *entries, next_href=more)
 
 
-def _signal(controller: Irc5, call: Call) -> Page:
+def get_signal(controller: Irc5, call: Call) -> Page:
     signal = controller.signals.get(_name(call))
     text = printed(signal.value)
     fields = {
@@ -48,7 +48,7 @@ def _signal(controller: Irc5, call: Call) -> Page:
     return resource("io", _BASE, f"signals/{path_of(signal)}", State("ios-signal", path_of(signal), fields, links))
 
 
-def _set_signal(controller: Irc5, call: Call) -> None:
+def set_signal(controller: Irc5, call: Call) -> None:
     """Write a signal; the interrupts of its edge run before the answer."""
     signal = controller.signals.get(_name(call))
     if controller.mode.value != "AUTO":
@@ -97,8 +97,8 @@ def _fields(signal: Signal) -> dict[str, str]:
 
 
 OPERATIONS = (
-    Operation("GET", "/rw/iosystem", _io_system),
-    Operation("GET", "/rw/iosystem/signals", _signals),
-    Operation("GET", "/rw/iosystem/signals/{signal:.+}", _signal),
-    Operation("POST", "/rw/iosystem/signals/{signal:.+}", _set_signal, "set"),
+    Operation("GET", "/rw/iosystem", get_io_system),
+    Operation("GET", "/rw/iosystem/signals", get_signals),
+    Operation("GET", "/rw/iosystem/signals/{signal:.+}", get_signal),
+    Operation("POST", "/rw/iosystem/signals/{signal:.+}", set_signal, "set"),
 )

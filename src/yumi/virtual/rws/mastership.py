@@ -20,12 +20,12 @@ class Mastership:
         self._holders: dict[str, str] = {}
         path = "/rw/mastership/{domain}"
         self.operations = (
-            Operation("GET", "/rw/mastership", self._list),
-            Operation("POST", "/rw/mastership", lambda _, call: self._take(call, DOMAINS), "request"),
-            Operation("POST", "/rw/mastership", self._release_all, "release"),
-            Operation("GET", path, self._one),
-            Operation("POST", path, lambda _, call: self._take(call, (_domain(call),)), "request"),
-            Operation("POST", path, self._release, "release"),
+            Operation("GET", "/rw/mastership", self.get_domains),
+            Operation("POST", "/rw/mastership", lambda _, call: self.take(call, DOMAINS), "request"),
+            Operation("POST", "/rw/mastership", self.release_all, "release"),
+            Operation("GET", path, self.get_domain),
+            Operation("POST", path, lambda _, call: self.take(call, (_domain(call),)), "request"),
+            Operation("POST", path, self.release, "release"),
         )
 
     def keep(self, sessions: Sequence[str]) -> None:
@@ -48,25 +48,25 @@ class Mastership:
         if self._holders.get(domain, session) != session:
             raise Failure(403, Code.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
 
-    def _list(self, controller: Irc5, call: Call) -> Page:
+    def get_domains(self, controller: Irc5, call: Call) -> Page:
         return resource("MasterShip", _BASE, "", *(entry("msh-resource-li", domain) for domain in DOMAINS))
 
-    def _one(self, controller: Irc5, call: Call) -> Page:
+    def get_domain(self, controller: Irc5, call: Call) -> Page:
         domain = _domain(call)
         holder = self._holders.get(domain)
         fields = {"mastership": "nomaster" if holder is None else "remote"}
         fields["mastershipheldbyme"] = "TRUE" if holder == call.session else "FALSE"
         return resource("MasterShip", _BASE, domain, State("msh-resource", domain, fields))
 
-    def _take(self, call: Call, domains: Sequence[str]) -> None:
+    def take(self, call: Call, domains: Sequence[str]) -> None:
         for domain in domains:
             self._exclude_others(domain, call.session)
         self._holders |= dict.fromkeys(domains, call.session)
 
-    def _release_all(self, controller: Irc5, call: Call) -> None:
+    def release_all(self, controller: Irc5, call: Call) -> None:
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder != call.session}
 
-    def _release(self, controller: Irc5, call: Call) -> None:
+    def release(self, controller: Irc5, call: Call) -> None:
         domain = _domain(call)
         if self._holders.get(domain) != call.session:
             raise Failure(403, Code.RESOURCE_NOT_HELD, f"the mastership of {domain} is not held by this client")

@@ -12,12 +12,12 @@ _BASE = "/rw/motionsystem/"
 _NO_AXIS = 8.9e9  # 9E9 and above in RAPID: not connected
 
 
-def _motion_system(controller: Irc5, call: Call) -> Page:
+def get_motion_system(controller: Irc5, call: Call) -> Page:
     active = State("ms", "motionsystem", {"mechunit-name": controller.units[0].name})
     return resource("motionsystem", "/rw/", "motionsystem", active, entry("ms-mechunit-li", "mechunits"))
 
 
-def _units(controller: Irc5, call: Call) -> Page:
+def get_units(controller: Irc5, call: Call) -> Page:
     entries = (
         entry(
             "ms-mechunit-li",
@@ -32,7 +32,7 @@ def _units(controller: Irc5, call: Call) -> Page:
     return resource("motionsystem", _BASE, "mechunits", *entries)
 
 
-def _unit(controller: Irc5, call: Call) -> Page:
+def get_unit(controller: Irc5, call: Call) -> Page:
     """A unit's fields: all, or the groups and single fields in ``resource``, joined by ``;``."""
     unit = _find(controller, call)
     groups = {
@@ -65,7 +65,7 @@ def _unit(controller: Irc5, call: Call) -> Page:
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, State("ms-mechunit", unit.name, fields))
 
 
-def _joint_target(controller: Irc5, call: Call) -> Page:
+def get_joint_target(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
     robax, extax = controller.joint_target(unit.name)
     names = (*(f"rax_{axis}" for axis in range(1, 7)), *(f"eax_{letter}" for letter in "abcdef"))
@@ -86,8 +86,8 @@ def _find(controller: Irc5, call: Call) -> MechanicalUnit:
 
 
 OPERATIONS = (
-    Operation("GET", "/rw/motionsystem", _motion_system),
-    Operation("GET", "/rw/motionsystem/mechunits", _units),
-    Operation("GET", "/rw/motionsystem/mechunits/{unit}", _unit),
-    Operation("GET", "/rw/motionsystem/mechunits/{unit}/jointtarget", _joint_target),
+    Operation("GET", "/rw/motionsystem", get_motion_system),
+    Operation("GET", "/rw/motionsystem/mechunits", get_units),
+    Operation("GET", "/rw/motionsystem/mechunits/{unit}", get_unit),
+    Operation("GET", "/rw/motionsystem/mechunits/{unit}/jointtarget", get_joint_target),
 )

@@ -21,11 +21,11 @@ VALUES: Mapping[str, Callable[[Irc5], str]] = {
 _RESTARTS = ("restart", "istart", "pstart", "bstart")
 
 
-def _panel(controller: Irc5, call: Call) -> Page:
+def get_panel(controller: Irc5, call: Call) -> Page:
     return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in VALUES))
 
 
-def _value(controller: Irc5, call: Call) -> Page:
+def get_value(controller: Irc5, call: Call) -> Page:
     name = call.path[-1]
     text = VALUES[name](controller)
     if name == "coldetstate":  # the other title and the trailing blank are ABB's
@@ -35,11 +35,11 @@ def _value(controller: Irc5, call: Call) -> Page:
     return resource("panel", "/rw/panel/", name, state)
 
 
-def _set_controller_state(controller: Irc5, call: Call) -> None:
+def set_controller_state(controller: Irc5, call: Call) -> None:
     controller.set_motors(call.required("ctrl-state") == "motoron")
 
 
-def _set_speed_ratio(controller: Irc5, call: Call) -> None:
+def set_speed_ratio(controller: Irc5, call: Call) -> None:
     text = call.required("speed-ratio")
     try:
         percent = float(text)
@@ -50,14 +50,14 @@ def _set_speed_ratio(controller: Irc5, call: Call) -> None:
     controller.set_speed_ratio(int(percent))
 
 
-def _acknowledge(controller: Irc5, call: Call) -> None:
+def acknowledge(controller: Irc5, call: Call) -> None:
     what = call.required("opmode")
     if what != "coldet":
         raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
     controller.acknowledge_collision()
 
 
-def _restart(controller: Irc5, call: Call) -> None:
+def restart(controller: Irc5, call: Call) -> None:
     mode = call.required("restart-mode")
     if mode != "restart":
         raise Failure(400, Code.NOTIMPL, f"the virtual controller does not support {mode}; use restart")
@@ -65,16 +65,16 @@ def _restart(controller: Irc5, call: Call) -> None:
 
 
 OPERATIONS = (
-    Operation("GET", "/rw/panel", _panel),
-    Operation("POST", "/rw/panel", _restart, "restart", {"restart-mode": _RESTARTS}),
-    *(Operation("GET", f"/rw/panel/{name}", _value) for name in VALUES),
+    Operation("GET", "/rw/panel", get_panel),
+    Operation("POST", "/rw/panel", restart, "restart", {"restart-mode": _RESTARTS}),
+    *(Operation("GET", f"/rw/panel/{name}", get_value) for name in VALUES),
     Operation(
         "POST",
         "/rw/panel/ctrlstate",
-        _set_controller_state,
+        set_controller_state,
         "setctrlstate",
         {"ctrl-state": ("motoron", "motoroff")},
     ),
-    Operation("POST", "/rw/panel/opmode", _acknowledge, "acknowledge"),
-    Operation("POST", "/rw/panel/speedratio", _set_speed_ratio, "setspeedratio"),
+    Operation("POST", "/rw/panel/opmode", acknowledge, "acknowledge"),
+    Operation("POST", "/rw/panel/speedratio", set_speed_ratio, "setspeedratio"),
 )

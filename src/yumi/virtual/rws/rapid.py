@@ -30,24 +30,24 @@ def execution_state(controller: Irc5) -> str:
     return "running" if controller.is_running else "stopped"
 
 
-def _rapid(controller: Irc5, call: Call) -> Page:
+def get_rapid(controller: Irc5, call: Call) -> Page:
     names = ("execution", "modules", "tasks")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
 
-def _execution(controller: Irc5, call: Call) -> Page:
+def get_execution(controller: Irc5, call: Call) -> Page:
     fields = {"ctrlexecstate": execution_state(controller), "cycle": controller.cycle}
     return resource("rapid", _BASE, "execution", State("rap-execution", "execution", fields))
 
 
-def _tasks(controller: Irc5, call: Call) -> Page:
+def get_tasks(controller: Irc5, call: Call) -> Page:
     tasks = controller.tasks.values()
     links = {task.name: (Link("self", f"tasks/{task.name}"),) for task in tasks}
     states = (State("rap-task-li", task.name, _task_fields(task), links[task.name]) for task in tasks)
     return resource("rapid", _BASE, "tasks", *states)
 
 
-def _task(controller: Irc5, call: Call) -> Page:
+def get_task(controller: Irc5, call: Call) -> Page:
     task = _find_task(controller, call.names["task"])
     links = (Link("self", task.name), Link("modules", f"../modules?task={task.name}"))
     return resource("rapid", f"{_BASE}tasks/", task.name, State("rap-task", task.name, _task_fields(task), links))
@@ -64,23 +64,23 @@ def _task_fields(task: Task) -> dict[str, str]:
     }
 
 
-def _activate(controller: Irc5, call: Call) -> None:
+def activate(controller: Irc5, call: Call) -> None:
     """Both tasks are selected on the task panel at all times."""
     if "task" in call.names:
         _find_task(controller, call.names["task"])
 
 
-def _load_module(controller: Irc5, call: Call) -> None:
+def load_module(controller: Irc5, call: Call) -> None:
     task = _find_task(controller, call.names["task"])
     is_replacing = call.parameter("replace", "false") == "true"
     controller.load_module(task.name, call.required("modulepath"), replace=is_replacing)
 
 
-def _unload_module(controller: Irc5, call: Call) -> None:
+def unload_module(controller: Irc5, call: Call) -> None:
     controller.unload_module(_find_task(controller, call.names["task"]).name, call.required("module"))
 
 
-def _modules(controller: Irc5, call: Call) -> Page:
+def get_modules(controller: Irc5, call: Call) -> Page:
     task = _find_task(controller, call.option("task") or "")
     states = (
         entry(
@@ -95,7 +95,7 @@ def _modules(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
-def _module_text(controller: Irc5, call: Call) -> Page:
+def get_module_text(controller: Irc5, call: Call) -> Page:
     """The text, URL-encoded; no known client reads other properties of a module."""
     if call.option("resource") != "module-text":
         raise invalid("of a module its text alone is given: resource=module-text")
@@ -118,14 +118,14 @@ def quoted(text: str) -> str:
     return quote(text, encoding="latin-1")
 
 
-def _symbol(controller: Irc5, call: Call) -> Page:
+def get_symbol(controller: Irc5, call: Call) -> Page:
     url = call.names["symbol"]
     value = _at(controller, url, lambda task, module, name: task.read(module, name), missing=400)
     state = State("rap-data", f"RAPID/{url}", {"value": value})
     return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
 
 
-def _set_symbol(controller: Irc5, call: Call) -> None:
+def set_symbol(controller: Irc5, call: Call) -> None:
     if controller.mode.value != "AUTO":
         raise Failure(403, Code.MASTER_REJECT, "in manual mode the FlexPendant holds the mastership")
     literal = call.required("value")
@@ -136,7 +136,7 @@ def _set_symbol(controller: Irc5, call: Call) -> None:
     controller.settle()
 
 
-def _properties(controller: Irc5, call: Call) -> Page:
+def get_symbol_properties(controller: Irc5, call: Call) -> Page:
     state = _at(controller, call.names["symbol"], _symbol_state, missing=400)
     return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
 
@@ -199,20 +199,20 @@ _STOP_VALUES: Mapping[str, tuple[str, ...]] = {
     "usetsp": ("normal", "alltsk"),
 }
 OPERATIONS = (
-    Operation("GET", "/rw/rapid", _rapid),
-    Operation("GET", _EXECUTION, _execution),
+    Operation("GET", "/rw/rapid", get_rapid),
+    Operation("GET", _EXECUTION, get_execution),
     Operation("POST", _EXECUTION, lambda controller, _: controller.start_rapid(), "start", _START_VALUES),
     Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP_VALUES),
     Operation("POST", _EXECUTION, lambda controller, _: controller.move_pp_to_main(), "resetpp"),
-    Operation("GET", "/rw/rapid/tasks", _tasks),
-    Operation("POST", "/rw/rapid/tasks", _activate, "activate"),
-    Operation("GET", _TASK, _task),
-    Operation("POST", _TASK, _activate, "activate"),
-    Operation("POST", _TASK, _load_module, "loadmod", {"replace": ("true", "false")}, needs_mastership="rapid"),
-    Operation("POST", _TASK, _unload_module, "unloadmod", needs_mastership="rapid"),
-    Operation("GET", "/rw/rapid/modules", _modules),
-    Operation("GET", "/rw/rapid/modules/{module}", _module_text),
-    Operation("GET", _SYMBOL, _symbol),
-    Operation("POST", _SYMBOL, _set_symbol, "set", respects_mastership="rapid"),
-    Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", _properties),
+    Operation("GET", "/rw/rapid/tasks", get_tasks),
+    Operation("POST", "/rw/rapid/tasks", activate, "activate"),
+    Operation("GET", _TASK, get_task),
+    Operation("POST", _TASK, activate, "activate"),
+    Operation("POST", _TASK, load_module, "loadmod", {"replace": ("true", "false")}, needs_mastership="rapid"),
+    Operation("POST", _TASK, unload_module, "unloadmod", needs_mastership="rapid"),
+    Operation("GET", "/rw/rapid/modules", get_modules),
+    Operation("GET", "/rw/rapid/modules/{module}", get_module_text),
+    Operation("GET", _SYMBOL, get_symbol),
+    Operation("POST", _SYMBOL, set_symbol, "set", respects_mastership="rapid"),
+    Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
 )

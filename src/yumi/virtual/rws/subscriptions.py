@@ -116,26 +116,26 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
     return Source(read, lambda _, text: ((State(type, title, {name: text}, links),),))
 
 
-def _panel(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
     title = "collisiondetectstate" if name == "coldetstate" else name
     return _field(path, f"pnl-{name}-ev", name, title, lambda: panel.VALUES[name](controller))
 
 
-def _execution(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "rap-ctrlexecstate-ev", "ctrlexecstate", "ctrlexecstate", lambda: execution_state(controller))
 
 
-def _cycle(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def cycle_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return _field(path, "rap-execcycle-ev", "rapidexeccycle", "rapidexeccycle", lambda: controller.cycle)
 
 
-def _task(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def task_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task = _find_task(controller, path, names["task"])
     return _field(path, "rap-execstate-ev", "pgmtaskexec-state", task.name, lambda: task.execution.value)
 
 
-def _signal(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def signal_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     signals = controller.signals
     try:
         signal = signals.get(names["signal"].rpartition("/")[2])
@@ -149,7 +149,7 @@ def _signal(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return Source(lambda: printed(signals.get(signal.name).value), show)
 
 
-def _variable(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def variable_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     task, name = _find_task(controller, path, names["task"]), names["name"]
     # A client may leave the module out.
     for module in [names["module"]] if names["module"] else [each.name for each in task.modules]:
@@ -176,7 +176,7 @@ def _variable(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     return Source(read, show)
 
 
-def _event_log(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
+def event_log_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     domain = int(names["domain"])
 
     def read() -> str:
@@ -201,17 +201,17 @@ def _find_task(controller: Irc5, path: str, name: str) -> Task:
 
 _Find = Callable[[Irc5, str, Mapping[str, str]], Source]
 _KINDS: Sequence[tuple[str, _Find, Priority]] = (
-    (r"/rw/panel/(?P<name>ctrlstate|opmode|speedratio|coldetstate)(;\w+)?", _panel, Priority.MEDIUM),
-    (r"/rw/rapid/execution;ctrlexecstate", _execution, Priority.MEDIUM),
-    (r"/rw/rapid/execution;rapidexeccycle", _cycle, Priority.MEDIUM),
-    (r"/rw/rapid/tasks/(?P<task>\w+);excstate", _task, Priority.MEDIUM),
-    (r"/rw/iosystem/signals/(?P<signal>.+);state", _signal, Priority.HIGH),
+    (r"/rw/panel/(?P<name>ctrlstate|opmode|speedratio|coldetstate)(;\w+)?", panel_source, Priority.MEDIUM),
+    (r"/rw/rapid/execution;ctrlexecstate", execution_source, Priority.MEDIUM),
+    (r"/rw/rapid/execution;rapidexeccycle", cycle_source, Priority.MEDIUM),
+    (r"/rw/rapid/tasks/(?P<task>\w+);excstate", task_source, Priority.MEDIUM),
+    (r"/rw/iosystem/signals/(?P<signal>.+);state", signal_source, Priority.HIGH),
     (
         r"/rw/rapid/symbol/data/RAPID/(?P<task>\w+)/((?P<module>\w+)/)?(?P<name>[\w{},]+);value",
-        _variable,
+        variable_source,
         Priority.HIGH,
     ),
-    (r"/rw/elog/(?P<domain>\d{1,3})", _event_log, Priority.MEDIUM),
+    (r"/rw/elog/(?P<domain>\d{1,3})", event_log_source, Priority.MEDIUM),
 )
 """Path, how its source is found, highest priority."""
 
@@ -299,11 +299,11 @@ class Subscriptions:
         self._groups: dict[int, Group] = {}
         self._opened = 0
         self.operations = (
-            Operation("POST", "/subscription", self._create),
+            Operation("POST", "/subscription", self.create),
             Operation("GET", "/subscription/{group}", lambda _, call: _shown(self._find(call), 200)),
-            Operation("PUT", "/subscription/{group}", self._replace),
-            Operation("DELETE", "/subscription/{group}", self._delete),
-            Operation("DELETE", "/subscription/{group}/{resource:.+}", self._delete_resource),
+            Operation("PUT", "/subscription/{group}", self.replace),
+            Operation("DELETE", "/subscription/{group}", self.delete),
+            Operation("DELETE", "/subscription/{group}/{resource:.+}", self.delete_resource),
         )
 
     def listening(self) -> set[str]:
@@ -351,7 +351,7 @@ class Subscriptions:
 
         return Upgrade(PROTOCOL, attach)
 
-    def _create(self, controller: Irc5, call: Call) -> HttpReply:
+    def create(self, controller: Irc5, call: Call) -> HttpReply:
         if sum(group.session == call.session for group in self._groups.values()) >= MAX_GROUPS:
             raise Failure(400, Code.MAX_LIMIT_REACHED, f"a client has {MAX_GROUPS} subscriptions at most")
         watches = self._watches(controller, call)
@@ -359,16 +359,16 @@ class Subscriptions:
         group = self._groups[self._opened] = Group(self._opened, call.session, call.host, watches)
         return _shown(group, 201)
 
-    def _replace(self, controller: Irc5, call: Call) -> HttpReply:
+    def replace(self, controller: Irc5, call: Call) -> HttpReply:
         group = self._find(call)
         group.watches = self._watches(controller, call, group)
         return _shown(group, 200)
 
-    def _delete(self, controller: Irc5, call: Call) -> HttpReply:
+    def delete(self, controller: Irc5, call: Call) -> HttpReply:
         self._close(self._find(call))
         return HttpReply(200, (("Content-Type", Form.XHTML.value),))
 
-    def _delete_resource(self, controller: Irc5, call: Call) -> HttpReply:
+    def delete_resource(self, controller: Irc5, call: Call) -> HttpReply:
         group = self._find(call)
         deleted = f"/{call.names['resource'].strip('/')}".lower()
         for path in [path for path in group.watches if path.partition(";")[0].lower() == deleted]:

@@ -12,11 +12,11 @@ _ROOT = ("ctrl", "rw", "fileservice", "subscription")
 _SERVICES = ("cfg", "elog", "iosystem", "mastership", "motionsystem", "panel", "rapid", "system")
 
 
-def _root(controller: Irc5, call: Call) -> Page:
+def get_root(controller: Irc5, call: Call) -> Page:
     return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT))
 
 
-def _services(controller: Irc5, call: Call) -> Page:
+def get_services(controller: Irc5, call: Call) -> Page:
     return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _SERVICES))
 
 
@@ -27,23 +27,23 @@ def _identity_fields(controller: Irc5) -> dict[str, str]:
     return {"ctrl-name": identity.controller_name, **number, "ctrl-type": kind}
 
 
-def _controller(controller: Irc5, call: Call) -> Page:
+def get_controller(controller: Irc5, call: Call) -> Page:
     identity = State("ctrl-identity-info-li", "identity", _identity_fields(controller), (Link("self", "identity"),))
     return resource("ctrl", "/ctrl/", "", identity)
 
 
-def _identity(controller: Irc5, call: Call) -> Page:
+def get_identity(controller: Irc5, call: Call) -> Page:
     fields = {**_identity_fields(controller), "ctrl-level": "System Level"}
     return resource("ctrl", "/ctrl/", "identity", State("ctrl-identity-info", "identity", fields))
 
 
-def _clock(controller: Irc5, call: Call) -> Page:
+def get_clock(controller: Irc5, call: Call) -> Page:
     """Local time without its zone, as on the FlexPendant."""
     shown = datetime.fromtimestamp(controller.time).strftime("%Y-%m-%d T %H:%M:%S")
     return resource("ctrl", "/ctrl/", "clock", State("ctrl-clock-info", "clock", {"datetime": shown}))
 
 
-def _system(controller: Irc5, call: Call) -> Page:
+def get_system(controller: Irc5, call: Call) -> Page:
     identity = controller.identity
     fields = {
         "name": identity.system_name,
@@ -55,7 +55,7 @@ def _system(controller: Irc5, call: Call) -> Page:
     return resource("system", "/rw/", "system", *states)
 
 
-def _options(controller: Irc5, call: Call) -> Page:
+def get_options(controller: Irc5, call: Call) -> Page:
     return resource("system", "/rw/system/", "options", _option_list(controller, "options"))
 
 
@@ -66,11 +66,11 @@ def _option_list(controller: Irc5, href: str) -> State:
 
 
 OPERATIONS = (
-    Operation("GET", "/", _root),
-    Operation("GET", "/rw", _services),
-    Operation("GET", "/ctrl", _controller),
-    Operation("GET", "/ctrl/identity", _identity),
-    Operation("GET", "/ctrl/clock", _clock),
-    Operation("GET", "/rw/system", _system),
-    Operation("GET", "/rw/system/options", _options),
+    Operation("GET", "/", get_root),
+    Operation("GET", "/rw", get_services),
+    Operation("GET", "/ctrl", get_controller),
+    Operation("GET", "/ctrl/identity", get_identity),
+    Operation("GET", "/ctrl/clock", get_clock),
+    Operation("GET", "/rw/system", get_system),
+    Operation("GET", "/rw/system/options", get_options),
 )
