@@ -18,14 +18,8 @@ from yumi.egm.messages import MciState, MotorState, PartialJoints, RapidState, R
 from yumi.errors import ProtocolError, RobotNotReady
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Joints, Pose, joint_names
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
-from yumi.virtual.mechanics.arm import (
-    EgmActivation,
-    EgmRun,
-    ExternalMotionData,
-    StopMode,
-    VirtualArm,
-    law_settings,
-)
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
@@ -255,7 +249,7 @@ class EgmClient:
         if not any(run.axes):
             self.outcome = EgmOutcome.CONVERGED
             return
-        self._arm.start_egm(law_settings(self._data, self._activation, run))
+        self._arm.start_egm(EgmSettings.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
         self._begin(self._activation.sample_rate_ms, is_run=True)

@@ -14,7 +14,7 @@ from yumi.virtual.controller.configuration import Configuration, Instance
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, EventType
 from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid
-from yumi.virtual.mechanics.arm import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
