@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
 from ipaddress import ip_address
 from math import inf, isfinite
 from urllib.parse import urlsplit
@@ -98,36 +97,36 @@ class FaultInjection:
         Raises:
             CommandRefused: one of these means nothing for it or is out of range, or the robot is in no state for it.
         """
-        _check_choice(fault.value, side, duration)
-        _check_strength(fault.value, amount, way)
+        _check_choice(fault.value, side, duration, amount, way)
         self._check_effect(fault)
+        network, kind = self._world.network, fault.value
         sides = tuple(Side) if side is None else (side,)
-        length = fault.value.default_duration if duration is None else duration
+        length = kind.default_duration if duration is None else duration
+        strength = amount
+        if strength is None:  # 0 is chance, or nothing to choose
+            strength = (kind.amount.default if kind.amount is not None else None) or 0.0
         if fault in self._of_robot:
             self._of_robot[fault]()
         elif fault in self._lasting:
             self._lasting[fault](inf if length is None else length)
         elif fault is Fault.EGM_SILENCE:
             for each in sides:
-                self._world.network.inject(Fault.EGM_LOSS, each, 100.0, duration=length)
+                network.inject(Fault.EGM_LOSS, each, 100.0, duration=length)
         elif fault in LASTING:
             for each in sides:
-                self._world.network.inject(fault, each, _strength(fault.value, amount), way or Way.BOTH, length)
-        elif fault in SINGLE:
-            send = partial(self._send_additional, fault, _strength(fault.value, amount))
-            self._happen_to(send, sides, is_chosen=side is not None)
+                network.inject(fault, each, strength, way or Way.BOTH, length)
         else:
-            self._happen_to(self._of_arm[fault], sides, is_chosen=side is not None)
+            self._inject_into_arms(fault, strength, sides)
 
     def answer(self, request: HttpRequest) -> HttpReply:
         """The answer to a request below :data:`PATH`."""
-        if not _is_loopback(request.peer.rpartition(":")[0]):
+        if not _is_loopback(f"//{request.peer}"):
             return _sentence(403, "Faults are taken from programs on this machine only.")
         # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
         # leads to this machine.
         origin = request.header("Origin")
         urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
-        if not all(_is_loopback(_host_of(url)) for url in urls):
+        if not all(_is_loopback(url) for url in urls):
             return _sentence(
                 403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
@@ -144,20 +143,20 @@ class FaultInjection:
             return _sentence(409, str(error))
         return HttpReply(204)
 
-    def _happen_to(self, happen: Callable[[Side], None], sides: Sequence[Side], *, is_chosen: bool) -> None:
+    def _inject_into_arms(self, fault: Fault, strength: float, sides: Sequence[Side]) -> None:
         """Inject a fault into the arms that are in a state for it, at least one."""
         refused: list[CommandRefused] = []
         for side in sides:
             try:
-                happen(side)
+                if fault in SINGLE:
+                    self._running_egm(side)  # an additional datagram is a changed copy of one that was sent
+                    self._world.network.inject(fault, side, strength)
+                else:
+                    self._of_arm[fault](side)
             except CommandRefused as error:
                 refused.append(error)
-        if refused and (is_chosen or len(refused) == len(sides)):
+        if len(refused) == len(sides):
             raise refused[0]
-
-    def _send_additional(self, fault: Fault, amount: float, side: Side) -> None:
-        self._running_egm(side)  # an additional datagram is a changed copy of one that was sent
-        self._world.network.inject(fault, side, amount)
 
     def _check_effect(self, fault: Fault) -> None:
         """Refuse a fault of the controller that would change nothing.
@@ -206,16 +205,15 @@ class FaultInjection:
             cup.under = None
 
 
-def _check_choice(kind: FaultKind, side: Side | None, duration: float | None) -> None:
+def _check_choice(
+    kind: FaultKind, side: Side | None, duration: float | None, amount: float | None, way: Way | None
+) -> None:
     if side is not None and not kind.has_side:
         raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
     if duration is not None and not kind.has_duration:
         raise CommandRefused(f"{kind.name} has no duration; leave it out.")
     if duration is not None and not 0.0 < duration <= _MAX_DURATION:
         raise CommandRefused(f"A duration is above 0 and at most {_MAX_DURATION:.0f} s, not {duration:g} s.")
-
-
-def _check_strength(kind: FaultKind, amount: float | None, way: Way | None) -> None:
     if way is not None and not kind.has_way:
         raise CommandRefused(f"{kind.name} has no direction; leave 'way' out.")
     if amount is None:
@@ -226,12 +224,6 @@ def _check_strength(kind: FaultKind, amount: float | None, way: Way | None) -> N
     if not is_in_range or (kind.amount.is_whole and amount != int(amount)):
         whole = "a whole number from " if kind.amount.is_whole else ""
         raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
-
-
-def _strength(kind: FaultKind, amount: float | None) -> float:
-    """0 is chance, or nothing to choose."""
-    default = kind.amount.default if kind.amount is not None else None
-    return (default or 0.0) if amount is None else amount
 
 
 def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
@@ -275,15 +267,10 @@ def _list() -> list[dict[str, object]]:
     ]
 
 
-def _host_of(url: str) -> str:
+def _is_loopback(url: str) -> bool:
+    """Whether a URL names this machine."""
     try:
-        return urlsplit(url).hostname or ""
-    except ValueError:
-        return ""
-
-
-def _is_loopback(host: str) -> bool:
-    try:
+        host = urlsplit(url).hostname or ""
         return host == "localhost" or ip_address(host).is_loopback
     except ValueError:
         return False

@@ -274,7 +274,7 @@ class VirtualController:
             self._in_slices(task.preparing(parsed(text, path)))
 
     def _compile(self) -> None:
-        """Compile the programs as they stand."""
+        """Compile the programs of both tasks."""
         for task in self.world.controller.tasks.values():
             self._in_slices(task.compiling())
 

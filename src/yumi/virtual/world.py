@@ -54,7 +54,7 @@ class WorldSettings:
 
 
 class World:
-    """The virtual robot; nothing in it looks at a clock.
+    """The virtual robot; nothing in it reads a clock.
 
     Attributes:
         controller: the IRC5.
@@ -91,7 +91,7 @@ class World:
             inboxes: datagrams of the driver that came for each arm since the last cycle, oldest first.
 
         Returns:
-            What leaves for the driver, in this order.
+            The datagrams to the driver, in this order.
         """
         self.network.advance(self.cycle_time)
         return self.network.leaving(self.cycle(self.network.arriving(inboxes)))

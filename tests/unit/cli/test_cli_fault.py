@@ -73,6 +73,6 @@ def test_fault_command_says_that_nothing_listens(port: int) -> None:
     with HttpServer(lambda _: HttpReply(404), port=0) as server:
         free = server.port
         code, output = run("collision", "--rws-port", free)
-        assert output == f"Error: What answers at 127.0.0.1:{free} is no virtual controller of this package.\n"
+        assert output == f"Error: What answers at 127.0.0.1:{free} is not a virtual controller of this package.\n"
     code, output = run("collision", "--rws-port", free)
     assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)

@@ -16,7 +16,7 @@ from typing import cast
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, PartialJoints, RapidState, RobotMessage
 from yumi.errors import ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, ZERO, JointLimits, Joints, Pose, joint_names
+from yumi.robot.joints import CYCLE, ZERO, Joints, Pose, joint_names
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
@@ -122,15 +122,6 @@ class EgmSession:
         """The next datagram is the last, with state ``mci``."""
         self.is_over, self.mci = True, mci
 
-    def count_convergence(self, dt: float, *, is_in_band: bool) -> None:
-        """Count the time in the convergence bands; it begins with the first datagram of the sensor."""
-        self.time_in_band = self.time_in_band + dt if is_in_band and self.has_sensor else 0.0
-        self.is_in_band = is_in_band
-
-    def has_converged(self, cond_time: float) -> bool:
-        """Whether the joints have been in their bands for ``cond_time`` [s]."""
-        return self.is_in_band and self.has_sensor and self.time_in_band >= cond_time
-
 
 FEEDBACK_AGE = 0.0045
 """How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
@@ -203,7 +194,12 @@ class EgmClient:
         self._cycles = 0
         self._failure: EgmFailure | None = None
         self._codec = RobotCodec()
-        self._bounds = _widened(arm.model.limits)
+        limits = arm.model.limits
+        self._bounds = replace(
+            limits,
+            lower=cast("Joints", tuple(value - _ROUNDING for value in limits.lower)),
+            upper=cast("Joints", tuple(value + _ROUNDING for value in limits.upper)),
+        )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
         self._data = ExternalMotionData()
@@ -427,8 +423,11 @@ class EgmClient:
             )
             if is_selected
         )
-        session.count_convergence(self._options.cycle_time, is_in_band=is_in_band)
-        if session.has_converged(run.cond_time):
+        # The time in the bands begins with the first datagram of the sensor.
+        counts = is_in_band and session.has_sensor
+        session.time_in_band = session.time_in_band + self._options.cycle_time if counts else 0.0
+        session.is_in_band = is_in_band
+        if counts and session.time_in_band >= run.cond_time:
             self._finish(EgmOutcome.CONVERGED, run.stop_mode, run.ramp_out_time)
 
     def _accept_next(self, session: EgmSession) -> None:
@@ -513,9 +512,3 @@ def _completed(values: PartialJoints, last: Joints) -> Joints:
 
 def _is_finite(*parts: PartialJoints | None) -> bool:
     return all(isfinite(value) for part in parts for value in part or () if value is not None)
-
-
-def _widened(limits: JointLimits) -> JointLimits:
-    lower = cast("Joints", tuple(value - _ROUNDING for value in limits.lower))
-    upper = cast("Joints", tuple(value + _ROUNDING for value in limits.upper))
-    return replace(limits, lower=lower, upper=upper)

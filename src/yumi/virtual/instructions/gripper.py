@@ -133,9 +133,9 @@ class GripperInstructions:
         return self._gripper.position * 1e3
 
     def _readied(self, call: Call) -> Wait:
-        """Bring the hand to READY and let the I/O show it before the next command, as the hand's own driver does.
+        """Bring the gripper to READY for one cycle before the next command, as the gripper's own driver does.
 
-        Who watches ``hand_SysState`` thereby sees where one command ends and the next begins.
+        ``hand_SysState`` then shows where one command ends and the next begins.
         """
         self._gripper.stop()
         begin = call.task.now
@@ -184,32 +184,29 @@ class GripperInstructions:
 
 def add_gripper(library: Library, gripper: VirtualGripper, events: EventLog) -> None:
     """Register the gripper's instructions of one task."""
-    hand = GripperInstructions(gripper, events)
+    commands = GripperInstructions(gripper, events)
     for _, name in _ERRORS:
         library.error(name)
-    library.instruction("g_Init", r"\num maxSpd, \num holdForce, \num phyLimit, \switch Calibrate")(hand.init)
-    library.instruction("g_Calibrate", r"\switch Jog")(hand.calibrate)
-    library.instruction("g_MoveTo", r"num TargetPos, \switch NoWait")(hand.move_to)
-    library.instruction("g_GripIn", _GRIP)(hand.grip_in)
-    library.instruction("g_GripOut", _GRIP)(hand.grip_out)
-    library.instruction("g_JogIn")(partial(hand.jog, opens=False))
-    library.instruction("g_JogOut")(partial(hand.jog, opens=True))
-    library.instruction("g_Stop")(hand.stop)
-    library.instruction("g_SetMaxSpd", "num maxSpd")(hand.set_max_speed)
-    library.instruction("g_SetForce", "num holdForce")(hand.set_force)
-    library.function("g_IsCalibrated", "", "bool")(hand.is_calibrated)
-    library.function("g_GetPos", "", "num")(hand.position)
-    library.function("g_GetSpd", "", "num")(hand.speed)
+    library.instruction("g_Init", r"\num maxSpd, \num holdForce, \num phyLimit, \switch Calibrate")(commands.init)
+    library.instruction("g_Calibrate", r"\switch Jog")(commands.calibrate)
+    library.instruction("g_MoveTo", r"num TargetPos, \switch NoWait")(commands.move_to)
+    library.instruction("g_GripIn", _GRIP)(commands.grip_in)
+    library.instruction("g_GripOut", _GRIP)(commands.grip_out)
+    library.instruction("g_JogIn")(partial(commands.jog, opens=False))
+    library.instruction("g_JogOut")(partial(commands.jog, opens=True))
+    library.instruction("g_Stop")(commands.stop)
+    library.instruction("g_SetMaxSpd", "num maxSpd")(commands.set_max_speed)
+    library.instruction("g_SetForce", "num holdForce")(commands.set_force)
+    library.function("g_IsCalibrated", "", "bool")(commands.is_calibrated)
+    library.function("g_GetPos", "", "num")(commands.position)
+    library.function("g_GetSpd", "", "num")(commands.speed)
     for channel in CHANNELS:
-        _add_channel(library, hand, gripper, channel)
+        switches = (("VacuumOff", gripper.set_vacuum, False), ("BlowOn", gripper.set_blow, True))
+        for name, switch, is_on in (*switches, ("BlowOff", gripper.set_blow, False)):
+            library.instruction(f"g_{name}{channel}")(partial(_switch, switch, channel, is_on))
+        library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(partial(commands.vacuum_on, channel=channel))
+        library.function(f"g_GetPressure{channel}", "", "num")(partial(commands.pressure, channel=channel))
 
 
-def _add_channel(library: Library, hand: GripperInstructions, gripper: VirtualGripper, channel: int) -> None:
-    def switch(set_channel: Callable[..., None], *, is_on: bool) -> Callable[[Call], None]:
-        return lambda call: set_channel(channel, is_on=is_on)
-
-    library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(partial(hand.vacuum_on, channel=channel))
-    library.instruction(f"g_VacuumOff{channel}")(switch(gripper.set_vacuum, is_on=False))
-    library.instruction(f"g_BlowOn{channel}")(switch(gripper.set_blow, is_on=True))
-    library.instruction(f"g_BlowOff{channel}")(switch(gripper.set_blow, is_on=False))
-    library.function(f"g_GetPressure{channel}", "", "num")(partial(hand.pressure, channel=channel))
+def _switch(set_channel: Callable[..., None], channel: int, is_on: bool, call: Call) -> None:
+    set_channel(channel, is_on=is_on)

@@ -24,7 +24,7 @@ SpeedRatio = Callable[[], float]
 _SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \num Inpos"
 _FRAMES = r"tooldata Tool, \wobjdata WObj, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
-_SLOWEST = 0.01  # at a speed ratio of 0 the controller still creeps
+_SLOWEST = 0.01  # a speed ratio of 0 is a very low speed
 
 
 class MotionInstructions:
@@ -43,11 +43,12 @@ class MotionInstructions:
     def move_abs_j(self, call: Call) -> Wait:
         """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
 
-        A way of no length ends at once, but one in a cycle only: a loop of them leaves time to others.
+        A motion of no length ends at once, but only one in a cycle: a loop of them leaves time to other tasks.
         """
         arm = self._unit.arm
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
-        self._remember_frames(call)
+        self._unit.tool = call["Tool"]
+        self._unit.wobj = call.get("WObj")
         self._begin(call, target)
         try:
             if self._moved_at == call.task.now:
@@ -91,10 +92,6 @@ class MotionInstructions:
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
         return self._unit.wobj or _predefined(call, "wobj0")
-
-    def _remember_frames(self, call: Call) -> None:
-        self._unit.tool = call["Tool"]
-        self._unit.wobj = call.get("WObj")
 
     def _begin(self, call: Call, target: Joints) -> None:
         """Start towards the target at the programmed speed times the override.

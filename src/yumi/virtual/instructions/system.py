@@ -76,10 +76,18 @@ class SystemInstructions:
 
     def read_cfg(self, call: Call) -> None:
         """ReadCfgData: one attribute of one instance, as number, text or truth value."""
-        text = self._cfg_text(call["InstancePath"], call["Attribute"])
+        path, attribute = call["InstancePath"], call["Attribute"]
+        parts = path.strip("/").split("/")
+        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
+        if found is None or attribute not in found.attributes:
+            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
+        text = found.attributes[attribute]
         type_ = resolved(call.place("CfgData").type)
         if is_numeric(type_):
-            call["CfgData"] = _number(text, call["Attribute"])
+            try:
+                call["CfgData"] = float(text)
+            except ValueError as error:
+                raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', not a number.") from error
         elif type_ == BOOL:
             call["CfgData"] = text.upper() == "TRUE"
         else:
@@ -91,32 +99,15 @@ class SystemInstructions:
             yield None
         point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
         arrival = self._sync_points.arrive(point, call.task.name)
+        deadline = call.task.now + call.get("TimeOut", float("inf"))
         try:
-            yield from self._until_met(call, point, arrival, tasks)
+            while not self._sync_points.have_met(point, arrival, tasks):
+                if call.task.now >= deadline:
+                    raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
+                yield None
         except (GeneratorExit, RapidRuntimeError):
             self._sync_points.leave(point, call.task.name)
             raise
-
-    def _until_met(self, call: Call, point: str, arrival: int, tasks: Sequence[str]) -> Wait:
-        deadline = call.task.now + call.get("TimeOut", float("inf"))
-        while not self._sync_points.have_met(point, arrival, tasks):
-            if call.task.now >= deadline:
-                raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
-            yield None
-
-    def _cfg_text(self, path: str, attribute: str) -> str:
-        parts = path.strip("/").split("/")
-        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
-        if found is None or attribute not in found.attributes:
-            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
-        return found.attributes[attribute]
-
-
-def _number(text: str, attribute: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', which is no number.") from error
 
 
 def add_system(

@@ -34,4 +34,4 @@ def arm_angle_deg(side: Side, position: Joints) -> float:
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vector / np.linalg.norm(vector)
+    return vector / float(np.linalg.norm(vector))

@@ -56,12 +56,12 @@ def get_messages(controller: Irc5, call: Call) -> Page:
 
 
 def get_message(controller: Irc5, call: Call) -> Page:
-    domain, wanted = _number(call), call.names["number"]
+    domain, number = _number(call), call.names["number"]
     for event in controller.events.entries(domain):
-        if str(event.number) == wanted:
+        if str(event.number) == number:
             state = _message("elog-message", domain, event, call)
-            return resource("Elog", _BASE, f"{domain}/{wanted}", state)
-    raise Failure(404, Code.FAIL, f"domain {domain} has no message {wanted}")
+            return resource("Elog", _BASE, f"{domain}/{number}", state)
+    raise Failure(404, Code.FAIL, f"domain {domain} has no message {number}")
 
 
 def _number(call: Call) -> int:

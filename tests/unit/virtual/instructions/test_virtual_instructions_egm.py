@@ -78,7 +78,7 @@ def test_silent_sensor_is_fatal_when_the_program_did_not_wait(bench: Instruction
 def test_poses_are_not_for_a_seven_axis_arm(bench: InstructionBench, instruction: str) -> None:
     bench.start(SETUP + instruction + ";", others="; CONST pose identity:=[[0,0,0],[1,0,0,0]]")
     bench.finish()
-    assert "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint" in bench.failure
+    assert "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint" in bench.failure
     assert [event.code for event in bench.events.entries()] == [41826]
 
 
@@ -125,7 +125,7 @@ def test_same_variable_keeps_its_identity(bench: InstructionBench) -> None:
     [
         ('"ROB_R","NOWHERE"\\Joint', "no Transmission Protocol of type UDPUC is called 'NOWHERE'"),
         ('"NOTHING","ROB_R"\\Joint', "there is no External Motion Interface Data 'NOTHING'"),
-        ('"ROB_R","ROB_R"\\Pose', "a seven-axis arm is guided with \\Joint"),
+        ('"ROB_R","ROB_R"\\Pose', "a seven-axis arm uses EGM with \\Joint"),
     ],
 )
 def test_setup_names_what_is_missing(bench: InstructionBench, arguments: str, sentence: str) -> None:
@@ -135,7 +135,7 @@ def test_setup_names_what_is_missing(bench: InstructionBench, arguments: str, se
 
 def test_setup_refuses_a_unit_that_is_no_robot(bench: InstructionBench) -> None:
     bench.run('EGMGetId egm; EGMSetupUC ROB_R_7,egm,"ROB_R","ROB_R"\\Joint;')
-    assert "ROB_R_7 is no TCP robot" in bench.failure
+    assert "ROB_R_7 is not a TCP robot" in bench.failure
 
 
 def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
