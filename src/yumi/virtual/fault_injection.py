@@ -39,12 +39,7 @@ ENDMODULE
 
 
 class FaultInjection:
-    """Injects faults into a world and its web services; what would change nothing is refused.
-
-    Args:
-        world: the virtual robot.
-        service: its Robot Web Services.
-    """
+    """Injects faults into a world and its web services; what would change nothing is refused."""
 
     def __init__(self, world: World, service: RwsService) -> None:
         self._world = world
@@ -120,13 +115,13 @@ class FaultInjection:
 
     def answer(self, request: HttpRequest) -> HttpReply:
         """The answer to a request below :data:`PATH`."""
-        if not _is_loopback(f"//{request.peer}"):
+        if not _is_loopback(request.peer.rpartition(":")[0]):
             return _sentence(403, "Faults are taken from programs on this machine only.")
         # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
         # leads to this machine.
         origin = request.header("Origin")
         urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
-        if not all(_is_loopback(url) for url in urls):
+        if not all(_is_loopback(_host_of(url)) for url in urls):
             return _sentence(
                 403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
@@ -267,10 +262,16 @@ def _list() -> list[dict[str, object]]:
     ]
 
 
-def _is_loopback(url: str) -> bool:
-    """Whether a URL names this machine."""
+def _host_of(url: str) -> str:
     try:
-        host = urlsplit(url).hostname or ""
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether a host name or address means this machine."""
+    try:
         return host == "localhost" or ip_address(host).is_loopback
     except ValueError:
         return False

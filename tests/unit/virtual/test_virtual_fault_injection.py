@@ -28,7 +28,7 @@ def system() -> System:
 
 
 @pytest.fixture
-def guided() -> System:
+def egm_system() -> System:
     """Both arms under EGM."""
     system = System()
     system.start_egm()
@@ -41,8 +41,8 @@ def faults(system: System) -> FaultInjection:
 
 
 @pytest.fixture
-def guided_faults(guided: System) -> FaultInjection:
-    return guided.faults
+def egm_faults(egm_system: System) -> FaultInjection:
+    return egm_system.faults
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def idle_faults() -> FaultInjection:
 
 
 @pytest.fixture(scope="module")
-def worn_faults() -> FaultInjection:
+def used_faults() -> FaultInjection:
     """Of a robot that has been through a lot."""
     world = World()
     return FaultInjection(world, MemoryHttp(world.controller, ManualClock()).adapter)
@@ -73,22 +73,22 @@ def post(
 
 
 @pytest.mark.parametrize("duration", [0.05, 1.0])
-def test_silence_lasts_as_long_as_it_is_told(guided: System, guided_faults: FaultInjection, duration: float) -> None:
-    guided_faults.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
-    heard = {side: guided.arms[side].snapshot.cycles for side in Side}
-    guided.wait(duration - 0.01)
-    assert guided.arms[Side.LEFT].snapshot.cycles == heard[Side.LEFT]
-    assert guided.arms[Side.RIGHT].snapshot.cycles > heard[Side.RIGHT]
-    guided.wait(0.02)
-    assert guided.arms[Side.LEFT].snapshot.cycles > heard[Side.LEFT]
+def test_silence_lasts_for_its_duration(egm_system: System, egm_faults: FaultInjection, duration: float) -> None:
+    egm_faults.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
+    heard = {side: egm_system.arms[side].snapshot.cycles for side in Side}
+    egm_system.wait(duration - 0.01)
+    assert egm_system.arms[Side.LEFT].snapshot.cycles == heard[Side.LEFT]
+    assert egm_system.arms[Side.RIGHT].snapshot.cycles > heard[Side.RIGHT]
+    egm_system.wait(0.02)
+    assert egm_system.arms[Side.LEFT].snapshot.cycles > heard[Side.LEFT]
 
 
-def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guided_faults: FaultInjection) -> None:
-    guided_faults.happen(Fault.EGM_SILENCE)
-    guided.wait(1.0)
-    assert all(guided.world.network.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
-    guided_faults.happen(Fault.EGM_REPAIR)
-    assert all(guided.world.network.amount(Fault.EGM_LOSS, side) is None for side in Side)
+def test_silence_without_a_duration_lasts_until_the_repair(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.EGM_SILENCE)
+    egm_system.wait(1.0)
+    assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
+    egm_faults.happen(Fault.EGM_REPAIR)
+    assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) is None for side in Side)
 
 
 @pytest.mark.parametrize(
@@ -103,38 +103,38 @@ def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guide
     ],
 )
 def test_fault_stops_the_program_and_is_logged(
-    guided: System, guided_faults: FaultInjection, fault: Fault, state: ControllerState, code: int
+    egm_system: System, egm_faults: FaultInjection, fault: Fault, state: ControllerState, code: int
 ) -> None:
-    guided_faults.happen(fault)
-    guided.wait(0.1)
-    controller = guided.world.controller
+    egm_faults.happen(fault)
+    egm_system.wait(0.1)
+    controller = egm_system.world.controller
     assert (controller.controller_state, controller.is_running) == (state, False)
     assert code in [event.code for event in controller.events.entries()]
-    assert not any(egm.is_running for egm in guided.world.egm.values())
+    assert not any(egm.is_running for egm in egm_system.world.egm.values())
 
 
-def test_robot_that_hears_nothing_ends_egm_by_its_timeout(guided: System, guided_faults: FaultInjection) -> None:
-    guided_faults.happen(Fault.COMM_TIMEOUT, Side.LEFT)
-    guided.wait(0.1)
-    egm = guided.world.egm[Side.LEFT]
+def test_robot_without_datagrams_ends_egm_by_its_timeout(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.COMM_TIMEOUT, Side.LEFT)
+    egm_system.wait(0.1)
+    egm = egm_system.world.egm[Side.LEFT]
     assert (egm.is_running, egm.outcome) == (False, EgmOutcome.COMM_TIMEOUT)
-    assert guided.client.symbol("T_ROB_L", "TRobMain", "current_state") == "0"
+    assert egm_system.client.symbol("T_ROB_L", "TRobMain", "current_state") == "0"
 
 
-def test_converged_egm_ends_for_the_arm_alone(guided: System, guided_faults: FaultInjection) -> None:
-    guided_faults.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
-    guided.wait(0.05)
-    assert not guided.world.egm[Side.LEFT].is_running
-    assert guided.world.egm[Side.RIGHT].is_running
-    assert guided.world.controller.controller_state is ControllerState.MOTORS_ON
+def test_converged_egm_ends_for_the_arm_alone(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
+    egm_system.wait(0.05)
+    assert not egm_system.world.egm[Side.LEFT].is_running
+    assert egm_system.world.egm[Side.RIGHT].is_running
+    assert egm_system.world.controller.controller_state is ControllerState.MOTORS_ON
 
 
-def test_collision_is_acknowledged_by_the_next_start(guided: System, guided_faults: FaultInjection) -> None:
-    guided_faults.happen(Fault.COLLISION, Side.RIGHT)
-    guided.wait(0.1)
-    assert guided.world.controller.collision_state is CollisionState.TRIGGERED
-    guided.client.start_rapid()
-    assert guided.world.controller.collision_state is CollisionState.INIT
+def test_collision_is_acknowledged_by_the_next_start(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.COLLISION, Side.RIGHT)
+    egm_system.wait(0.1)
+    assert egm_system.world.controller.collision_state is CollisionState.TRIGGERED
+    egm_system.client.start_rapid()
+    assert egm_system.world.controller.collision_state is CollisionState.INIT
 
 
 def test_key_is_turned_to_manual_and_back(system: System, faults: FaultInjection) -> None:
@@ -145,29 +145,31 @@ def test_key_is_turned_to_manual_and_back(system: System, faults: FaultInjection
 
 
 def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(
-    guided: System, guided_faults: FaultInjection
+    egm_system: System, egm_faults: FaultInjection
 ) -> None:
-    guided_faults.happen(Fault.WRONG_PROGRAM)
-    assert [module.name for module in guided.client.modules("T_ROB_L")] == ["Pick"]
-    guided.client.start_rapid()
-    guided.wait(2.0)
-    assert guided.world.controller.is_running
-    guided_faults.happen(Fault.RIGHT_PROGRAM)
-    guided.bringup.make_ready()
+    egm_faults.happen(Fault.WRONG_PROGRAM)
+    assert [module.name for module in egm_system.client.modules("T_ROB_L")] == ["Pick"]
+    egm_system.client.start_rapid()
+    egm_system.wait(2.0)
+    assert egm_system.world.controller.is_running
+    egm_faults.happen(Fault.RIGHT_PROGRAM)
+    egm_system.bringup.make_ready()
 
 
-def test_robot_is_dark_while_it_restarts_and_can_be_guided_again(guided: System, guided_faults: FaultInjection) -> None:
-    guided_faults.happen(Fault.WARM_RESTART, duration=1.0)
-    guided.wait(0.5)
-    heard = guided.arms[Side.LEFT].snapshot.cycles
-    guided.wait(0.6)
-    assert (guided.world.controller.is_restarting, guided.arms[Side.LEFT].snapshot.cycles) == (True, heard)
-    guided.wait(0.2)
-    guided.start_egm()
-    assert all(arm.snapshot.is_running for arm in guided.arms.values())
+def test_restarting_robot_does_not_answer_and_runs_egm_afterwards(
+    egm_system: System, egm_faults: FaultInjection
+) -> None:
+    egm_faults.happen(Fault.WARM_RESTART, duration=1.0)
+    egm_system.wait(0.5)
+    heard = egm_system.arms[Side.LEFT].snapshot.cycles
+    egm_system.wait(0.6)
+    assert (egm_system.world.controller.is_restarting, egm_system.arms[Side.LEFT].snapshot.cycles) == (True, heard)
+    egm_system.wait(0.2)
+    egm_system.start_egm()
+    assert all(arm.snapshot.is_running for arm in egm_system.arms.values())
 
 
-def test_gripper_forgets_calibration_and_object(system: System, faults: FaultInjection) -> None:
+def test_gripper_loses_calibration_and_object(system: System, faults: FaultInjection) -> None:
     gripper = system.world.grippers[Side.LEFT]
     gripper.is_calibrated = True
     faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
@@ -233,11 +235,11 @@ def test_stop_that_is_pressed_is_not_pressed_again_but_reset_once(system: System
         faults.happen(Fault.EMERGENCY_STOP_RESET)
 
 
-def test_datagram_that_was_never_sent_cannot_come_again(guided: System, guided_faults: FaultInjection) -> None:
+def test_datagram_that_was_never_sent_cannot_come_again(egm_system: System, egm_faults: FaultInjection) -> None:
     with pytest.raises(
         CommandRefused, match=r"The left arm has sent only \d+ EGM datagrams, not 999; let it send more"
     ):
-        guided_faults.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
+        egm_faults.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
 
 
 def test_faults_are_listed(idle_faults: FaultInjection) -> None:
@@ -288,7 +290,7 @@ def test_posted_nonsense_is_refused(
         (),
     ],
 )
-def test_web_page_lets_no_fault_happen(
+def test_web_page_cannot_inject_a_fault(
     idle_faults: FaultInjection, method: str, headers: tuple[tuple[str, str], ...]
 ) -> None:
     """Neither by a form of its own, nor under a name of its own that leads to this machine."""
@@ -308,13 +310,13 @@ def test_web_page_lets_no_fault_happen(
         (*HOST, ("Origin", "http://localhost:8080")),
     ],
 )
-def test_program_of_this_machine_lets_faults_happen(
+def test_program_of_this_machine_injects_faults(
     idle_faults: FaultInjection, headers: tuple[tuple[str, str], ...]
 ) -> None:
     assert post(idle_faults, "egm-repair", headers=headers).status == 204
 
 
 @pytest.mark.parametrize("fault", Fault)
-def test_every_fault_is_known_to_the_desk(worn_faults: FaultInjection, fault: Fault) -> None:
+def test_every_fault_can_be_injected(used_faults: FaultInjection, fault: Fault) -> None:
     with suppress(CommandRefused):
-        worn_faults.happen(fault)
+        used_faults.happen(fault)

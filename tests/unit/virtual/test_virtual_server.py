@@ -44,7 +44,7 @@ def test_collector_goes_on_beside_long_work(background: Background) -> None:
     assert gc.get_freeze_count() == before
 
 
-def test_module_that_is_no_rapid_keeps_nothing_of_the_parser(background: Background) -> None:
+def test_module_that_is_not_rapid_keeps_nothing_of_the_parser(background: Background) -> None:
     """Who asks again gets the same sentence; the parser's state takes a hundred times as much memory."""
     work = partial(parse_module, "MODULE broken\n" + "VAR num x;\n" * 100 + "VAR;\nENDMODULE", "broken.mod")
     for _ in range(2):
@@ -55,7 +55,7 @@ def test_module_that_is_no_rapid_keeps_nothing_of_the_parser(background: Backgro
     assert [each for each in gc.get_objects() if isinstance(each, UnexpectedInput)] == []
 
 
-def test_work_that_nobody_waits_for_is_not_begun_and_others_are(background: Background) -> None:
+def test_work_that_was_cancelled_is_not_begun_and_others_are(background: Background) -> None:
     """A client that goes while its module waits to be parsed takes nothing with it."""
     release, done = Event(), []
     first = background.submit(lambda: release.wait(5.0))

@@ -108,11 +108,6 @@ class EgmSession:
             if len(self.queue) < self.queue_length:
                 self.queue.append(datagram)
 
-    def next_seqno(self) -> int:
-        seqno = self.seqno
-        self.seqno += 1
-        return seqno
-
     def note_sensor(self) -> None:
         """A datagram of the sensor was accepted."""
         self.has_sensor = True
@@ -481,8 +476,10 @@ class EgmClient:
         now = CLOCK_START + self._cycles * options.cycle_time
         measured_time = now - FEEDBACK_AGE
         utilization = 0.0 if arm.egm is None else arm.egm.utilization
+        seqno = session.seqno
+        session.seqno += 1
         message = RobotMessage(
-            seqno=session.next_seqno(),
+            seqno=seqno,
             sent_ms=int(now * 1000.0) % 2**32,
             measured=arm.position,
             planned=arm.planned,

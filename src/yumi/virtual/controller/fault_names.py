@@ -178,9 +178,7 @@ class Fault(Enum):
         "gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True
     )
     GRIPPER_ERROR = FaultKind("gripper-error", "a gripper reports an internal error", has_side=True)
-    OBJECT_LOST = FaultKind(
-        "object-lost", "the object at a gripper's fingers or cups is removed", has_side=True
-    )
+    OBJECT_LOST = FaultKind("object-lost", "the object at a gripper's fingers or cups is removed", has_side=True)
 
 
 def kind_of(name: str) -> Fault | None:

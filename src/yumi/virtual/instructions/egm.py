@@ -29,13 +29,7 @@ _OVER = (EgmOutcome.CONVERGED, EgmOutcome.STOPPED)
 
 
 class EgmInstructions:
-    """The EGM instructions of one task.
-
-    Args:
-        unit: the arm of the task.
-        configuration: where devices and External Motion Interface Data are.
-        events: the controller's event log.
-    """
+    """The EGM instructions of one task."""
 
     def __init__(self, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
         self._unit = unit

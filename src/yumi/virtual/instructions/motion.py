@@ -28,12 +28,7 @@ _SLOWEST = 0.01  # a speed ratio of 0 is a very low speed
 
 
 class MotionInstructions:
-    """The motion instructions of one task.
-
-    Args:
-        unit: the arm they move.
-        speed_ratio: the controller's override, 0 to 100 [%].
-    """
+    """The motion instructions of one task."""
 
     def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio) -> None:
         self._unit = unit

@@ -15,14 +15,7 @@ _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemInstructions:
-    """The system instructions of one task.
-
-    Args:
-        unit: the arm of the task.
-        units: the controller's mechanical units.
-        configuration: the system parameters.
-        sync_points: where the tasks meet.
-    """
+    """The system instructions of one task."""
 
     def __init__(
         self,

@@ -76,12 +76,7 @@ _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past neve
 
 
 class Servo:
-    """Follows the planned position late and smoothly; exact for a plan that is straight within each step.
-
-    Args:
-        position: where the arm stands [rad], (7,).
-        model: its delay and lag.
-    """
+    """Follows the planned position late and smoothly; exact for a plan that is straight within each step."""
 
     def __init__(self, position: Joints, model: ArmModel) -> None:
         self._model = model
@@ -131,11 +126,6 @@ _WAYPOINTS = 32  # into which the path of the tool is divided to measure its len
 
 class VirtualArm:
     """One arm, motors off at first.
-
-    Args:
-        side: the arm.
-        position: where it stands [rad], (7,), chain order; home when left out.
-        model: its dynamics.
 
     Attributes:
         overload: the joint that EGM has overloaded since it began; None as long as there is none.

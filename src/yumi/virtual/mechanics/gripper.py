@@ -303,11 +303,6 @@ STALL_ERROR = 1
 class VirtualGripper:
     """One gripper, closed and not calibrated at first, as after power-up.
 
-    Args:
-        workpiece: what the fingers may hold; None is nothing.
-        modules: servo, vacuum and camera.
-        is_calibrated: whether its position is calibrated.
-
     Attributes:
         modules: servo, vacuum and camera.
         cups: its vacuum modules by number.
@@ -442,13 +437,10 @@ class VirtualGripper:
         self._begin(*(closing if jog else ()), self._zeroing(HandState.READY))
         self._command_shown = HandCommand.GO_TO_READY
 
-    def move_to(self, position: float) -> None:
-        """g_MoveTo: free move of each finger to ``position`` [m].
+    # The next three raise RobotNotReady without calibration, CommandRefused for a position outside 0 to physical_limit.
 
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
+    def move_to(self, position: float) -> None:
+        """g_MoveTo: free move of each finger to ``position`` [m]."""
         self._check_target(position)
         if self.position >= position:
             self._min_position = position
@@ -458,31 +450,22 @@ class VirtualGripper:
             self._execute(HandCommand.FREE_MOVE_TO_MAX_POS)
 
     def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
-        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
-
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
+        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
         self._check_target(position)
-        if hold_force is not None:
-            self.set_hold_force(hold_force)
         self._min_position = position
-        self._execute(HandCommand.AGILE_GRIP_INWARD)
+        self._grip(HandCommand.AGILE_GRIP_INWARD, hold_force)
 
     def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
-        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
-
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
+        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
         widest = self.physical_limit if position is None else position
         self._check_target(widest)
+        self._max_position = widest
+        self._grip(HandCommand.AGILE_GRIP_OUTWARD, hold_force)
+
+    def _grip(self, command: HandCommand, hold_force: float | None) -> None:
         if hold_force is not None:
             self.set_hold_force(hold_force)
-        self._max_position = widest
-        self._execute(HandCommand.AGILE_GRIP_OUTWARD)
+        self._execute(command)
 
     def stop(self) -> None:
         """g_Stop: the motor is switched off; the gripper is ready for the next command."""

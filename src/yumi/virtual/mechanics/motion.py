@@ -82,12 +82,7 @@ class Standstill:
 
 
 class JerkLimitedMotion:
-    """A trajectory that is planned at its start.
-
-    Args:
-        trajectory: ends at standstill.
-        target: where it ends exactly; without one, where the trajectory says.
-    """
+    """A trajectory that is planned at its start."""
 
     def __init__(self, trajectory: Trajectory, target: Joints | None = None) -> None:
         self._trajectory = trajectory

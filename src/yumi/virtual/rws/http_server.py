@@ -33,12 +33,7 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
 
 
 class SocketChannel:
-    """The server's end of a WebSocket; messages from before it is open wait until it is.
-
-    Args:
-        response: the WebSocket, not prepared yet.
-        request: which asks for it.
-    """
+    """The server's end of a WebSocket; messages from before it is open wait until it is."""
 
     def __init__(self, response: web.WebSocketResponse, request: web.Request) -> None:
         self._loop = asyncio.get_running_loop()

@@ -47,12 +47,7 @@ log = logging.getLogger(__name__)
 class RwsService:
     """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
 
-    Args:
-        controller: what the requests are about.
-        user: the one user.
-        password: of the user.
-        make_secret: gives 64 random hexadecimal digits.
-        hang_up: breaks every connection to the server.
+    ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every connection to the server.
     """
 
     def __init__(

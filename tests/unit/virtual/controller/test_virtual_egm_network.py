@@ -129,7 +129,7 @@ def test_forged_datagram_has_its_number_a_newer_clock_and_all_joints_elsewhere(
     assert bench.numbers(1) == [[121]]
 
 
-def test_offset_moves_what_the_robot_says_and_nothing_else(bench: Bench) -> None:
+def test_offset_moves_the_positions_and_nothing_else(bench: Bench) -> None:
     before = _read(_left(bench.run(1))[0])
     bench.network.inject(Fault.EGM_OFFSET, LEFT, -20.0)
     after = _read(_left(bench.run(1))[0])
