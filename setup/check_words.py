@@ -85,7 +85,9 @@ def _python_pieces(text: str) -> list[tuple[int, str]]:
 def main() -> int:
     """Print every finding; 1 where there is one."""
     listed = subprocess.run(["git", "ls-files", "--", *FOLDERS], check=True, capture_output=True, text=True).stdout
-    files = [Path(name) for name in listed.splitlines() if name not in ALLOWED and name.endswith((".py", ".md", ".yaml"))]
+    files = [
+        Path(name) for name in listed.splitlines() if name not in ALLOWED and name.endswith((".py", ".md", ".yaml"))
+    ]
     found = [line for file in files for line in check(file)]
     sys.stdout.write("".join(f"{line}\n" for line in found))
     return 1 if found else 0

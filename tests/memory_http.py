@@ -6,8 +6,8 @@ from yumi.clock import Clock
 from yumi.errors import NoConnection
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost
-from yumi.virtual.rws.http_server import Upgrade
-from yumi.virtual.rws.routes import Controller
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.subscriptions import Upgrade
 from yumi_evaluation.virtual_machine import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
@@ -23,7 +23,7 @@ class MemoryHttp(MemoryRws):
         resets: so many exchanges from now on end with a reset connection.
     """
 
-    def __init__(self, controller: Controller, clock: Clock) -> None:
+    def __init__(self, controller: Irc5, clock: Clock) -> None:
         super().__init__(controller, clock)
         self.is_there = True
         self.resets = 0

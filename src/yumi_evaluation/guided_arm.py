@@ -25,7 +25,8 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import memory_links
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
-from yumi.virtual.mechanics.arm import ArmModel, EgmActivation, EgmRun, ExternalMotionData, VirtualArm
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
 
 FULL_SPEED = EgmMotionSettings()
 """The thesis's table 4.3: 180 deg/s, no filter, raw."""

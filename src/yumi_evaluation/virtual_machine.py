@@ -33,10 +33,10 @@ from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost, Listener
 from yumi.settings import Parameter, Values
+from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi.virtual.rws.adapter import RwsAdapter
-from yumi.virtual.rws.http_server import Upgrade
-from yumi.virtual.rws.routes import Controller
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import Upgrade
 from yumi_evaluation.experiment import CONTROLLER as EXPERIMENT_CONTROLLER
 from yumi_evaluation.experiment import GOAL_RATE, Experiment, Mode, System, Trace
 from yumi_evaluation.experiment import Sine as ExperimentSine
@@ -89,8 +89,8 @@ class MemoryRws:
 
     address = "memory"
 
-    def __init__(self, controller: Controller, clock: Clock) -> None:
-        self.adapter = RwsAdapter(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
+    def __init__(self, controller: Irc5, clock: Clock) -> None:
+        self.adapter = RwsService(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
         self._clock = clock
         self._channels: list[MemoryChannel] = []
         self._lock = RLock()  # the driver's threads ask side by side, a controller answers one after another

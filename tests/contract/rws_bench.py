@@ -19,8 +19,8 @@ from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Signal, Signals, SignalType
 from yumi.virtual.controller.units import YUMI_UNITS, Identity
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
+from yumi.virtual.rws.service import RwsService
 
 USER, PASSWORD = "Default User", "robotics"
 CFG = Path(yumi.virtual.controller.__file__).parent / "stock"
@@ -89,7 +89,7 @@ class PlainController:
         self.settled = 0
         self.collision_state = CollisionState.INIT
         self.files = FileStore({"HOME:/user.sys": "MODULE user(SYSMODULE)\nENDMODULE\n"}, self.clock.now)
-        self.is_dark = False
+        self.is_restarting = False
         self.restarts = 0
         self.loaded: list[tuple[str, str, bool]] = []
 
@@ -157,7 +157,7 @@ def _signals() -> list[Signal]:
 @contextmanager
 def serving(controller: PlainController, port: int = 0) -> Iterator[str]:
     """The controller on loopback; its address. Time stands where the controller's clock stands."""
-    adapter = RwsAdapter(controller, user=USER, password=PASSWORD)
+    adapter = RwsService(controller, user=USER, password=PASSWORD)
 
     def handle(request: HttpRequest) -> HttpReply | Upgrade | None:
         controller.requests.append(request)

@@ -16,7 +16,7 @@ from yumi.egm.udp import UdpClient
 from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import euler_zyx, tool0_to_body
 from yumi.virtual.controller.egm import VIRTUAL_CYCLE, EgmOptions, EgmOutcome, RobotWare
-from yumi.virtual.mechanics.arm import EgmActivation, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import EgmActivation, ExternalMotionData, StopMode
 from yumi.virtual.world import World, WorldSettings
 
 
@@ -349,7 +349,7 @@ def test_14_motors_off_are_told(guided):
 
 
 def test_14_rapid_state_is_undefined_after_a_restart_as_an_option():
-    bench = RobotBench(EgmOptions(tells_rapid_state=False)).prepare(FULL_SPEED, data=RAW).run()
+    bench = RobotBench(EgmOptions(sends_rapid_state=False)).prepare(FULL_SPEED, data=RAW).run()
     assert bench.cycle().rapid is RapidState.UNDEFINED
 
 

@@ -15,8 +15,8 @@ from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolE
 from yumi.rws.client import RwsClient
 from yumi.rws.http import HttpReply
 from yumi.rws.transport import AnswerTimeout
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.rws.service import RwsService
 
 HTML = (("Content-Type", "text/html"),)
 BASIC = ("WWW-Authenticate", 'Basic realm="validusers@robapi.abb"')
@@ -101,7 +101,7 @@ def test_user_that_http_cannot_carry_is_refused(address: str) -> None:
 
 
 def test_user_with_an_umlaut_is_let_in(controller: PlainController) -> None:
-    adapter = RwsAdapter(controller, user="Jürgen", password="größer")
+    adapter = RwsService(controller, user="Jürgen", password="größer")
     with (
         HttpServer(lambda request: adapter.handle(request, 0.0), port=0) as server,
         RwsClient(server.address, user="Jürgen", password="größer") as client,

@@ -12,7 +12,7 @@ from yumi.rws.client import RwsClient
 from yumi.rws.replies import FileInfo
 from yumi.rws.session import Request
 from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.controller.controller import DARKNESS
+from yumi.virtual.controller.controller import RESTART_TIME
 from yumi.virtual.world import World
 
 GREETER = """MODULE Greeter
@@ -157,7 +157,7 @@ def test_restart_leaves_motors_off_and_rapid_stopped_with_its_program(plant: Pla
     plant.wait(1.0)
     with pytest.raises(NoConnection):
         client.execution()
-    plant.wait(DARKNESS)
+    plant.wait(RESTART_TIME)
     assert (client.controller_state(), client.execution()) == (ControllerState.MOTORS_OFF, ExecutionState.STOPPED)
     assert (client.signal("EGM_STOP").value, client.events(count=1)[0].code) == (0, 10045)
     plant.start()

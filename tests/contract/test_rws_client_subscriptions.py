@@ -16,9 +16,9 @@ from yumi.rws.client import RwsClient
 from yumi.rws.events import Change, Priority, Resource
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import OperatingMode
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
-from yumi.virtual.rws.subscriptions import GLANCE
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import POLL_PERIOD
 
 SIGNAL = rws.signal_state("EGM_START_JOINT")
 PERSISTENT = rws.variable_value("T_ROB_R", "TRobSystem", "routine_name_input")
@@ -39,7 +39,7 @@ class Told:
         self.subscription = self.client.subscribe(resources, self.changes.append, self.losses.append)
         self.changes.clear()
 
-    def news(self, seconds: float = GLANCE) -> list[Change]:
+    def news(self, seconds: float = POLL_PERIOD) -> list[Change]:
         """What comes after a while."""
         self.changes.clear()
         self.clock.advance(seconds)
@@ -119,7 +119,7 @@ def test_client_may_have_two_subscriptions(told: Told) -> None:
 
 @pytest.mark.parametrize(
     ("happen", "is_there"),
-    [(RwsAdapter.drop_web_sockets, True), (RwsAdapter.expire_sessions, False), (RwsAdapter.reset_connections, True)],
+    [(RwsService.drop_web_sockets, True), (RwsService.expire_sessions, False), (RwsService.reset_connections, True)],
 )
 def test_loss_is_told_once_and_a_new_subscription_works(told: Told, happen: object, is_there: bool) -> None:
     told.subscribe(rws.SPEED_RATIO)
@@ -133,11 +133,11 @@ def test_loss_is_told_once_and_a_new_subscription_works(told: Told, happen: obje
 
 def test_restart_ends_subscriptions_and_answers_nothing_while_it_lasts(told: Told) -> None:
     told.subscribe(rws.SPEED_RATIO)
-    told.controller.is_dark = True
+    told.controller.is_restarting = True
     told.news()
     with pytest.raises(NoConnection, match="closed the connection without an HTTP answer"):
         told.client.speed_ratio()
-    told.controller.is_dark = False
+    told.controller.is_restarting = False
     assert told.client.speed_ratio() == 100
     assert len(told.losses) == 1
 
@@ -170,7 +170,7 @@ class Wire:
         self.clock = ManualClock()
         self.controller = PlainController()
         self.server = HttpServer(self._handle, port=0)
-        self.adapter = RwsAdapter(
+        self.adapter = RwsService(
             self.controller, user="Default User", password="robotics", hang_up=self.server.hang_up
         )
         self.changes: list[Change] = []
@@ -193,7 +193,7 @@ class Wire:
         for _ in range(500):
             if has_come():
                 break
-            self.clock.advance(GLANCE)
+            self.clock.advance(POLL_PERIOD)
             self.adapter.advance(self.clock.now())
             self.arrived.wait(0.01)
             self.arrived.clear()

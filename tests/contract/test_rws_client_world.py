@@ -12,8 +12,8 @@ from yumi.robot.joints import Side, home
 from yumi.rws.client import RwsClient
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import ControllerState, ExecutionState, TaskExecution
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
 TASKS = ("T_ROB_R", "T_ROB_L")
@@ -21,7 +21,7 @@ TASKS = ("T_ROB_R", "T_ROB_L")
 
 @contextmanager
 def connected(world: World) -> Iterator[RwsClient]:
-    adapter = RwsAdapter(world.controller, user="Default User", password="robotics")
+    adapter = RwsService(world.controller, user="Default User", password="robotics")
 
     def handle(request: HttpRequest) -> HttpReply:
         return adapter.handle(request, world.controller.time)

@@ -83,7 +83,7 @@ def test_stopped_program_guides_the_arms_again_when_it_is_started() -> None:
     bench.run(1.0)
     bench.controller.start_rapid()
     bench.run(1.0)
-    assert all(bench.world.egm[side].is_guiding for side in ARMS)
+    assert all(bench.world.egm[side].is_running for side in ARMS)
 
 
 def test_stop_waits_for_the_movement_under_way() -> None:

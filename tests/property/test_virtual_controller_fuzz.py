@@ -19,9 +19,9 @@ from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.host import Execution
 from yumi.rws import documents as forms
 from yumi.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws import adapter as rws_adapter
-from yumi.virtual.rws.adapter import RwsAdapter
-from yumi.virtual.rws.routes import Route
+from yumi.virtual.rws import service as rws_service
+from yumi.virtual.rws.operations import Operation, Router
+from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
 # Programs
@@ -205,7 +205,7 @@ class Client:
     """Somebody with a session on a virtual controller."""
 
     def __init__(self) -> None:
-        self.adapter = RwsAdapter(World().controller, user=USER, password=PASSWORD)
+        self.service = RwsService(World().controller, user=USER, password=PASSWORD)
         challenge = self.asked(HttpRequest("GET", "/rw")).header("WWW-Authenticate") or ""
         proof = authorization(challenge, user=USER, password=PASSWORD, method="GET", uri="/rw")
         reply = self.asked(HttpRequest("GET", "/rw", (("Authorization", proof),)))
@@ -213,14 +213,14 @@ class Client:
         self.cookie = ("Cookie", "; ".join(jar))
 
     def asked(self, request: HttpRequest) -> HttpReply:
-        self.adapter.knows(request, 0.0)
-        reply = self.adapter.handle(request, 0.0)
+        self.service.may_enter(request, 0.0)
+        reply = self.service.handle(request, 0.0)
         return reply if isinstance(reply, HttpReply) else HttpReply(101)
 
 
 def check_request(client: Client, call: HttpRequest) -> None:
     """With a session and without one."""
-    with patch.object(rws_adapter.log, "exception", side_effect=AssertionError("a fault of ours")):
+    with patch.object(rws_service.log, "exception", side_effect=AssertionError("a fault of ours")):
         reply = client.asked(replace(call, headers=(*call.headers, client.cookie)))
         assert client.asked(call).status in {401, 403, 503}
     assert reply.status in {*range(200, 300), *range(400, 500), 101, 503, 507}, reply
@@ -257,6 +257,6 @@ def test_fault_of_ours_is_refused_and_logged(
     def broken(controller: object, call: object) -> None:
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr(client.adapter, "_routes", (Route("GET", "/rw/broken", broken),))
+    monkeypatch.setattr(client.service, "_router", Router([Operation("GET", "/rw/broken", broken)]))
     assert client.asked(HttpRequest("GET", "/rw/broken", (client.cookie,))).status == 400
     assert [record.exc_info is not None for record in caplog.records] == [True]

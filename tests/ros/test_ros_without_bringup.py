@@ -16,8 +16,8 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
+from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World, WorldSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -37,7 +37,7 @@ def ports() -> list[str]:
 
 def test_driver_without_bringup_sends_nothing_but_reads_and_subscriptions(tmp_path: Path, ports: list[str]) -> None:
     world, requests = World(WorldSettings(egm_ports={Side.LEFT: int(ports[1]), Side.RIGHT: int(ports[3])})), []
-    adapter = RwsAdapter(world.controller, user="Default User", password="robotics")
+    adapter = RwsService(world.controller, user="Default User", password="robotics")
 
     def handle(request: HttpRequest) -> HttpReply | Upgrade | None:
         requests.append(request)

@@ -28,8 +28,8 @@ from yumi.rws.client import RwsClient
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.adapter import RwsAdapter
 from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
@@ -278,7 +278,7 @@ class Served:
 
 @contextmanager
 def served(controller: Irc5) -> Iterator[Served]:
-    adapter, what = RwsAdapter(controller, user="Default User", password="robotics"), Served()
+    adapter, what = RwsService(controller, user="Default User", password="robotics"), Served()
 
     def handle(request: HttpRequest) -> HttpReply:
         what.requests.append(request)

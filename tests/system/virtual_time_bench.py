@@ -28,7 +28,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.fault_injection import FaultDesk
+from yumi.virtual.fault_injection import FaultInjection
 from yumi.virtual.mechanics.gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
 
@@ -140,7 +140,7 @@ class System(ManualClock):
         self._driver_ends = {side: ends[side][0] for side in Side}
         self.http = MemoryHttp(self.world.controller, self)
         self.adapter = self.http.adapter
-        self.faults = FaultDesk(self.world, self.adapter)
+        self.faults = FaultInjection(self.world, self.adapter)
         self.client = RwsClient(self.http, clock=self)
         self.steps: list[str] = []
         self._motion = motion or EgmMotionSettings()

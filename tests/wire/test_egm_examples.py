@@ -18,7 +18,7 @@ from egm_robots import GuidedArm, ObedientRobot, Wired
 
 from yumi import EgmServer
 from yumi.egm.udp import free_port
-from yumi.virtual.mechanics.arm import EgmRun
+from yumi.virtual.mechanics.egm_motion import EgmRun
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -67,7 +67,7 @@ def answered(server: HttpServer, body: bytes | Iterator[bytes]) -> int:
         return connection.getresponse().status
 
 
-def test_stranger_is_answered_before_the_body_has_come() -> None:
+def test_client_without_login_is_answered_before_the_body_has_come() -> None:
     bodies: list[bytes] = []
 
     def handle(request: HttpRequest) -> HttpReply:
@@ -83,7 +83,7 @@ def test_stranger_is_answered_before_the_body_has_come() -> None:
     assert bodies == [b""]
 
 
-def test_unfinished_bodies_of_strangers_take_no_memory() -> None:
+def test_unfinished_bodies_without_login_take_no_memory() -> None:
     head = b"PUT / HTTP/1.1\r\nHost: x\r\nContent-Length: 60000000\r\n\r\n"
     with HttpServer(lambda _: HttpReply(401), port=0, body_limit=lambda _: 0) as server, ExitStack() as stack:
         tracemalloc.start()

@@ -1,4 +1,4 @@
-"""The command line's ``yumi fault``: lets something happen to a virtual controller that runs."""
+"""The command ``yumi fault``: injects a fault into a running virtual controller."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ _LIST = _table([fault.value for fault in Fault])
 @click.option("--rws-port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="Its HTTP port.")
 @click.option("--side", type=click.Choice([side.word for side in Side]), help="One arm; both without it.")
 @click.option("--duration", type=float, help="How long it lasts [s].")
-@click.option("--by", type=float, help="Its strength, in the unit that the list below gives.")
+@click.option("--by", type=float, help="Its strength, in the unit of the list below.")
 @click.option(
     "--way", type=click.Choice([way.value for way in Way]), help="Direction of the datagrams; both without it."
 )
 def fault(
     name: str | None, rws_port: int, side: str | None, duration: float | None, by: float | None, way: str | None
 ) -> None:
-    """Let a fault happen to a virtual controller that runs on this machine; without NAME, list them.
+    """Inject a fault into a virtual controller that runs on this machine; without NAME, list the faults.
 
     \b
     Examples:
       yumi fault emergency-stop
       yumi fault egm-silence --side left --duration 1
       yumi fault egm-loss --by 50 --duration 2
-      yumi fault egm-loss --way to-robot --duration 0.5    the robot hears nothing
+      yumi fault egm-loss --way to-robot --duration 0.5    the robot receives nothing
       yumi fault egm-delay --by 20 --side right --duration 2
       yumi fault warm-restart --rws-port 8080
     """
@@ -84,4 +84,4 @@ def _post(address: str, name: str, form: dict[str, str]) -> None:
     if not reply.is_success:
         is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
         sentence = reply.text if is_virtual else ""
-        raise CommandRefused(sentence or f"What answers at {address} is no virtual controller of this package.")
+        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")

@@ -30,11 +30,12 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws import documents as forms
 from yumi.rws.http import HttpReply, HttpRequest
-from yumi.virtual.controller.fault_injection import PATH, FaultDesk
+from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
-from yumi.virtual.rws.adapter import RwsAdapter
-from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
+from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.rapid import quoted
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -57,9 +58,9 @@ def world_settings(
         egm_host: where the arms send their datagrams.
         egm_ports: UDP port per arm.
         objects: width of what lies between each arm's fingers [m]; None for nothing.
-        grippers: what each hand is made of.
-        leaks: how little what lies under each hand's cups closes them, 0 to 1; None for nothing.
-        are_calibrated: whether somebody has calibrated the hands.
+        grippers: modules of each gripper.
+        leaks: of the object under each gripper's cups, 0 (tight) to 1 (open); None for no object.
+        are_calibrated: whether the grippers start calibrated.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
@@ -75,10 +76,10 @@ def world_settings(
 
 
 TIME_TO_ANSWER = 0.3 * CYCLE
-"""What a datagram's answer has at least before the next cycle looks for it [s]."""
+"""Shortest time from a datagram to the next cycle, for its answer to arrive [s]."""
 
 LONGEST_LAG = 5 * CYCLE
-"""A machine that has fallen behind by more lets the cycles go, as time does [s]."""
+"""A machine that has fallen behind by more skips cycles [s]."""
 
 
 class Pace:
@@ -108,7 +109,7 @@ class Pace:
 _SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
-_RARELY = 1000  # young collections for each look at everything; 10 by default
+_RARELY = 1000  # young collections for each full one; 10 by default
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
 
@@ -118,7 +119,7 @@ class Background:
 
     def __init__(self) -> None:
         self._work: Queue[Callable[[], None] | None] = Queue()
-        # It does not keep the process from ending: parsing a long module takes seconds.
+        # A daemon, since parsing a long module takes seconds, and the process must end before.
         self._thread = Thread(target=self._run, name="background", daemon=True)
 
     def start(self) -> None:
@@ -144,7 +145,7 @@ def _done(work: Callable[[], T], result: Future[T]) -> None:
         return
     try:
         result.set_result(work())
-    except Exception as error:  # whoever waits for it gets it
+    except Exception as error:  # raised where the result is awaited
         result.set_exception(error)
     finally:
         del work, result  # the error's traceback leads here, and from here a result would lead back to it
@@ -175,26 +176,26 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self._adapter = RwsAdapter(self.world.controller, user=user, password=password, hang_up=self._hang_up)
-        self._faults = FaultDesk(self.world, self._adapter)
+        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._hang_up)
+        self._faults = FaultInjection(self.world, self._service)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
         self._background = Background()
         for task in self.world.controller.tasks.values():
-            task.clock = time.thread_time  # what other threads and processes take is not the program's fault
+            task.clock = time.thread_time  # without the time of other threads and processes
             task.parsed = lambda text, path: self._background.submit(partial(parsed, text, path))
         self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
         self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
-        """Serve until ``is_over``; ``on_ready`` is told the HTTP port.
+        """Serve until ``is_over``; ``on_ready`` gets the HTTP port.
 
         Raises:
             NoConnection: the port is taken.
         """
         prefer_process()
-        gc.set_threshold(700, 10, _RARELY)  # a look at everything takes longer than a cycle once programs are long
+        gc.set_threshold(700, 10, _RARELY)  # a full collection takes longer than a cycle once programs are long
         self._background.start()
         try:
             with brisk_threads(), self._server as server:
@@ -213,7 +214,7 @@ class VirtualController:
         inboxes = {side: link.receive() for side, link in self._links.items()}
         with self._lock:
             departures = self.world.exchange(inboxes)
-            self._adapter.advance(self._clock.now())
+            self._service.advance(self._clock.now())
         for side, datagram, is_foreign in departures:
             (self._foreign_links if is_foreign else self._links)[side].send(datagram)
 
@@ -224,28 +225,36 @@ class VirtualController:
         with self._lock:
             if request.target.startswith(PATH):
                 return self._faults.answer(request)
-            answer = self._adapter.handle(request, self._clock.now())
-        return answer if not isinstance(answer, Upgrade) else replace(answer, attach=self._locked(answer.attach))
+            answer = self._service.handle(request, self._clock.now())
+        if not isinstance(answer, Upgrade):
+            return answer
+        attach = answer.attach
+
+        def attach_locked(channel: Channel) -> None:
+            with self._lock:
+                attach(channel)
+
+        return replace(answer, attach=attach_locked)
 
     def _body_limit(self, request: HttpRequest) -> int:
-        """Strangers' bodies are not read."""
+        """The body of a request without a session or a login is not read."""
         if request.target.startswith(PATH):
             return _LARGEST_FORM
         with self._lock:
-            if not self._adapter.knows(request, self._clock.now()):
+            if not self._service.may_enter(request, self._clock.now()):
                 return 0
         return _LARGEST_UPLOAD if request.method == "PUT" else _LARGEST_FORM
 
     def _prepare(self, request: HttpRequest) -> Future[object] | None:
         """Begin what is too long for the world to stand still: parsing a module or a long value, compiling.
 
-        The answer then finds it done; whatever is wrong with it, it finds and says again.
+        The answer then finds it done, and raises its errors again.
         """
         query = request.target.partition("?")[2].split("&")
         if request.method != "POST" or not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
             return None
         with self._lock:
-            if not self._adapter.knows(request, self._clock.now()):
+            if not self._service.may_enter(request, self._clock.now()):
                 return None
         form = forms.decode(request.body.decode("utf-8", "replace"))
         if _LOAD_MODULE in query:
@@ -256,17 +265,16 @@ class VirtualController:
                 return None
             return self._background.submit(partial(self._link, task, text, path))
         if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
-            value = forms.first(form, "value") or ""
-            return self._background.submit(partial(_tried, parse_expression, value))
+            return self._background.submit(partial(_parse_value, forms.first(form, "value") or ""))
         return self._background.submit(self._compile) if _RESET_PP in query else None
 
     def _link(self, task: Task, text: str, path: str) -> None:
-        """Parse and link a module that is about to be loaded; an error they will get again."""
+        """Parse and link a module that is about to be loaded; loading raises the same errors."""
         with suppress(RapidError):
             self._in_slices(task.preparing(parsed(text, path)))
 
     def _compile(self) -> None:
-        """Compile the programs as they stand."""
+        """Compile the programs of both tasks."""
         for task in self.world.controller.tasks.values():
             self._in_slices(task.compiling())
 
@@ -279,21 +287,14 @@ class VirtualController:
                 is_done = all(self._clock.now() < end for _ in steps)
             self._clock.wait(_SLICE)
 
-    def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
-        def attach_locked(channel: Channel) -> None:
-            with self._lock:
-                attach(channel)
-
-        return attach_locked
-
 
 def parsed(text: str, path: str) -> Module:
-    """A module, whose text is at hand for clients that read it."""
+    """The module, with its text encoded for clients that read it."""
     quoted(text)
     return parse_module(text, path)
 
 
-def _tried(parse: Callable[..., object], *arguments: str) -> None:
-    """Parse, so that the result is at hand for whoever asks next; an error they will get again."""
+def _parse_value(text: str) -> None:
+    """Parse a value, so that the parser has it when the request is answered; that raises the same errors."""
     with suppress(RapidSyntaxError):
-        parse(*arguments)
+        parse_expression(text)

@@ -10,10 +10,11 @@ import yumi.controller_files
 import yumi.virtual.controller
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.egm import Departure, EgmClient, EgmLines, EgmOptions
-from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.egm import EgmClient, EgmOptions
+from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
 from yumi.virtual.controller.units import Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
@@ -28,15 +29,15 @@ class WorldSettings:
     Attributes:
         robot_name: name of controller and system.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
-        gripper_modules: what each hand is made of; servo alone for an arm that is left out.
-        cup_objects: what lies under the cups of each hand's vacuum modules; an arm that is left out finds nothing.
+        gripper_modules: modules of each gripper; servo alone for an arm that is left out.
+        cup_objects: what lies under the cups of each gripper's vacuum modules; an arm that is left out finds nothing.
         positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
         arm_model: dynamics of both arms.
         egm_host: address the arms send their datagrams to.
         egm_ports: UDP ports of arms that do not use those of ``SIO.cfg`` (left 6511, right 6512).
         egm: what kind of EGM clients the arms have; their cycle is that of the whole robot.
-        grippers_are_calibrated: whether somebody has calibrated the grippers already.
-        start_time: what the controller's clock shows at first [s]; seconds since 1970 where people shall read it.
+        grippers_are_calibrated: whether the grippers start calibrated.
+        start_time: what the controller's clock shows at first [s]; seconds since 1970 where people read it.
     """
 
     robot_name: str = "YuMi"
@@ -53,14 +54,14 @@ class WorldSettings:
 
 
 class World:
-    """The virtual robot; nothing in it looks at a clock.
+    """The virtual robot; nothing in it reads a clock.
 
     Attributes:
         controller: the IRC5.
         arms: the arms by side.
         grippers: the grippers by side.
         egm: the EGM clients by side.
-        lines: what carries the datagrams of both arms.
+        network: carries the datagrams of both arms.
         cycle_time: how long a cycle is [s].
     """
 
@@ -68,30 +69,32 @@ class World:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
         self._configuration = _configuration(settings)
-        self._stations = {side: _station(side, settings) for side in Side}
-        self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._stations.items()}
-        self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._stations.items()}
-        self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._stations.items()}
-        self.lines = EgmLines(self.cycle_time)
+        self._units = {side: _arm_unit(side, settings) for side in Side}
+        self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._units.items()}
+        self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
+        self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
+        self.network = EgmNetwork(self.cycle_time)
+        folder = _controller_files()
+        modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
         self.controller = Irc5(
-            tuple(self._stations.values()),
+            tuple(self._units.values()),
             self._configuration,
-            {_HOME + path.name: path.read_text(encoding="ascii") for path in _modules()},
+            {_HOME + path.name: path.read_text(encoding="ascii") for path in modules},
             Identity(system_name=settings.robot_name, controller_name=settings.robot_name),
             settings.start_time,
         )
 
-    def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Departure]:
+    def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
         """One cycle with what can go wrong between the robot and the driver.
 
         Args:
             inboxes: datagrams of the driver that came for each arm since the last cycle, oldest first.
 
         Returns:
-            What leaves for the driver, in this order.
+            The datagrams to the driver, in this order.
         """
-        self.lines.advance(self.cycle_time)
-        return self.lines.leaving(self.cycle(self.lines.arriving(inboxes)))
+        self.network.advance(self.cycle_time)
+        return self.network.leaving(self.cycle(self.network.arriving(inboxes)))
 
     def cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> dict[Side, bytes]:
         """One cycle, of 4.032 ms unless the settings say otherwise.
@@ -104,30 +107,30 @@ class World:
         """
         self.controller.advance(self.cycle_time)
         datagrams = {}
-        for side, station in self._stations.items():
-            # A controller that restarts neither hears nor sends.
-            datagram = None if self.controller.is_dark else station.egm.cycle(inboxes.get(side, ()))
+        for side, unit in self._units.items():
+            # A controller that restarts neither receives nor sends.
+            datagram = None if self.controller.is_restarting else unit.egm.cycle(inboxes.get(side, ()))
             if datagram is not None:
                 datagrams[side] = datagram
-            station.gripper.advance(self.cycle_time)
-            station.arm.advance(self.cycle_time)
+            unit.gripper.advance(self.cycle_time)
+            unit.arm.advance(self.cycle_time)
         self.controller.supervise()
         return datagrams
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
-        device = self._configuration.find("SIO", "COM_TRP", self._stations[side].egm_device)
+        device = self._configuration.find("SIO", "COM_TRP", self._units[side].egm_device)
         assert device is not None, "EGMSetupUC chooses devices that exist"
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
-def _station(side: Side, settings: WorldSettings) -> Station:
+def _arm_unit(side: Side, settings: WorldSettings) -> ArmUnit:
     arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
     modules = settings.gripper_modules.get(side, GripperModules.SERVO)
     gripper = VirtualGripper(settings.workpieces.get(side), modules, is_calibrated=settings.grippers_are_calibrated)
     for cup in gripper.cups.values():
         cup.under = settings.cup_objects.get(side)
-    return Station(arm, EgmClient(arm, settings.egm), gripper)
+    return ArmUnit(arm, EgmClient(arm, settings.egm), gripper)
 
 
 def _configuration(settings: WorldSettings) -> Configuration:
@@ -145,7 +148,3 @@ def _configuration(settings: WorldSettings) -> Configuration:
 
 def _controller_files() -> Path:
     return Path(next(iter(yumi.controller_files.__path__)))
-
-
-def _modules() -> list[Path]:
-    return sorted([*_controller_files().glob("*.mod"), *_controller_files().glob("*.sys")])

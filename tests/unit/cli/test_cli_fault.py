@@ -12,8 +12,8 @@ from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.robot.joints import Side
 from yumi.rws.http import HttpReply
-from yumi.virtual.controller.fault_injection import FaultDesk
 from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.fault_injection import FaultInjection
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.world import World
 
@@ -26,7 +26,7 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def port(world: World) -> Iterator[int]:
     """Where the world takes faults."""
-    desk = FaultDesk(world, MemoryHttp(world.controller, ManualClock()).adapter)
+    desk = FaultInjection(world, MemoryHttp(world.controller, ManualClock()).adapter)
     with HttpServer(desk.answer, port=0) as server:
         yield server.port
 
@@ -39,13 +39,13 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_fault_command_lets_a_fault_happen(world: World, port: int) -> None:
     assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
-    assert [world.lines.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
+    assert [world.network.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
 
 
 def test_fault_command_passes_strength_and_direction_on(world: World, port: int) -> None:
     chosen = ("--by", 20, "--way", "to-robot", "--side", "right", "--rws-port", port)
     assert run("egm-delay", *chosen) == (0, "egm-delay: done\n")
-    assert world.lines.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
+    assert world.network.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
     assert run("egm-loss", "--by", 200, "--rws-port", port) == (
         1,
         "Error: The strength ('by') of egm-loss is 0 to 100 %, not 200.\n",
@@ -73,6 +73,6 @@ def test_fault_command_says_that_nothing_listens(port: int) -> None:
     with HttpServer(lambda _: HttpReply(404), port=0) as server:
         free = server.port
         code, output = run("collision", "--rws-port", free)
-        assert output == f"Error: What answers at 127.0.0.1:{free} is no virtual controller of this package.\n"
+        assert output == f"Error: What answers at 127.0.0.1:{free} is not a virtual controller of this package.\n"
     code, output = run("collision", "--rws-port", free)
     assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from yumi.errors import SettingsError
 
 Value = str
-"""Attributes are text, as in the file; who reads one knows whether it is a number."""
+"""Attributes are text, as in the file; their reader converts numbers."""
 
 # A type lists its defaulted attributes too (reference/rws.md §9); those that clients or our modules read.
 _BASE_FRAME: Mapping[str, Value] = {
@@ -73,15 +73,22 @@ class Configuration:
         """Add the instances of a cfg file; an instance of the same name is replaced.
 
         Raises:
-            SettingsError: the text is no cfg file.
+            SettingsError: the text is not a cfg file.
         """
-        domain, *lines = _logical_lines(text)
-        key = (_domain(domain), "")
+        # Lines that are not empty or comments; those that end in a backslash are joined with the next.
+        joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
+        header, *lines = (line for line in joined if line and not line.startswith("#"))
+        domain, colon, _ = header.partition(":CFG_")
+        if not colon:
+            raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
+        type_name = ""
         for line in lines:
             if line.endswith(":"):
-                key = (key[0], line[:-1])
+                type_name = line[:-1]
             else:
-                self.put(key[0], key[1], _attributes(line))
+                # An attribute without a value is a flag that is set.
+                found = _ATTRIBUTE.findall(line)
+                self.put(domain, type_name, {name: value.strip('"') if value else "TRUE" for name, value in found})
 
     def put(self, domain: str, type_name: str, attributes: Mapping[str, Value]) -> None:
         """Add one instance, completed with the defaults of its type."""
@@ -111,21 +118,3 @@ class Configuration:
     def find(self, domain: str, type_name: str, name: str) -> Instance | None:
         """The instance of that name, or None."""
         return self._instances.get((domain.upper(), type_name.upper()), {}).get(name)
-
-
-def _logical_lines(text: str) -> list[str]:
-    """Lines that say something, those that end in a backslash joined with the next."""
-    joined = re.sub(r"\\\s*\n", " ", text)
-    return [line.strip() for line in joined.splitlines() if line.strip() and not line.strip().startswith("#")]
-
-
-def _domain(header: str) -> str:
-    domain, colon, _ = header.partition(":CFG_")
-    if not colon:
-        raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
-    return domain.upper()
-
-
-def _attributes(line: str) -> dict[str, Value]:
-    """Attribute names and values; an attribute without a value is a flag that is set."""
-    return {name: value.strip('"') if value else "TRUE" for name, value in _ATTRIBUTE.findall(line)}

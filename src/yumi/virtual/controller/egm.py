@@ -1,44 +1,25 @@
-"""EGM on the robot's side for one arm: what RAPID's EGM instructions do, and one datagram per cycle.
+"""The robot's side of EGM for one arm: what RAPID's EGM instructions do, and one datagram per cycle.
 
 The order within a cycle is the controller's (reference/egm.md §4.3): read feedback, send, take at most one datagram
-of the sensor, hand its reference to the arm. Which datagram is next, and what ends a session, is in ``egm_session``.
-
-What the arm tells the sensor in one datagram (reference/egm.md §3).
-
-The lines between the arms and their sensors, and what can go wrong on them; they advance by dt.
-
-What kind of controller the robot's side of EGM is: its datagrams, its clock, its faults.
-
-One EGM session on the robot's side: its counters, its queue, and when it is over.
+of the sensor, hand its reference to the arm.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, auto
-from math import degrees, inf, isfinite, radians
-from random import Random
-from typing import NamedTuple, cast
+from math import degrees, inf, isfinite
+from typing import cast
 
-from yumi.egm.codec import RobotCodec, SensorCodec
+from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, PartialJoints, RapidState, RobotMessage
-from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, ZERO, JointLimits, Joints, Pose, Side, joint_names
+from yumi.errors import ProtocolError, RobotNotReady
+from yumi.robot.joints import CYCLE, ZERO, Joints, Pose, joint_names
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
-from yumi.virtual.controller.fault_names import Fault, Way
-from yumi.virtual.mechanics.arm import (
-    Axes,
-    Bands,
-    EgmActivation,
-    EgmRun,
-    ExternalMotionData,
-    Overload,
-    StopMode,
-    VirtualArm,
-    law_settings,
-)
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
@@ -52,13 +33,13 @@ class RobotWare(Enum):
 
 
 class InvalidReference(Enum):
-    """What a reference that is no finite number does."""
+    """Reaction to a reference that is not a finite number."""
 
     SYSTEM_FAILURE = auto()
     """The controller fails and has to be restarted, as real ones did (reference/egm.md §4.5)."""
 
     REJECT = auto()
-    """The datagram is left aside and counted."""
+    """The datagram is ignored and counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +52,15 @@ class EgmOptions:
         queue_length: datagrams the operating system keeps for a reader that takes one per cycle; the newest beyond
             are lost.
         invalid_reference: what NaN and infinity do.
-        tells_rapid_state: False for the fault some controllers have after a restart: their datagrams call RAPID's
-            state undefined, whatever it is (reference/egm.md §3.3).
+        sends_rapid_state: False for the defect some controllers have after a restart: RAPID's state in their datagrams
+            is always undefined (reference/egm.md §3.3).
     """
 
     robotware: RobotWare = RobotWare.RW_6_09
     cycle_time: float = CYCLE
     queue_length: int = 256
     invalid_reference: InvalidReference = InvalidReference.SYSTEM_FAILURE
-    tells_rapid_state: bool = True
+    sends_rapid_state: bool = True
 
 
 @dataclass(slots=True)
@@ -87,21 +68,21 @@ class EgmSession:
     """From the first datagram, number 0, to the last.
 
     Attributes:
-        is_guided: whether EGMRun made it, so that replies move the arm; a position stream otherwise.
+        is_run: whether EGMRunJoint began it, so that replies move the arm; a position stream otherwise.
         cycles_per_datagram: SampleRate in cycles.
         queue_length: how many datagrams can wait for their cycle; the newest beyond are lost.
         cycle: cycles since the session began.
         seqno: number of the next datagram.
-        mci: state that the next datagram tells.
+        mci: state in the next datagram.
         is_over: whether the next datagram is the last.
         has_sensor: whether any datagram of the sensor was accepted.
-        silence: time since the sensor was last heard, or since the start [s].
+        silence: time since the last datagram of the sensor, or since the start [s].
         is_in_band: whether all selected joints are in their convergence bands.
         time_in_band: how long they have been there without a break [s].
         queue: datagrams that wait for their cycle, oldest first.
     """
 
-    is_guided: bool
+    is_run: bool
     cycles_per_datagram: int = 1
     queue_length: int = 256
     cycle: int = -1
@@ -127,78 +108,18 @@ class EgmSession:
             if len(self.queue) < self.queue_length:
                 self.queue.append(datagram)
 
-    def next_seqno(self) -> int:
-        seqno = self.seqno
-        self.seqno += 1
-        return seqno
-
-    def hear(self) -> None:
-        """Note that the sensor is alive."""
+    def note_sensor(self) -> None:
+        """A datagram of the sensor was accepted."""
         self.has_sensor = True
         self.silence = 0.0
 
     def end(self, mci: MciState) -> None:
-        """Let the next datagram be the last and tell ``mci``."""
+        """The next datagram is the last, with state ``mci``."""
         self.is_over, self.mci = True, mci
-
-    def dwell(self, dt: float, *, is_in_band: bool) -> None:
-        """Count the time in the convergence bands; it begins when the sensor has been heard."""
-        self.time_in_band = self.time_in_band + dt if is_in_band and self.has_sensor else 0.0
-        self.is_in_band = is_in_band
-
-    def has_converged(self, cond_time: float) -> bool:
-        """Whether the joints have been in their bands for ``cond_time`` [s]."""
-        return self.is_in_band and self.has_sensor and self.time_in_band >= cond_time
-
-
-def in_bands(ordered: Joints, measured: Joints, bands: Bands, axes: Axes) -> bool:
-    """Whether every selected joint is within its band around the ordered position."""
-    return all(
-        low <= is_at - goal <= high
-        for goal, is_at, (low, high), selected in zip(ordered, measured, bands, axes, strict=True)
-        if selected
-    )
 
 
 FEEDBACK_AGE = 0.0045
 """How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
-
-
-def feedback(
-    arm: VirtualArm,
-    session: EgmSession,
-    activation: EgmActivation,
-    rapid: RapidState,
-    *,
-    now: float,
-    robotware: RobotWare,
-) -> RobotMessage:
-    """The next datagram of ``session`` as a value, sent at controller time ``now`` [s]."""
-    measured_time = now - FEEDBACK_AGE
-    return RobotMessage(
-        seqno=session.next_seqno(),
-        sent_ms=int(now * 1000.0) % 2**32,
-        measured=arm.position,
-        planned=arm.planned,
-        measured_pose=_tool_pose(arm.side, arm.position, activation),
-        planned_pose=_tool_pose(arm.side, arm.planned, activation),
-        measured_time=measured_time,
-        planned_time=measured_time + arm.reaction_time,
-        motors=MotorState.ON if arm.motors_on else MotorState.OFF,
-        mci=session.mci,
-        rapid=rapid,
-        is_converged=session.is_in_band,
-        utilization=_utilization(arm) if robotware is RobotWare.RW_6_10 else None,
-    )
-
-
-def _tool_pose(side: Side, position: Joints, activation: EgmActivation) -> Pose:
-    pose = tool0_to_body(side, position, activation.tool)
-    return pose if activation.wobj is None else compose(inverse(activation.wobj), pose)
-
-
-def _utilization(arm: VirtualArm) -> float:
-    return 0.0 if arm.egm is None else arm.egm.utilization
 
 
 CLOCK_START = 28_800.0
@@ -216,7 +137,7 @@ class EgmState(IntEnum):
 
 
 class EgmOutcome(Enum):
-    """What became of the last EGMRunJoint."""
+    """How the last EGMRunJoint ended."""
 
     RUNNING = auto()
     CONVERGED = auto()
@@ -231,10 +152,10 @@ class EgmOutcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EgmFailure:
-    """What ended a run so that the controller itself has to act, not only the program that waits for the end.
+    """The end of a run to which the controller itself reacts, not only the program that waits for it.
 
     Attributes:
-        outcome: what became of the run.
+        outcome: how the run ended.
         sentence: why, for the event log.
     """
 
@@ -246,14 +167,14 @@ class EgmClient:
     """The EGM client of one arm, between its RAPID task, its motion and the wire.
 
     Args:
-        arm: the arm that EGM guides.
+        arm: the arm that EGM moves.
         options: what kind of controller it belongs to.
 
     Attributes:
         state: what EGMGetState returns.
-        outcome: what became of the last :meth:`run_joint`; None before the first.
+        outcome: how the last :meth:`run_joint` ended; None before the first.
         fault: why the session ended by itself, a sentence for the event log; empty when it did not.
-        rapid: RAPID's execution state as the datagrams tell it.
+        rapid: RAPID's execution state in the datagrams.
         ignored_datagrams: how many datagrams of the sensor could not be decoded, or were rejected.
     """
 
@@ -268,7 +189,12 @@ class EgmClient:
         self._cycles = 0
         self._failure: EgmFailure | None = None
         self._codec = RobotCodec()
-        self._bounds = _widened(arm.model.limits)
+        limits = arm.model.limits
+        self._bounds = replace(
+            limits,
+            lower=cast("Joints", tuple(value - _ROUNDING for value in limits.lower)),
+            upper=cast("Joints", tuple(value + _ROUNDING for value in limits.upper)),
+        )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
         self._data = ExternalMotionData()
@@ -282,7 +208,7 @@ class EgmClient:
         self.state = max(self.state, EgmState.CONNECTED)
 
     def setup(self, comm_timeout: float = 1.0, ext_config: ExternalMotionData | None = None) -> None:
-        """EGMSetupUC for joint motion: how long the sensor may be silent [s], and the system parameters.
+        """EGMSetupUC for joint motion: longest time without a datagram of the sensor [s], and the system parameters.
 
         Raises:
             RobotNotReady: there is no identity yet, or EGM runs.
@@ -301,12 +227,12 @@ class EgmClient:
         self._activation = activation
 
     def run_joint(self, run: EgmRun) -> None:
-        """EGMRunJoint: begin a session; :attr:`outcome` tells how it ends. Without any axis nothing begins.
+        """EGMRunJoint: begin a session; :attr:`outcome` shows how it ends. Without any axis nothing begins.
 
         The arm may still be decelerating when the outcome is there: wait for its ``is_stationary``.
 
         Raises:
-            RobotNotReady: there is no identity yet, EGM guides the arm already, or the motors are off.
+            RobotNotReady: there is no identity yet, EGM runs already, or the motors are off.
         """
         self.stream_stop()  # a stream ends where a run begins
         self._check_state(EgmState.CONNECTED)
@@ -314,14 +240,14 @@ class EgmClient:
         if not any(run.axes):
             self.outcome = EgmOutcome.CONVERGED
             return
-        self._arm.start_egm(law_settings(self._data, self._activation, run))
+        self._arm.start_egm(EgmSettings.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
-        self._begin(self._activation.sample_rate_ms, is_guided=True)
+        self._begin(self._activation.sample_rate_ms, is_run=True)
 
     def stop(self, mode: StopMode = StopMode.HOLD, ramp_out_time: float = 1.0) -> None:
         """EGMStop: end the run; with RAMP_DOWN the arm goes back to where it began, in ``ramp_out_time`` [s]."""
-        if self._guided() is not None:
+        if self._run_session() is not None:
             self._finish(EgmOutcome.STOPPED, mode, ramp_out_time)
 
     def abort(self) -> None:
@@ -329,7 +255,7 @@ class EgmClient:
 
         Run again with :meth:`run_joint` when the program goes on.
         """
-        if self._guided() is not None:
+        if self._run_session() is not None:
             self._arm.stop_egm(self._data.ramp_time)
             self._end(EgmOutcome.ABORTED if self._arm.motors_on else EgmOutcome.MOTORS_OFF, MciState.STOPPED)
         self.stream_stop()
@@ -341,11 +267,11 @@ class EgmClient:
             RobotNotReady: there is no identity yet, or EGM runs.
         """
         self._check_state(EgmState.CONNECTED)
-        self._begin(sample_rate_ms, is_guided=False)
+        self._begin(sample_rate_ms, is_run=False)
 
     def stream_stop(self) -> None:
-        """EGMStreamStop: end a position stream; a guided run goes on."""
-        if self._session is not None and not self._session.is_guided and not self._session.is_over:
+        """EGMStreamStop: end a position stream; a run goes on."""
+        if self._session is not None and not self._session.is_run and not self._session.is_over:
             self._session.end(MciState.STOPPED)
             self.state = EgmState.CONNECTED
 
@@ -356,32 +282,32 @@ class EgmClient:
         self.state = EgmState.DISCONNECTED
 
     def power_down(self) -> None:
-        """The controller restarts: the session ends without a word, the identity is gone."""
+        """The controller restarts: the session ends without a last datagram, the identity is lost."""
         self.abort()
         self._session = None
         self.state = EgmState.DISCONNECTED
 
     def lose_sensor(self) -> None:
-        """End the run as if nothing had been heard for CommTimeout; nothing happens when EGM does not guide."""
-        session = self._guided()
+        """End the run as after CommTimeout without a datagram; nothing happens without a run."""
+        session = self._run_session()
         if session is not None:
             session.silence = inf
 
     def converge(self) -> None:
-        """End the run as if the convergence criteria were met; nothing happens when EGM does not guide."""
-        if self._guided() is not None:
+        """End the run as if the convergence criteria were met; nothing happens without a run."""
+        if self._run_session() is not None:
             self._finish(EgmOutcome.CONVERGED, self._run.stop_mode, self._run.ramp_out_time)
 
     def overload(self) -> None:
-        """End the run as if the reference asked too much of a drive; nothing happens when EGM does not guide."""
-        if self._guided() is not None:
+        """End the run as if the reference asked too much of a drive; nothing happens without a run."""
+        if self._run_session() is not None:
             name = joint_names(self._arm.side)[1]
             self._shut_down(EgmOutcome.OVERLOADED, f"The EGM reference needs more than the drive of {name} gives.")
 
     @property
-    def is_guiding(self) -> bool:
-        """Whether EGM guides the arm."""
-        return self._guided() is not None
+    def is_running(self) -> bool:
+        """Whether EGM moves the arm."""
+        return self._run_session() is not None
 
     @property
     def resumes(self) -> bool:
@@ -390,7 +316,7 @@ class EgmClient:
         return self.outcome in survives or self._data.restarts_after_motors_off
 
     def take_failure(self) -> EgmFailure | None:
-        """What the controller has to act on, once."""
+        """The failure the controller reacts to, once."""
         failure, self._failure = self._failure, None
         return failure
 
@@ -420,9 +346,9 @@ class EgmClient:
             self._accept_next(session)
         return datagram
 
-    def _guided(self) -> EgmSession | None:
+    def _run_session(self) -> EgmSession | None:
         session = self._session
-        return session if session is not None and session.is_guided and not session.is_over else None
+        return session if session is not None and session.is_run and not session.is_over else None
 
     def _check_state(self, needed: EgmState) -> None:
         if self.state is not needed:
@@ -431,13 +357,12 @@ class EgmClient:
                 f"it has to be {needed.name.lower()} for this."
             )
 
-    def _begin(self, sample_rate_ms: int, *, is_guided: bool) -> None:
-        mci = MciState.RUNNING if is_guided else MciState.STOPPED
+    def _begin(self, sample_rate_ms: int, *, is_run: bool) -> None:
         self._session = EgmSession(
-            is_guided,
+            is_run,
             cycles_per_datagram=max(1, sample_rate_ms // 4),
             queue_length=self._options.queue_length,
-            mci=mci,
+            mci=MciState.RUNNING if is_run else MciState.STOPPED,
         )
         self.state = EgmState.RUNNING
 
@@ -461,7 +386,7 @@ class EgmClient:
     def _supervise(self, session: EgmSession) -> None:
         """End a run that ends without an instruction."""
         egm = self._arm.egm
-        if not session.is_guided or session.is_over:
+        if not session.is_run or session.is_over:
             return
         if egm is None or not self._arm.motors_on:
             self.fault = f"The {self._arm.side.word} arm was stopped while EGM was running."
@@ -472,17 +397,32 @@ class EgmClient:
             if not self._run.is_waited:
                 self._failure = EgmFailure(EgmOutcome.COMM_TIMEOUT, sentence)
         elif self._arm.overload is not None:
-            self._shut_down(EgmOutcome.OVERLOADED, self._too_much(self._arm.overload))
+            overload = self._arm.overload
+            name = joint_names(self._arm.side)[overload.joint]
+            self._shut_down(
+                EgmOutcome.OVERLOADED,
+                f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives "
+                f"{overload.limit:.0f} N m: limit the acceleration of the reference.",
+            )
         elif self._bounds.outside(self._arm.planned) is not None:
             self._leave_bounds(self._arm.planned)
         else:
             self._check_convergence(session, egm.reference)
 
-    def _check_convergence(self, session: EgmSession, ordered: Joints) -> None:
-        run = self._run
-        is_in_band = in_bands(ordered, self._arm.position, self._activation.cond_min_max, run.axes)
-        session.dwell(self._options.cycle_time, is_in_band=is_in_band)
-        if session.has_converged(run.cond_time):
+    def _check_convergence(self, session: EgmSession, reference: Joints) -> None:
+        run, bands = self._run, self._activation.cond_min_max
+        is_in_band = all(
+            low <= measured - goal <= high
+            for goal, measured, (low, high), is_selected in zip(
+                reference, self._arm.position, bands, run.axes, strict=True
+            )
+            if is_selected
+        )
+        # The time in the bands begins with the first datagram of the sensor.
+        counts = is_in_band and session.has_sensor
+        session.time_in_band = session.time_in_band + self._options.cycle_time if counts else 0.0
+        session.is_in_band = is_in_band
+        if counts and session.time_in_band >= run.cond_time:
             self._finish(EgmOutcome.CONVERGED, run.stop_mode, run.ramp_out_time)
 
     def _accept_next(self, session: EgmSession) -> None:
@@ -497,11 +437,11 @@ class EgmClient:
         if rejects and not _is_finite(message.position, message.velocity):
             self.ignored_datagrams += 1
             return
-        session.hear()
-        if session.is_guided:
-            self._order(message.position, message.velocity)
+        session.note_sensor()
+        if session.is_run:
+            self._set_reference(message.position, message.velocity)
 
-    def _order(self, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
+    def _set_reference(self, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
         egm = self._arm.egm
         if egm is None:
             return
@@ -510,7 +450,7 @@ class EgmClient:
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
-                f"The {self._arm.side.word} arm got an EGM reference that is no finite number.",
+                f"The {self._arm.side.word} arm got an EGM reference that is not a finite number.",
             )
         elif goal is not None and self._run.pos_corr_gain > 0.0 and self._bounds.outside(goal) is not None:
             self._leave_bounds(goal)
@@ -524,259 +464,48 @@ class EgmClient:
         sentence = f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
         self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)
 
-    def _too_much(self, overload: Overload) -> str:
-        name = joint_names(self._arm.side)[overload.joint]
-        return (
-            f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives {overload.limit:.0f} N m: "
-            "limit the acceleration of the reference."
-        )
-
     def _shut_down(self, outcome: EgmOutcome, sentence: str) -> None:
-        """What the real controller answers with motors off, or with more (reference/egm.md §4.5)."""
+        """A failure on which the real controller switches its motors off (reference/egm.md §4.5)."""
         self._fail(outcome, sentence)
         self._arm.switch_motors_off()
         self._failure = EgmFailure(outcome, sentence)
 
     def _datagram(self, session: EgmSession) -> bytes:
-        options = self._options
+        """The next datagram of the session (reference/egm.md §3)."""
+        arm, options = self._arm, self._options
         now = CLOCK_START + self._cycles * options.cycle_time
-        rapid = self.rapid if options.tells_rapid_state else RapidState.UNDEFINED
-        message = feedback(self._arm, session, self._activation, rapid, now=now, robotware=options.robotware)
+        measured_time = now - FEEDBACK_AGE
+        utilization = 0.0 if arm.egm is None else arm.egm.utilization
+        seqno = session.seqno
+        session.seqno += 1
+        message = RobotMessage(
+            seqno=seqno,
+            sent_ms=int(now * 1000.0) % 2**32,
+            measured=arm.position,
+            planned=arm.planned,
+            measured_pose=self._tool_pose(arm.position),
+            planned_pose=self._tool_pose(arm.planned),
+            measured_time=measured_time,
+            planned_time=measured_time + arm.reaction_time,
+            motors=MotorState.ON if arm.motors_on else MotorState.OFF,
+            mci=session.mci,
+            rapid=self.rapid if options.sends_rapid_state else RapidState.UNDEFINED,
+            is_converged=session.is_in_band,
+            utilization=utilization if options.robotware is RobotWare.RW_6_10 else None,
+        )
         return self._codec.encode(message)
+
+    def _tool_pose(self, position: Joints) -> Pose:
+        pose = tool0_to_body(self._arm.side, position, self._activation.tool)
+        wobj = self._activation.wobj
+        return pose if wobj is None else compose(inverse(wobj), pose)
 
 
 def _completed(values: PartialJoints, last: Joints) -> Joints:
-    """Axes the sensor left out keep their last value (reference/egm.md §10 item 18)."""
+    """Axes that the sensor leaves out keep their last value (reference/egm.md §10 item 18)."""
     complete = tuple(old if new is None else new for new, old in zip(values, last, strict=True))
     return cast("Joints", complete)
 
 
 def _is_finite(*parts: PartialJoints | None) -> bool:
     return all(isfinite(value) for part in parts for value in part or () if value is not None)
-
-
-def _widened(limits: JointLimits) -> JointLimits:
-    lower = cast("Joints", tuple(value - _ROUNDING for value in limits.lower))
-    upper = cast("Joints", tuple(value + _ROUNDING for value in limits.upper))
-    return replace(limits, lower=lower, upper=upper)
-
-
-REMEMBERED = 1000
-"""Datagrams of an arm that can come a second time."""
-
-_MS = 1e-3
-_EGM_LINE_ROUNDING = 1e-6  # of times [s]
-_VARINT, _FIXED64, _LENGTH = 0, 1, 2  # wire types of Protocol Buffers; 5, the only other one, has four bytes
-
-
-FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
-"""By so much the number of a forged datagram is higher than that of the arm's last."""
-
-SINGLE = (Fault.EGM_STALE, *FORGED)
-"""Faults that are one more datagram."""
-
-LASTING = (
-    Fault.EGM_LOSS,
-    Fault.EGM_DELAY,
-    Fault.EGM_DUPLICATE,
-    Fault.EGM_REORDER,
-    Fault.EGM_TRUNCATE,
-    Fault.EGM_OFFSET,
-    Fault.EGM_SWAP_ARMS,
-    Fault.EGM_FOREIGN_PORT,
-)
-"""Faults that change the datagrams for a time."""
-
-
-class Departure(NamedTuple):
-    """A datagram on its way to the driver.
-
-    Attributes:
-        side: to the port of which arm it goes.
-        datagram: the bytes.
-        is_foreign: whether it leaves from another port than the arm's.
-    """
-
-    side: Side
-    datagram: bytes
-    is_foreign: bool = False
-
-
-class _Effect(NamedTuple):
-    """A fault that lasts: how strong it is, which way, and until when [s]."""
-
-    amount: float
-    way: Way
-    until: float
-
-
-class _Once(NamedTuple):
-    """A datagram that is sent beside the arm's own, with its next."""
-
-    fault: Fault
-    amount: float
-
-
-class EgmLines:
-    """Carries the datagrams of both arms, each on a line of its own.
-
-    The same calls give the same datagrams: chance has a seed. What is delayed leaves in whole cycles of the robot.
-
-    Args:
-        cycle_time: of the robot [s].
-        seed: of what is lost, reordered and cut at random.
-    """
-
-    def __init__(self, cycle_time: float = CYCLE, seed: int = 0) -> None:
-        self._cycle_time = cycle_time
-        self._random = Random(seed)
-        self._now = 0.0
-        self._effects: dict[tuple[Fault, Side], _Effect] = {}
-        self._once: dict[Side, list[_Once]] = {side: [] for side in Side}
-        self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=REMEMBERED) for side in Side}
-        self._under_way: dict[tuple[Way, Side], list[tuple[float, bytes]]] = {}
-        self._count = dict.fromkeys(Side, 0)
-        self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
-
-    def put(
-        self, fault: Fault, side: Side, amount: float = 0.0, way: Way = Way.BOTH, duration: float | None = None
-    ) -> None:
-        """Let a fault of the line happen; it replaces one of the same kind.
-
-        Args:
-            fault: which.
-            side: on the line of which arm.
-            amount: how strong, in the unit of its kind; 0 is chance where :data:`Fault.EGM_TRUNCATE` cuts.
-            way: in which direction.
-            duration: how long it lasts [s]; None for ever.
-
-        Raises:
-            CommandRefused: the arm has not sent the datagram that shall come again.
-        """
-        if fault in SINGLE:
-            if fault is Fault.EGM_STALE and len(self._sent[side]) < amount:
-                count = len(self._sent[side])
-                raise CommandRefused(
-                    f"The {side.word} arm has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
-                )
-            self._once[side].append(_Once(fault, amount))
-        else:
-            self._effects[fault, side] = _Effect(amount, way, self._now + (inf if duration is None else duration))
-
-    def repair(self, side: Side) -> None:
-        """Let all datagrams of an arm through as they are; what is under way is lost."""
-        self._effects = {(fault, each): one for (fault, each), one in self._effects.items() if each is not side}
-        self._once[side].clear()
-        for way in Way:
-            self._under_way.pop((way, side), None)
-
-    def amount(self, fault: Fault, side: Side, way: Way = Way.BOTH) -> float | None:
-        """How strong a fault is on the line of an arm in a direction; None where there is none."""
-        effect = self._effects.get((fault, side))
-        return effect.amount if effect is not None and effect.way in (way, Way.BOTH) else None
-
-    def advance(self, dt: float) -> None:
-        """Begin the next cycle, ``dt`` [s] after the last: faults whose time is over end."""
-        now = self._now = self._now + dt
-        if self._effects:
-            self._effects = {
-                key: effect for key, effect in self._effects.items() if effect.until > now + _EGM_LINE_ROUNDING
-            }
-
-    def arriving(self, inboxes: Mapping[Side, Sequence[bytes]]) -> Mapping[Side, Sequence[bytes]]:
-        """What of the driver's datagrams reaches the arms in this cycle."""
-        return {side: self._carry(Way.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
-
-    def leaving(self, datagrams: Mapping[Side, bytes]) -> list[Departure]:
-        """What goes to the driver in this cycle, in its order, when the arms send ``datagrams``."""
-        departures: list[Departure] = []
-        for side in Side:
-            fresh = self._made(side, datagrams[side]) if side in datagrams else ()
-            to = side if self.amount(Fault.EGM_SWAP_ARMS, side) is None else side.other
-            for datagram in self._carry(Way.FROM_ROBOT, side, fresh):
-                if self.amount(Fault.EGM_FOREIGN_PORT, side) is not None:
-                    departures.append(Departure(to, datagram, is_foreign=True))
-                departures.append(Departure(to, datagram))
-        return departures
-
-    def _made(self, side: Side, datagram: bytes) -> Iterable[bytes]:
-        """What is sent in place of and beside a datagram of an arm."""
-        sent = self._sent[side]
-        sent.append(datagram)
-        self._count[side] += 1
-        beside = [self._once_sent(one, sent) for one in self._once[side]]
-        self._once[side].clear()
-        offset = self.amount(Fault.EGM_OFFSET, side)
-        if offset is not None:
-            datagram = self._forged(datagram, offset, ahead=0)
-        kept = self.amount(Fault.EGM_TRUNCATE, side)
-        if kept is not None and self._count[side] % 2:
-            datagram = datagram[: int(kept) or self._random.choice(field_borders(datagram))]
-        return (datagram, *beside)
-
-    def _once_sent(self, one: _Once, sent: Sequence[bytes]) -> bytes:
-        if one.fault is Fault.EGM_STALE:
-            return sent[-1 - int(one.amount)]
-        return self._forged(sent[-1], one.amount, FORGED[one.fault])
-
-    def _forged(self, datagram: bytes, offset_deg: float, ahead: int) -> bytes:
-        """A datagram with all joints elsewhere, and the number ``ahead`` of it; its time is the next cycle's then."""
-        message, offset = self._reader.decode(datagram), radians(offset_deg)
-        later = self._cycle_time if ahead else 0.0
-        return self._writer.encode(
-            replace(
-                message,
-                seqno=max(0, message.seqno + ahead),
-                measured=tuple(value + offset for value in message.measured),
-                planned=tuple(value + offset for value in message.planned),
-                measured_time=message.measured_time + later,
-                planned_time=None if message.planned_time is None else message.planned_time + later,
-            )
-        )
-
-    def _carry(self, way: Way, side: Side, fresh: Iterable[bytes]) -> Sequence[bytes]:
-        """What of ``fresh``, and of what was under way, arrives now in one direction."""
-        if not self._effects and not self._under_way:
-            return tuple(fresh)
-        loss = self.amount(Fault.EGM_LOSS, side, way) or 0.0
-        delay = (self.amount(Fault.EGM_DELAY, side, way) or 0.0) * _MS
-        copies = int(self.amount(Fault.EGM_DUPLICATE, side, way) or 0.0)
-        disorder = int(self.amount(Fault.EGM_REORDER, side, way) or 0.0)
-        line = self._under_way.pop((way, side), [])
-        for datagram in fresh:
-            if 100.0 * self._random.random() < loss:
-                continue
-            for _ in range(1 + copies):
-                held = self._random.randint(0, disorder) * self._cycle_time
-                line.append((self._now + delay + held, datagram))
-        latest = self._now + _EGM_LINE_ROUNDING
-        later = [each for each in line if each[0] > latest]
-        if later:
-            self._under_way[way, side] = later
-        return [datagram for due, datagram in sorted(line, key=lambda each: each[0]) if due <= latest]
-
-
-def field_borders(datagram: bytes) -> Sequence[int]:
-    """Where the fields of a Protocol Buffers message end, each but the last [bytes]; 0 where it has one at most."""
-    borders, at = [0], 0
-    while at < len(datagram):
-        kind = datagram[at] & 7
-        _, at = _varint(datagram, at)
-        if kind == _VARINT:
-            _, at = _varint(datagram, at)
-        elif kind == _LENGTH:
-            length, at = _varint(datagram, at)
-            at += length
-        else:
-            at += 8 if kind == _FIXED64 else 4
-        borders.append(at)
-    return borders[1:-1] or [0]
-
-
-def _varint(datagram: bytes, at: int) -> tuple[int, int]:
-    """A number of seven bits in each byte, the lowest first, and where it ends."""
-    value = shift = 0
-    while datagram[at] & 0x80:
-        value |= (datagram[at] & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-    return value | datagram[at] << shift, at + 1

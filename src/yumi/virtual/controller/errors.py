@@ -1,4 +1,4 @@
-"""Why the virtual controller says no; each wire adapter gives the reason its own code."""
+"""Why the virtual controller refuses a request; each protocol has its own code for the reason."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from yumi.errors import YumiError
 
 
 class Refusal(Enum):
-    """The reason of a refusal; what the caller may do about it follows from it."""
+    """The reason of a refusal; it shows the caller what to do."""
 
     WRONG_MODE = auto()
     MOTORS_OFF = auto()

@@ -1,4 +1,4 @@
-"""The faults a virtual controller can be given while it runs: names, meaning, and what may be chosen."""
+"""The faults that can be injected into a running virtual controller: names, meaning, options."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Way(Enum):
-    """In which direction datagrams meet a fault."""
+    """Direction of the datagrams that a fault changes."""
 
     TO_ROBOT = "to-robot"
     FROM_ROBOT = "from-robot"
@@ -16,11 +16,11 @@ class Way(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """How strong a fault can be.
+    """The range of a fault's strength.
 
     Attributes:
         unit: of the number.
-        default: unless chosen; None leaves it to chance.
+        default: None is random.
         lowest: smallest number.
         highest: largest number.
         is_whole: whether the number has no fraction.
@@ -43,12 +43,12 @@ class FaultKind:
     """What a fault is.
 
     Attributes:
-        name: as it is called for.
+        name: in commands.
         meaning: what happens.
         has_side: whether it can be limited to one arm.
-        has_duration: whether it can be given a time.
-        default_duration: the time it takes unless told otherwise [s]; None is for ever.
-        amount: how strong it can be; None where there is nothing to choose.
+        has_duration: whether its duration can be chosen.
+        default_duration: how long it lasts by default [s]; None is for ever.
+        amount: its strength; None where there is nothing to choose.
         has_way: whether it can be limited to one direction.
     """
 
@@ -62,15 +62,15 @@ class FaultKind:
 
 
 class Fault(Enum):
-    """All of them."""
+    """All faults."""
 
     EGM_SILENCE = FaultKind(
         "egm-silence", "the EGM datagrams of an arm are lost, both ways", has_side=True, has_duration=True
     )
-    EGM_REPAIR = FaultKind("egm-repair", "the EGM datagrams of an arm come through as they are again", has_side=True)
+    EGM_REPAIR = FaultKind("egm-repair", "all EGM faults of an arm end", has_side=True)
     EGM_LOSS = FaultKind(
         "egm-loss",
-        "EGM datagrams are lost; with --way to-robot the robot does not hear the driver",
+        "EGM datagrams are lost; with --way to-robot the robot does not receive the driver",
         has_side=True,
         has_duration=True,
         amount=Amount("%", 100.0, 0.0, 100.0),
@@ -94,7 +94,7 @@ class Fault(Enum):
     )
     EGM_REORDER = FaultKind(
         "egm-reorder",
-        "EGM datagrams overtake each other, by so many cycles at most",
+        "EGM datagrams overtake each other, by this many cycles at most",
         has_side=True,
         has_duration=True,
         amount=Amount("cycles", 3.0, 1.0, 100.0, is_whole=True),
@@ -102,13 +102,13 @@ class Fault(Enum):
     )
     EGM_STALE = FaultKind(
         "egm-stale",
-        "the EGM datagram so many before the last comes a second time",
+        "an old EGM datagram, this many before the last, comes a second time",
         has_side=True,
         amount=Amount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
     )
     EGM_TRUNCATE = FaultKind(
         "egm-truncate",
-        "every second EGM datagram of the robot is cut off after so many bytes",
+        "every second EGM datagram of the robot is truncated to this many bytes",
         has_side=True,
         has_duration=True,
         default_duration=1.0,
@@ -116,25 +116,25 @@ class Fault(Enum):
     )
     EGM_FORGE = FaultKind(
         "egm-forge",
-        "one forged EGM datagram with the next number, all joints elsewhere",
+        "one forged EGM datagram with the next number, all joints shifted",
         has_side=True,
         amount=Amount("degrees", 5.0, -360.0, 360.0),
     )
     EGM_FORGE_OLD = FaultKind(
         "egm-forge-old",
-        "one forged EGM datagram with a number that is 100 lower, all joints elsewhere",
+        "one forged EGM datagram with a number that is 100 lower, all joints shifted",
         has_side=True,
         amount=Amount("degrees", 5.0, -360.0, 360.0),
     )
     EGM_FORGE_AHEAD = FaultKind(
         "egm-forge-ahead",
-        "one forged EGM datagram with a number that is 1000 higher, all joints elsewhere",
+        "one forged EGM datagram with a number that is 1000 higher, all joints shifted",
         has_side=True,
         amount=Amount("degrees", 5.0, -360.0, 360.0),
     )
     EGM_OFFSET = FaultKind(
         "egm-offset",
-        "the EGM datagrams of the robot say that all joints are elsewhere",
+        "the positions of all joints in the robot's EGM datagrams are shifted",
         has_side=True,
         has_duration=True,
         default_duration=0.5,
@@ -148,24 +148,22 @@ class Fault(Enum):
     )
     EGM_FOREIGN_PORT = FaultKind(
         "egm-foreign-port",
-        "each EGM datagram of the robot comes from another port, too, and there first",
+        "each EGM datagram of the robot comes from another port too, and first from there",
         has_side=True,
         has_duration=True,
         default_duration=1.0,
     )
-    COMM_TIMEOUT = FaultKind(
-        "comm-timeout", "the robot gives up waiting for datagrams, as after its CommTimeout", has_side=True
-    )
+    COMM_TIMEOUT = FaultKind("comm-timeout", "the robot receives no datagrams for its CommTimeout", has_side=True)
     EGM_CONVERGENCE = FaultKind("egm-convergence", "an EGM motion ends as if it had converged", has_side=True)
-    DYNAMIC_LOAD = FaultKind("dynamic-load", "an EGM motion asks too much of a drive: motors off", has_side=True)
-    MOTORS_OFF = FaultKind("motors-off", "someone presses motors off")
-    EMERGENCY_STOP = FaultKind("emergency-stop", "someone presses the emergency stop")
-    EMERGENCY_STOP_RESET = FaultKind("emergency-stop-reset", "the emergency stop is pulled out and acknowledged")
-    MANUAL_MODE = FaultKind("manual-mode", "someone turns the key to manual reduced speed")
-    AUTO_MODE = FaultKind("auto-mode", "someone turns the key to AUTO and confirms it")
-    COLLISION = FaultKind("collision", "an arm meets something: motion supervision stops the program", has_side=True)
-    PROGRAM_STOP = FaultKind("program-stop", "someone presses stop on the FlexPendant")
-    WRONG_PROGRAM = FaultKind("wrong-program", "someone loads another RAPID program into both tasks")
+    DYNAMIC_LOAD = FaultKind("dynamic-load", "an EGM motion overloads a drive: motors off", has_side=True)
+    MOTORS_OFF = FaultKind("motors-off", "Motors Off is pressed")
+    EMERGENCY_STOP = FaultKind("emergency-stop", "the emergency stop is pressed")
+    EMERGENCY_STOP_RESET = FaultKind("emergency-stop-reset", "the emergency stop is released and acknowledged")
+    MANUAL_MODE = FaultKind("manual-mode", "the key is turned to manual reduced speed")
+    AUTO_MODE = FaultKind("auto-mode", "the key is turned to AUTO and confirmed")
+    COLLISION = FaultKind("collision", "an arm collides: motion supervision stops the program", has_side=True)
+    PROGRAM_STOP = FaultKind("program-stop", "Stop is pressed on the FlexPendant")
+    WRONG_PROGRAM = FaultKind("wrong-program", "another RAPID program is loaded into both tasks")
     RIGHT_PROGRAM = FaultKind("right-program", "the RAPID program of the configuration is loaded again")
     WARM_RESTART = FaultKind(
         "warm-restart", "the controller restarts: nothing answers meanwhile", has_duration=True, default_duration=20.0
@@ -179,8 +177,8 @@ class Fault(Enum):
     GRIPPER_NOT_CALIBRATED = FaultKind(
         "gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True
     )
-    GRIPPER_ERROR = FaultKind("gripper-error", "a gripper finds something wrong with itself", has_side=True)
-    OBJECT_LOST = FaultKind("object-lost", "what a gripper's fingers or cups may hold is gone", has_side=True)
+    GRIPPER_ERROR = FaultKind("gripper-error", "a gripper reports an internal error", has_side=True)
+    OBJECT_LOST = FaultKind("object-lost", "the object at a gripper's fingers or cups is removed", has_side=True)
 
 
 def kind_of(name: str) -> Fault | None:

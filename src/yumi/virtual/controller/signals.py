@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from yumi.virtual.controller.configuration import Configuration, Instance
+from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.errors import Refusal, Refused
 
 OnChange = Callable[[str, float, float], None]
@@ -69,8 +69,21 @@ class Signals:
         kinds = ("ETHERNETIP_DEVICE", "DEVICENET_DEVICE")
         devices = [device for kind in kinds for device in configuration.instances("EIO", kind)]
         networks = {device.name: device.attributes["Network"] for device in devices}
-        instances = configuration.instances("EIO", "EIO_SIGNAL")
-        return cls([_signal(instance, networks) for instance in instances], on_change)
+        signals = []
+        for instance in configuration.instances("EIO", "EIO_SIGNAL"):
+            attributes = instance.attributes
+            signals.append(
+                Signal(
+                    name=instance.name,
+                    type=SignalType(attributes["SignalType"]),
+                    category=attributes["Category"],
+                    access=attributes["Access"],
+                    value=float(attributes["Default"]),
+                    device=attributes["Device"],
+                    network=networks.get(attributes["Device"], ""),
+                )
+            )
+        return cls(signals, on_change)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,7 +121,8 @@ class Signals:
             Refused: UNKNOWN or OUT_OF_RANGE.
         """
         signal = self.get(name)
-        _check_range(signal, value)
+        if signal.type.is_digital and value not in (0, 1):
+            raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
         if value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
@@ -128,21 +142,3 @@ def path_of(signal: Signal) -> str:
 def printed(value: float) -> str:
     """A value as the controller prints it: whole numbers without decimals."""
     return str(int(value)) if value == int(value) else repr(value)
-
-
-def _signal(instance: Instance, networks: dict[str, str]) -> Signal:
-    attributes = instance.attributes
-    return Signal(
-        name=instance.name,
-        type=SignalType(attributes["SignalType"]),
-        category=attributes["Category"],
-        access=attributes["Access"],
-        value=float(attributes["Default"]),
-        device=attributes["Device"],
-        network=networks.get(attributes["Device"], ""),
-    )
-
-
-def _check_range(signal: Signal, value: float) -> None:
-    if signal.type.is_digital and value not in (0, 1):
-        raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")

@@ -1,8 +1,6 @@
-"""What the virtual controller says it is: names, version, options (reference/statemachine.md §9).
+"""The controller's identity and the YuMi's mechanical units (reference/statemachine.md §9), and WaitSyncTask.
 
-The mechanical units of the YuMi: two arms of six axes, each with a seventh that is a unit of its own.
-
-Where RAPID tasks wait for one another (WaitSyncTask).
+Each arm is a unit of six axes and a unit of its own for the seventh.
 """
 
 from __future__ import annotations
@@ -120,13 +118,13 @@ YUMI_UNITS = (
 
 
 class SyncPoints:
-    """Counts who has come to which point how often: the n-th of one task meets the n-th of each other."""
+    """Points where RAPID tasks wait for one another: the n-th arrival of one task meets the n-th of each other."""
 
     def __init__(self) -> None:
         self._arrivals: Counter[tuple[str, str]] = Counter()
 
     def arrive(self, point: str, task: str) -> int:
-        """Note an arrival; tells the how many-th of this task at this point it is."""
+        """Count an arrival of a task at a point; its number."""
         self._arrivals[point, task] += 1
         return self._arrivals[point, task]
 

@@ -15,14 +15,15 @@ from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, c
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import YUMI_UNITS
-from yumi.virtual.mechanics.arm import StopMode, arm_angle_deg
+from yumi.virtual.mechanics.arm_angle import arm_angle_deg
+from yumi.virtual.mechanics.egm_motion import StopMode
 
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 
 
 @dataclass(eq=False, slots=True)
 class EgmIdentity:
-    """What an egmident stands for; the station knows by the variable's name which ones are reserved."""
+    """What an egmident stands for; the arm unit keeps the names of the variables that are reserved."""
 
 
 @dataclass(eq=False, slots=True)
@@ -39,20 +40,16 @@ def add_data(library: Library, own_unit: str) -> None:
         library.alias(name, "num")
     library.record("egm_minmax", {"min": "num", "max": "num"})
     library.record("tasks", {"taskname": "string"})
-    _add_egm(library)
-    for unit in YUMI_UNITS:
-        library.data(unit.name, "mecunit", unit)
-        if unit.name == own_unit:
-            library.data("ROB_ID", "mecunit", unit)
-
-
-def _add_egm(library: Library) -> None:
     for state in EgmState:
         library.data(f"EGM_STATE_{state.name}", "egmstate", float(state))
     for mode in StopMode:
         library.data(f"EGM_STOP_{mode.name}", "egmstopmode", float(mode.value))
     for number, name in enumerate(_FRAME_TYPES):
         library.data(f"EGM_FRAME_{name}", "egmframetype", float(number))
+    for unit in YUMI_UNITS:
+        library.data(unit.name, "mecunit", unit)
+        if unit.name == own_unit:
+            library.data("ROB_ID", "mecunit", unit)
 
 
 NOT_PRESENT = 9e9
@@ -79,11 +76,11 @@ def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joi
     """Joint positions [rad] of a jointtarget; an axis with 9E9 stays where it is ``now`` [rad]."""
     eax_a_deg = target.extax[0]
     chain_deg = chain_from_abb(target.robax, eax_a_deg)
-    wanted = [
+    position = [
         is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
-    return joints(wanted)
+    return joints(position)
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

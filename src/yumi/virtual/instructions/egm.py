@@ -9,18 +9,18 @@ from typing import Any
 from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.virtual.controller.configuration import Configuration, Instance
+from yumi.virtual.controller.arm_unit import ArmUnit
+from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, EventType
-from yumi.virtual.controller.station import Station
 from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid
-from yumi.virtual.mechanics.arm import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
 
 FATAL = "ERR_EGM"
-"""What the real controller stops with at once; not registered, so that no handler can take it."""
+"""Stops the program at once, as on the real controller; not registered, so that no error handler gets it."""
 
 _AXES = [f"J{axis}" for axis in range(1, 8)]
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -29,24 +29,18 @@ _OVER = (EgmOutcome.CONVERGED, EgmOutcome.STOPPED)
 
 
 class EgmInstructions:
-    """The EGM instructions of one task.
+    """The EGM instructions of one task."""
 
-    Args:
-        station: the arm EGM guides.
-        configuration: where devices and External Motion Interface Data are.
-        events: the controller's event log.
-    """
-
-    def __init__(self, station: Station, configuration: Configuration, events: EventLog) -> None:
-        self._station = station
-        self._client = station.egm
+    def __init__(self, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
+        self._unit = unit
+        self._client = unit.egm
         self._configuration = configuration
         self._events = events
         self._run: EgmRun | None = None
 
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
-        identities = self._station.egm_identities
+        identities = self._unit.egm_identities
         name = call.place("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
@@ -58,22 +52,49 @@ class EgmInstructions:
 
     def reset(self, call: Call) -> None:
         """EGMReset: end what the identity runs and give it back."""
-        self._station.egm_identities.discard(call.place("EGMid").name.lower())
+        self._unit.egm_identities.discard(call.place("EGMid").name.lower())
         self._client.reset()
 
     def setup_uc(self, call: Call) -> None:
         """EGMSetupUC: choose device and motion data."""
         if not call.present("Joint"):
-            raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm is guided with \\Joint on RobotWare 6.")
+            raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
         if call["MecUnit"].type != "TCPRobot":
-            raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is no TCP robot (41830).")
-        self._station.egm_device = self._device(call["UCDevice"]).name
-        data = self._motion_data(call["ExtConfigName"])
+            raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is not a TCP robot (41830).")
+        name = call["UCDevice"]
+        device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))  # old programs write a colon behind it
+        if device is None or device.attributes["Type"] != "UDPUC":
+            raise RapidRuntimeError(
+                "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
+            )
+        self._unit.egm_device = device.name
+        name = call["ExtConfigName"]
+        found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
+        if found is None:
+            raise RapidRuntimeError(FATAL, f"EGMSetupUC: there is no External Motion Interface Data '{name}'.")
+        attributes = found.attributes
+        data = ExternalMotionData(
+            level=int(attributes["ext_motion_level"]),
+            position_gain=float(attributes["ext_motion_Kp"]),
+            bandwidth=float(attributes["ext_motion_filter_bandwidth"]),
+            ramp_time=float(attributes["ramp_time"]),
+            restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
+        )
         self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
 
     def act_joint(self, call: Call) -> None:
-        r"""EGMActJoint: how EGM shall follow; with \StreamStart positions are sent at once."""
-        activation = _activation(call)
+        r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
+        tool, wobj = call.get("Tool"), call.get("WObj")
+        bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES]
+        activation = EgmActivation(
+            tool=None if tool is None else pose_from_rapid(tool.tframe),
+            wobj=None if wobj is None else wobj_from_rapid(wobj),
+            cond_min_max=chain_order([(radians(low), radians(high)) for low, high in bands_deg]),
+            lp_filter=call.get("LpFilter"),
+            sample_rate_ms=int(call.get("SampleRate", 4.0)),
+            max_pos_deviation=radians(call.get("MaxPosDeviation", 1000.0)),
+            max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
+        )
         self._do(lambda: self._client.activate(activation))
         if call.present("StreamStart"):
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
@@ -82,14 +103,27 @@ class EgmInstructions:
         """EGMActPose, EGMRunPose: what EGMSetupUC has chosen is joint motion."""
         self._events.append(41826, "EGM mode mismatch", type=EventType.ERROR)
         raise RapidRuntimeError(
-            FATAL, "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not by poses (41826)."
+            FATAL, "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not by poses (41826)."
         )
 
     def run_joint(self, call: Call) -> Wait:
         """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
-        self._check_start()
-        self._run = run = _run(call)
-        self._guide(run)
+        if not self._unit.has_moved:
+            raise RapidRuntimeError(
+                FATAL, "EGMRunJoint: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
+            )
+        if not self._unit.arm.is_stationary:
+            raise RapidRuntimeError(FATAL, "EGMRunJoint: the arm has to stand in a fine point; use WaitRob \\InPos.")
+        self._run = run = EgmRun(
+            stop_mode=StopMode(int(call["Mode"])),
+            axes=chain_order([call.present(axis) for axis in _AXES]),
+            cond_time=call.get("CondTime", 1.0),
+            ramp_in_time=call.get("RampInTime", 0.0),
+            ramp_out_time=call.get("RampOutTime", 1.0),
+            pos_corr_gain=call.get("PosCorrGain", 1.0),
+            is_waited=not call.present("NoWaitCond"),
+        )
+        self._do(lambda: self._client.run_joint(run))
         if run.is_waited:
             yield from self._until_over(run)
 
@@ -102,7 +136,7 @@ class EgmInstructions:
     def stop(self, call: Call) -> Wait:
         """EGMStop: done when the arm stands."""
         self._client.stop(StopMode(int(call["Mode"])), call.get("RampOutTime", 0.0))
-        while not self._station.arm.is_stationary:
+        while not self._unit.arm.is_stationary:
             yield None
 
     def stream_start(self, call: Call) -> None:
@@ -122,32 +156,17 @@ class EgmInstructions:
             yield None
             outcome = self._client.outcome
             if outcome is EgmOutcome.COMM_TIMEOUT:
-                self._time_out(run)
+                if not run.is_waited:  # a program that did not wait cannot handle the error: the controller logs it
+                    raise RapidRuntimeError(FATAL, self._client.fault)
+                self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
+                raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
             if outcome in _OVER or not self._client.resumes:
                 break
-            if outcome is not EgmOutcome.RUNNING and self._station.arm.is_stationary:
-                # The program had been stopped and goes on: the interrupted instruction guides the arm again.
-                self._guide(run)
-        while not self._station.arm.is_stationary:
+            if outcome is not EgmOutcome.RUNNING and self._unit.arm.is_stationary:
+                # The program had been stopped and continues: the interrupted instruction starts EGM again.
+                self._do(lambda: self._client.run_joint(run))
+        while not self._unit.arm.is_stationary:
             yield None
-
-    def _time_out(self, run: EgmRun) -> None:
-        """A program that did not wait cannot handle the error; the controller logs it and stops the program."""
-        if not run.is_waited:
-            raise RapidRuntimeError(FATAL, self._client.fault)
-        self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
-        raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
-
-    def _guide(self, run: EgmRun) -> None:
-        self._do(lambda: self._client.run_joint(run))
-
-    def _check_start(self) -> None:
-        if not self._station.has_moved:
-            raise RapidRuntimeError(
-                FATAL, "EGMRunJoint: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
-            )
-        if not self._station.arm.is_stationary:
-            raise RapidRuntimeError(FATAL, "EGMRunJoint: the arm has to stand in a fine point; use WaitRob \\InPos.")
 
     def _do(self, action: Callable[[], None]) -> None:
         try:
@@ -155,58 +174,10 @@ class EgmInstructions:
         except RobotNotReady as error:
             raise RapidRuntimeError(FATAL, str(error)) from error
 
-    def _device(self, name: str) -> Instance:
-        """The UDPUC device; old programs write a colon behind its name."""
-        device = self._configuration.find("SIO", "COM_TRP", name.rstrip(":"))
-        if device is None or device.attributes["Type"] != "UDPUC":
-            raise RapidRuntimeError(
-                "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
-            )
-        return device
 
-    def _motion_data(self, name: str) -> ExternalMotionData:
-        found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
-        if found is None:
-            raise RapidRuntimeError(FATAL, f"EGMSetupUC: there is no External Motion Interface Data '{name}'.")
-        attributes = found.attributes
-        return ExternalMotionData(
-            level=int(attributes["ext_motion_level"]),
-            position_gain=float(attributes["ext_motion_Kp"]),
-            bandwidth=float(attributes["ext_motion_filter_bandwidth"]),
-            ramp_time=float(attributes["ramp_time"]),
-            restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
-        )
-
-
-def _activation(call: Call) -> EgmActivation:
-    tool, wobj = call.get("Tool"), call.get("WObj")
-    bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES]
-    return EgmActivation(
-        tool=None if tool is None else pose_from_rapid(tool.tframe),
-        wobj=None if wobj is None else wobj_from_rapid(wobj),
-        cond_min_max=chain_order([(radians(low), radians(high)) for low, high in bands_deg]),
-        lp_filter=call.get("LpFilter"),
-        sample_rate_ms=int(call.get("SampleRate", 4.0)),
-        max_pos_deviation=radians(call.get("MaxPosDeviation", 1000.0)),
-        max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
-    )
-
-
-def _run(call: Call) -> EgmRun:
-    return EgmRun(
-        stop_mode=StopMode(int(call["Mode"])),
-        axes=chain_order([call.present(axis) for axis in _AXES]),
-        cond_time=call.get("CondTime", 1.0),
-        ramp_in_time=call.get("RampInTime", 0.0),
-        ramp_out_time=call.get("RampOutTime", 1.0),
-        pos_corr_gain=call.get("PosCorrGain", 1.0),
-        is_waited=not call.present("NoWaitCond"),
-    )
-
-
-def add_egm(library: Library, station: Station, configuration: Configuration, events: EventLog) -> None:
+def add_egm(library: Library, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
     """Register the EGM instructions of one task."""
-    egm = EgmInstructions(station, configuration, events)
+    egm = EgmInstructions(unit, configuration, events)
     identity = "VAR egmident EGMid"
     bands = "".join(rf", \egm_minmax {axis}" for axis in _AXES)
     switches = "".join(rf", \switch {axis}" for axis in _AXES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import Enum
 from functools import partial
 
 from yumi.errors import CommandRefused, RobotNotReady
@@ -18,35 +19,22 @@ DEADLINE = 5.0
 _ALLOWANCE_MM = 1.0
 _GRIP = r"\num holdForce, \num targetPos, \num posAllowance, \switch NoWait"
 
-# What the gripper's driver logs in domain 11, and the RAPID error it raises.
-_NOT_CALIBRATED = (112755, "ERR_HAND_NOTCALIBRATED")
-_OUT_OF_RANGE = (112757, "ERR_HAND_AUGOUTOFRANGE")
-_WRONG_STATE = (112751, "ERR_HAND_WRONGSTATE")
-_FAILED_MOVE = (112753, "ERR_HAND_FAILEDMOVEPOS")
-_FAILED_GRIP_IN = (112754, "ERR_HAND_FAILEDGRIPINWARD")
-_FAILED_GRIP_OUT = (112760, "ERR_HAND_FAILEDGRIPOUTWARD")
-_FAILED_GRIP_POSITION = (112759, "ERR_HAND_FAILEDGRIPPOS")
-_FAILED_VACUUM = (112756, "ERR_HAND_FAILEDVACUUM")
-_ERRORS = (
-    _NOT_CALIBRATED,
-    _OUT_OF_RANGE,
-    _WRONG_STATE,
-    _FAILED_MOVE,
-    _FAILED_GRIP_IN,
-    _FAILED_GRIP_OUT,
-    _FAILED_GRIP_POSITION,
-    _FAILED_VACUUM,
-)
-_Failure = tuple[int, str]
+
+class _Failure(Enum):
+    """What the gripper's driver logs in domain 11, and the RAPID error it raises."""
+
+    NOT_CALIBRATED = (112755, "ERR_HAND_NOTCALIBRATED")
+    OUT_OF_RANGE = (112757, "ERR_HAND_AUGOUTOFRANGE")
+    WRONG_STATE = (112751, "ERR_HAND_WRONGSTATE")
+    FAILED_MOVE = (112753, "ERR_HAND_FAILEDMOVEPOS")
+    FAILED_GRIP_IN = (112754, "ERR_HAND_FAILEDGRIPINWARD")
+    FAILED_GRIP_OUT = (112760, "ERR_HAND_FAILEDGRIPOUTWARD")
+    FAILED_GRIP_POSITION = (112759, "ERR_HAND_FAILEDGRIPPOS")
+    FAILED_VACUUM = (112756, "ERR_HAND_FAILEDVACUUM")
 
 
 class GripperInstructions:
-    """The gripper's instructions of one task.
-
-    Args:
-        gripper: the gripper they command.
-        events: the controller's event log.
-    """
+    """The gripper's instructions of one task."""
 
     def __init__(self, gripper: VirtualGripper, events: EventLog) -> None:
         self._gripper = gripper
@@ -70,19 +58,19 @@ class GripperInstructions:
         yield from self._readied(call)
         self._do(lambda: self._gripper.move_to(position))
         if not call.present("NoWait"):
-            yield from self._standing(call, _FAILED_MOVE)
+            yield from self._standing(call, _Failure.FAILED_MOVE)
 
     def grip_in(self, call: Call) -> Wait:
         r"""g_GripIn: done when something is held, or at once with \NoWait."""
         yield from self._readied(call)
         self._do(lambda: self._gripper.grip_in(call.get("holdForce")))
-        yield from self._held(call, _FAILED_GRIP_IN)
+        yield from self._held(call, _Failure.FAILED_GRIP_IN)
 
     def grip_out(self, call: Call) -> Wait:
         r"""g_GripOut: done when something is held, or at once with \NoWait."""
         yield from self._readied(call)
         self._do(lambda: self._gripper.grip_out(call.get("holdForce")))
-        yield from self._held(call, _FAILED_GRIP_OUT)
+        yield from self._held(call, _Failure.FAILED_GRIP_OUT)
 
     def jog(self, call: Call, *, opens: bool) -> Wait:
         """g_JogIn, g_JogOut: done when the fingers stand; the motor then lets go."""
@@ -91,7 +79,7 @@ class GripperInstructions:
         begin = call.task.now
         while call.task.now - begin < SETTLING_TIME or self._gripper.speed != 0.0:
             if call.task.now - begin >= DEADLINE:
-                self._fail(_WRONG_STATE, f"The fingers have been moving for {DEADLINE:g} s.")
+                self._fail(_Failure.WRONG_STATE, f"The fingers have been moving for {DEADLINE:g} s.")
             yield None
         self._gripper.stop()
 
@@ -101,7 +89,7 @@ class GripperInstructions:
         deadline = call.task.now + DEADLINE
         while call.present("threshold") and self.pressure(call, channel) > call["threshold"]:
             if call.task.now >= deadline:
-                self._fail(_FAILED_VACUUM, f"Vacuum {channel} does not get below {call['threshold']:g} kPa.")
+                self._fail(_Failure.FAILED_VACUUM, f"Vacuum {channel} does not get below {call['threshold']:g} kPa.")
             yield None
 
     def pressure(self, call: Call, channel: int) -> float:
@@ -133,9 +121,9 @@ class GripperInstructions:
         return self._gripper.position * 1e3
 
     def _readied(self, call: Call) -> Wait:
-        """Bring the hand to READY and let the I/O show it before the next command, as the hand's own driver does.
+        """Bring the gripper to READY for one cycle before the next command, as the gripper's own driver does.
 
-        Who watches ``hand_SysState`` thereby sees where one command ends and the next begins.
+        ``hand_SysState`` then shows where one command ends and the next begins.
         """
         self._gripper.stop()
         begin = call.task.now
@@ -147,7 +135,7 @@ class GripperInstructions:
         while self._gripper.is_moving:
             yield None
         if not self._gripper.is_calibrated:
-            self._fail(_WRONG_STATE, "The gripper could not be calibrated.")
+            self._fail(_Failure.WRONG_STATE, "The gripper could not be calibrated.")
 
     def _held(self, call: Call, failure: _Failure) -> Wait:
         if call.present("NoWait"):
@@ -155,9 +143,9 @@ class GripperInstructions:
         yield from self._standing(call, failure)
         if not self._gripper.is_holding:
             self._fail(failure, "The fingers found nothing to hold.")
-        allowance_mm = call.get("posAllowance", _ALLOWANCE_MM)
-        if call.present("targetPos") and abs(self._gripper.position * 1e3 - call["targetPos"]) > allowance_mm:
-            self._fail(_FAILED_GRIP_POSITION, f"The fingers hold something {self._gripper.position * 1e3:.1f} mm wide.")
+        allowance_mm, position_mm = call.get("posAllowance", _ALLOWANCE_MM), self._gripper.position * 1e3
+        if call.present("targetPos") and abs(position_mm - call["targetPos"]) > allowance_mm:
+            self._fail(_Failure.FAILED_GRIP_POSITION, f"The fingers hold something {position_mm:.1f} mm wide.")
 
     def _standing(self, call: Call, failure: _Failure) -> Wait:
         deadline = call.task.now + DEADLINE
@@ -172,44 +160,45 @@ class GripperInstructions:
         try:
             action()
         except RobotNotReady as error:
-            self._fail(_NOT_CALIBRATED, str(error))
+            self._fail(_Failure.NOT_CALIBRATED, str(error))
         except CommandRefused as error:
-            self._fail(_OUT_OF_RANGE, str(error))
+            self._fail(_Failure.OUT_OF_RANGE, str(error))
 
     def _fail(self, failure: _Failure, sentence: str) -> None:
-        code, name = failure
+        code, name = failure.value
         self._events.append(code, "Smart Gripper", sentence, EventType.ERROR)
         raise RapidRuntimeError(name, sentence)
 
 
 def add_gripper(library: Library, gripper: VirtualGripper, events: EventLog) -> None:
     """Register the gripper's instructions of one task."""
-    hand = GripperInstructions(gripper, events)
-    for _, name in _ERRORS:
-        library.error(name)
-    library.instruction("g_Init", r"\num maxSpd, \num holdForce, \num phyLimit, \switch Calibrate")(hand.init)
-    library.instruction("g_Calibrate", r"\switch Jog")(hand.calibrate)
-    library.instruction("g_MoveTo", r"num TargetPos, \switch NoWait")(hand.move_to)
-    library.instruction("g_GripIn", _GRIP)(hand.grip_in)
-    library.instruction("g_GripOut", _GRIP)(hand.grip_out)
-    library.instruction("g_JogIn")(partial(hand.jog, opens=False))
-    library.instruction("g_JogOut")(partial(hand.jog, opens=True))
-    library.instruction("g_Stop")(hand.stop)
-    library.instruction("g_SetMaxSpd", "num maxSpd")(hand.set_max_speed)
-    library.instruction("g_SetForce", "num holdForce")(hand.set_force)
-    library.function("g_IsCalibrated", "", "bool")(hand.is_calibrated)
-    library.function("g_GetPos", "", "num")(hand.position)
-    library.function("g_GetSpd", "", "num")(hand.speed)
+    commands = GripperInstructions(gripper, events)
+    for failure in _Failure:
+        library.error(failure.value[1])
+    library.instruction("g_Init", r"\num maxSpd, \num holdForce, \num phyLimit, \switch Calibrate")(commands.init)
+    library.instruction("g_Calibrate", r"\switch Jog")(commands.calibrate)
+    library.instruction("g_MoveTo", r"num TargetPos, \switch NoWait")(commands.move_to)
+    library.instruction("g_GripIn", _GRIP)(commands.grip_in)
+    library.instruction("g_GripOut", _GRIP)(commands.grip_out)
+    library.instruction("g_JogIn")(partial(commands.jog, opens=False))
+    library.instruction("g_JogOut")(partial(commands.jog, opens=True))
+    library.instruction("g_Stop")(commands.stop)
+    library.instruction("g_SetMaxSpd", "num maxSpd")(commands.set_max_speed)
+    library.instruction("g_SetForce", "num holdForce")(commands.set_force)
+    library.function("g_IsCalibrated", "", "bool")(commands.is_calibrated)
+    library.function("g_GetPos", "", "num")(commands.position)
+    library.function("g_GetSpd", "", "num")(commands.speed)
     for channel in CHANNELS:
-        _add_channel(library, hand, gripper, channel)
+        switches = (
+            ("VacuumOff", gripper.set_vacuum, False),
+            ("BlowOn", gripper.set_blow, True),
+            ("BlowOff", gripper.set_blow, False),
+        )
+        for name, switch, is_on in switches:
+            library.instruction(f"g_{name}{channel}")(partial(_switch, switch, channel, is_on))
+        library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(partial(commands.vacuum_on, channel=channel))
+        library.function(f"g_GetPressure{channel}", "", "num")(partial(commands.pressure, channel=channel))
 
 
-def _add_channel(library: Library, hand: GripperInstructions, gripper: VirtualGripper, channel: int) -> None:
-    def switch(set_channel: Callable[..., None], *, is_on: bool) -> Callable[[Call], None]:
-        return lambda call: set_channel(channel, is_on=is_on)
-
-    library.instruction(f"g_VacuumOn{channel}", r"\num threshold")(partial(hand.vacuum_on, channel=channel))
-    library.instruction(f"g_VacuumOff{channel}")(switch(gripper.set_vacuum, is_on=False))
-    library.instruction(f"g_BlowOn{channel}")(switch(gripper.set_blow, is_on=True))
-    library.instruction(f"g_BlowOff{channel}")(switch(gripper.set_blow, is_on=False))
-    library.function(f"g_GetPressure{channel}", "", "num")(partial(hand.pressure, channel=channel))
+def _switch(set_channel: Callable[..., None], channel: int, is_on: bool, call: Call) -> None:
+    set_channel(channel, is_on=is_on)

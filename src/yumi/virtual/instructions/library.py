@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.events import EventLog
-from yumi.virtual.controller.station import Station
 from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.data import add_data
 from yumi.virtual.instructions.egm import add_egm
@@ -18,7 +18,7 @@ from yumi.virtual.instructions.system import add_system
 
 
 def robot_library(
-    station: Station,
+    unit: ArmUnit,
     *,
     configuration: Configuration,
     events: EventLog,
@@ -28,9 +28,9 @@ def robot_library(
 ) -> Library:
     """RAPID's own instructions with those of one arm on top."""
     library = InstructionSet()
-    add_data(library, station.side.unit)
-    add_motion(library, station, speed_ratio)
-    add_egm(library, station, configuration, events)
-    add_gripper(library, station.gripper, events)
-    add_system(library, station, units, configuration, sync_points)
+    add_data(library, unit.side.unit)
+    add_motion(library, unit, speed_ratio)
+    add_egm(library, unit, configuration, events)
+    add_gripper(library, unit.gripper, events)
+    add_system(library, unit, units, configuration, sync_points)
     return library

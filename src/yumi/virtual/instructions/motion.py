@@ -10,7 +10,7 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.joints import Joints
-from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.instructions.data import (
     chain_from_jointtarget,
     jointtarget,
@@ -24,30 +24,26 @@ SpeedRatio = Callable[[], float]
 _SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \num Inpos"
 _FRAMES = r"tooldata Tool, \wobjdata WObj, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
-_SLOWEST = 0.01  # at a speed ratio of 0 the controller still creeps
+_SLOWEST = 0.01  # a speed ratio of 0 is a very low speed
 
 
 class MotionInstructions:
-    """The motion instructions of one task.
+    """The motion instructions of one task."""
 
-    Args:
-        station: the arm they move.
-        speed_ratio: the controller's override, 0 to 100 [%].
-    """
-
-    def __init__(self, station: Station, speed_ratio: SpeedRatio) -> None:
-        self._station = station
+    def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio) -> None:
+        self._unit = unit
         self._speed_ratio = speed_ratio
         self._moved_at = -1.0  # task time [s]
 
     def move_abs_j(self, call: Call) -> Wait:
         """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
 
-        A way of no length ends at once, but one in a cycle only: a loop of them leaves time to others.
+        A motion of no length ends at once, but only one in a cycle: a loop of them leaves time to other tasks.
         """
-        arm = self._station.arm
+        arm = self._unit.arm
         target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
-        self._remember_frames(call)
+        self._unit.tool = call["Tool"]
+        self._unit.wobj = call.get("WObj")
         self._begin(call, target)
         try:
             if self._moved_at == call.task.now:
@@ -59,7 +55,7 @@ class MotionInstructions:
         except GeneratorExit:
             arm.stop()
             raise
-        self._station.has_moved = True
+        self._unit.has_moved = True
         self._moved_at = call.task.now
 
     def refuse(self, call: Call) -> None:
@@ -71,30 +67,26 @@ class MotionInstructions:
 
     def wait_rob(self, call: Call) -> Wait:
         """WaitRob: until the arm stands."""
-        while not self._station.arm.is_stationary:
+        while not self._unit.arm.is_stationary:
             yield None
 
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
-        return jointtarget(self._station.arm.position)
+        return jointtarget(self._unit.arm.position)
 
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
         tool = pose_from_rapid(call.get("Tool", self.tool(call)).tframe)
         wobj = wobj_from_rapid(call.get("WObj", self.wobj(call)))
-        return robtarget(self._station.side, self._station.arm.position, tool, wobj)
+        return robtarget(self._unit.side, self._unit.arm.position, tool, wobj)
 
     def tool(self, call: Call) -> Any:
         """CTool: the tool of the last motion."""
-        return self._station.tool or _predefined(call, "tool0")
+        return self._unit.tool or _predefined(call, "tool0")
 
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
-        return self._station.wobj or _predefined(call, "wobj0")
-
-    def _remember_frames(self, call: Call) -> None:
-        self._station.tool = call["Tool"]
-        self._station.wobj = call.get("WObj")
+        return self._unit.wobj or _predefined(call, "wobj0")
 
     def _begin(self, call: Call, target: Joints) -> None:
         """Start towards the target at the programmed speed times the override.
@@ -105,7 +97,7 @@ class MotionInstructions:
         ratio = max(self._speed_ratio() / 100.0, _SLOWEST)
         speed = call["Speed"]
         try:
-            self._station.arm.move_to(
+            self._unit.arm.move_to(
                 target,
                 tool_speed=call.get("V", speed.v_tcp) * 1e-3 * ratio or inf,
                 turn_speed=radians(speed.v_ori) * ratio or inf,
@@ -133,9 +125,9 @@ def _predefined(call: Call, name: str) -> Any:
     return datum.value
 
 
-def add_motion(library: Library, station: Station, speed_ratio: SpeedRatio) -> None:
+def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio) -> None:
     """Register the motion instructions of one task."""
-    motion = MotionInstructions(station, speed_ratio)
+    motion = MotionInstructions(unit, speed_ratio)
     targets = rf"\switch Conc, {{}}, \num ID, \switch NoEOffs, {_SPEED}, {_FRAMES}"
     library.instruction("MoveAbsJ", targets.format("jointtarget ToJointPos"))(motion.move_abs_j)
     for name in ("MoveJ", "MoveL"):

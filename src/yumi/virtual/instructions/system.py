@@ -7,31 +7,24 @@ from collections.abc import Sequence
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import BOOL, is_numeric, resolved
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration
-from yumi.virtual.controller.station import Station
 from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
 
 _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemInstructions:
-    """The system instructions of one task.
-
-    Args:
-        station: the arm of the task.
-        units: the controller's mechanical units.
-        configuration: the system parameters.
-        sync_points: where the tasks meet.
-    """
+    """The system instructions of one task."""
 
     def __init__(
         self,
-        station: Station,
+        unit: ArmUnit,
         units: Sequence[MechanicalUnit],
         configuration: Configuration,
         sync_points: SyncPoints,
     ) -> None:
-        self._station = station
+        self._unit = unit
         self._units = units
         self._configuration = configuration
         self._sync_points = sync_points
@@ -76,10 +69,18 @@ class SystemInstructions:
 
     def read_cfg(self, call: Call) -> None:
         """ReadCfgData: one attribute of one instance, as number, text or truth value."""
-        text = self._cfg_text(call["InstancePath"], call["Attribute"])
+        path, attribute = call["InstancePath"], call["Attribute"]
+        parts = path.strip("/").split("/")
+        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
+        if found is None or attribute not in found.attributes:
+            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
+        text = found.attributes[attribute]
         type_ = resolved(call.place("CfgData").type)
         if is_numeric(type_):
-            call["CfgData"] = _number(text, call["Attribute"])
+            try:
+                call["CfgData"] = float(text)
+            except ValueError as error:
+                raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', not a number.") from error
         elif type_ == BOOL:
             call["CfgData"] = text.upper() == "TRUE"
         else:
@@ -87,47 +88,30 @@ class SystemInstructions:
 
     def wait_sync(self, call: Call) -> Wait:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
-        while call.present("InPos") and not self._station.arm.is_stationary:
+        while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
         point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
         arrival = self._sync_points.arrive(point, call.task.name)
+        deadline = call.task.now + call.get("TimeOut", float("inf"))
         try:
-            yield from self._until_met(call, point, arrival, tasks)
+            while not self._sync_points.have_met(point, arrival, tasks):
+                if call.task.now >= deadline:
+                    raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
+                yield None
         except (GeneratorExit, RapidRuntimeError):
             self._sync_points.leave(point, call.task.name)
             raise
 
-    def _until_met(self, call: Call, point: str, arrival: int, tasks: Sequence[str]) -> Wait:
-        deadline = call.task.now + call.get("TimeOut", float("inf"))
-        while not self._sync_points.have_met(point, arrival, tasks):
-            if call.task.now >= deadline:
-                raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
-            yield None
-
-    def _cfg_text(self, path: str, attribute: str) -> str:
-        parts = path.strip("/").split("/")
-        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
-        if found is None or attribute not in found.attributes:
-            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
-        return found.attributes[attribute]
-
-
-def _number(text: str, attribute: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise RapidRuntimeError("ERR_CFG_ILLTYPE", f"{attribute} is '{text}', which is no number.") from error
-
 
 def add_system(
     library: Library,
-    station: Station,
+    unit: ArmUnit,
     units: Sequence[MechanicalUnit],
     configuration: Configuration,
     sync_points: SyncPoints,
 ) -> None:
     """Register the system instructions of one task."""
-    system = SystemInstructions(station, units, configuration, sync_points)
+    system = SystemInstructions(unit, units, configuration, sync_points)
     library.function("GetMecUnitName", "mecunit MechUnit", "string")(system.unit_name)
     library.function(
         "GetNextMechUnit",

@@ -1,20 +1,14 @@
-"""The Smart Gripper of one arm: its commands, its states and its I/O; advances by dt.
+"""The Smart Gripper of one arm: fingers, vacuum cups, commands, states and I/O; advances by dt.
 
 Positions are per finger from the closed position: 0 closed, 25 mm open (reference/yumi.md §2, statemachine.md §5).
-
-What the gripper can be doing: each action shows its state, moves the fingers and knows when it is over.
-
-The mechanics of the gripper: two fingers on one motor, and the workpiece they may meet.
-
-A vacuum module of the gripper: an ejector, a cup, and what lies under it; advances by dt.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp, isfinite
-from typing import Protocol
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.gripper import (
@@ -29,10 +23,10 @@ from yumi.robot.gripper import (
 )
 
 FORCE_RATE = 100.0
-"""How fast the motor builds up force against something that does not give way [N/s]."""
+"""Rate at which the motor builds up force against an obstacle [N/s]."""
 
 FINGER_LENGTH = 0.020
-"""How far something slides between the fingers until it is out [m]."""
+"""Distance after which an object that slides between the fingers is lost [m]."""
 
 GRAVITY = 9.81
 """[m/s²]"""
@@ -87,7 +81,7 @@ class Fingers:
         self._slid = self._sliding = 0.0  # [m], [m/s]
 
     def rest(self) -> None:
-        """The motor lets go."""
+        """The motor is switched off."""
         self.speed = self.force = self._slid = self._sliding = 0.0
 
     def drive(self, target: float, speed: float, force: float, dt: float) -> float:
@@ -96,7 +90,12 @@ class Fingers:
         Returns:
             What was left of ``dt`` [s] when the fingers stood, at the target or at an obstacle.
         """
-        stop = self._stop_on_the_way_to(target)
+        stop = target
+        if self.workpiece is not None:  # its face may be in the way
+            face = self.workpiece.width / 2.0
+            is_hollow = self.workpiece.is_hollow
+            if (is_hollow and self.opening <= face < target) or (not is_hollow and target < face <= self.opening):
+                stop = face
         needed = abs(stop - self.opening) / speed
         if needed > dt:
             self.speed = speed if stop > self.opening else -speed
@@ -107,11 +106,11 @@ class Fingers:
         left = dt - needed
         self.force = 0.0 if stop == target else min(force, self.force + FORCE_RATE * left)
         if self.force >= force > 0.0:
-            self._let_slide(left)
+            self._slide(left)
         return left
 
-    def _let_slide(self, dt: float) -> None:
-        """The motor presses as it shall: what is too heavy for that slides out and is gone."""
+    def _slide(self, dt: float) -> None:
+        """At full force, an object that is too heavy slides out and is lost."""
         acceleration = 0.0 if self.workpiece is None else self.workpiece.slide(self.force)
         if acceleration == 0.0:
             self._slid = self._sliding = 0.0
@@ -121,24 +120,13 @@ class Fingers:
         if self._slid >= FINGER_LENGTH:
             self.workpiece = None
 
-    def _stop_on_the_way_to(self, target: float) -> float:
-        """The target, or the face of the workpiece where it is in the way."""
-        if self.workpiece is None:
-            return target
-        face = self.workpiece.width / 2.0
-        if self.workpiece.is_hollow:
-            return face if self.opening <= face < target else target
-        return face if target < face <= self.opening else target
-
 
 JOG_SPEED = 0.010
 STALL_TIME = 0.5
 """How long a free move may push against an obstacle before it is an error [s]."""
 
-_PUSH = MAX_FORCE  # a free move and a jog push with what the motor has
 
-
-class Action(Protocol):
+class Action:
     """One thing the motor does.
 
     Attributes:
@@ -146,83 +134,93 @@ class Action(Protocol):
         is_over: whether the next action may begin.
     """
 
-    state: HandState
-    is_over: bool
+    def __init__(self, state: HandState) -> None:
+        self.state = state
+        self.is_over = False
+
+    def end(self, state: HandState) -> None:
+        """The action is over, in a state."""
+        self.state, self.is_over = state, True
 
     def advance(self, fingers: Fingers, dt: float) -> float:
         """Let ``dt`` [s] pass; what is left of it when the action was over sooner."""
+        raise NotImplementedError
 
 
-class FreeMove:
+class FreeMove(Action):
     """Go to a position; an obstacle is an error."""
 
     def __init__(self, state: HandState, target: float, speed: float) -> None:
-        self.state = state
-        self.is_over = False
+        super().__init__(state)
         self._target, self._speed = target, speed
         self._stalled = 0.0
 
     def advance(self, fingers: Fingers, dt: float) -> float:
-        left = fingers.drive(self._target, self._speed, _PUSH, dt)
+        left = fingers.drive(self._target, self._speed, MAX_FORCE, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            self.end(HandState.ACTION_COMPLETED)
             return left
         self._stalled += left
         if self._stalled >= STALL_TIME:
-            self.state, self.is_over = HandState.ERROR, True
+            self.end(HandState.ERROR)
         return 0.0
 
 
-class Grip:
-    """Close in on something and hold it; coming to the end of the way means that there was nothing."""
+class Grip(Action):
+    """Close in on something and hold it; to reach the end of the travel means that there was nothing."""
 
     def __init__(self, state: HandState, target: float, speed: float, force: float) -> None:
-        self.state = state
-        self.is_over = False
+        super().__init__(state)
         self._gripping = state
         self._target, self._speed, self._force = target, speed, force
 
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, self._force, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            self.end(HandState.ACTION_COMPLETED)
             return left
         stands_with_force = fingers.speed == 0.0 and fingers.force >= self._force
         self.state = HandState.KEEP_OBJECT if stands_with_force else self._gripping
         return 0.0
 
 
-class Jog:
-    """Open or close without knowing where the fingers are, until told to stop or, if asked, until they stand."""
+class Jog(Action):
+    """Open or close, calibrated or not, until stopped or, if asked, until the fingers stand."""
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
-        self.state = HandState.JOG_OPEN if opens else HandState.JOG_CLOSE
-        self.is_over = False
+        super().__init__(HandState.JOG_OPEN if opens else HandState.JOG_CLOSE)
         self._target = TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
 
     def advance(self, fingers: Fingers, dt: float) -> float:
-        left = fingers.drive(self._target, JOG_SPEED, _PUSH, dt)
+        left = fingers.drive(self._target, JOG_SPEED, MAX_FORCE, dt)
         if fingers.speed != 0.0 or not self._ends_at_standstill:
             return 0.0
-        self.is_over = True
+        self.end(self.state)
         return left
 
 
-class Pause:
-    """Do nothing in a state for a while [s]."""
+class Pause(Action):
+    """Stand still in a state for a time [s], then do ``at_end``."""
 
-    def __init__(self, state: HandState, duration: float, *, state_after: HandState) -> None:
-        self.state = state
-        self.is_over = False
-        self._left, self._state_after = duration, state_after
+    def __init__(
+        self,
+        state: HandState,
+        duration: float,
+        *,
+        state_after: HandState,
+        at_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        super().__init__(state)
+        self._left, self._state_after, self._at_end = duration, state_after, at_end
 
     def advance(self, fingers: Fingers, dt: float) -> float:
         fingers.rest()
         self._left -= dt
         if self._left > 0.0:
             return 0.0
-        self.state, self.is_over = self._state_after, True
+        self.end(self._state_after)
+        self._at_end()
         return -self._left
 
 
@@ -247,7 +245,7 @@ class CupObject:
     """Something under a cup.
 
     Attributes:
-        leak: how much air comes through or past it: 0 is tight, 1 as if it were not there.
+        leak: how much air passes: 0 is tight, 1 as without an object.
     """
 
     leak: float = 0.0
@@ -285,36 +283,28 @@ class VacuumCup:
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass."""
-        final, time_constant = self._tendency()
-        self.pressure = final + (self.pressure - final) * exp(-dt / time_constant)
-
-    def _tendency(self) -> tuple[float, float]:
         if self.sucks:
             leak = 1.0 if self.under is None else self.under.leak
-            return DEEPEST + leak * (OPEN - DEEPEST), EVACUATION
-        return ATMOSPHERE, BLOW_OFF if self.blows else VENTING
+            final, time_constant = DEEPEST + leak * (OPEN - DEEPEST), EVACUATION
+        else:
+            final, time_constant = ATMOSPHERE, BLOW_OFF if self.blows else VENTING
+        self.pressure = final + (self.pressure - final) * exp(-dt / time_constant)
 
-
-__all__ = ["CHANNELS", "LOWEST_SPEED", "TOP_SPEED", "VirtualGripper", "Workpiece"]
 
 SETTLING_TIME = 0.5
 CALIBRATION_TIME = 0.5
 CHANNELS = (1, 2)
+"""Vacuum modules."""
 
 STALL_ERROR = 1
-"""``hand_SysError`` when a free move meets an obstacle; the hand's own numbers are not published."""
+"""``hand_SysError`` when a free move meets an obstacle; the gripper's own numbers are not published."""
 
 
 class VirtualGripper:
     """One gripper, closed and not calibrated at first, as after power-up.
 
-    Args:
-        workpiece: what the fingers may hold; None is nothing.
-        modules: what the hand is made of.
-        is_calibrated: whether it knows where its fingers are.
-
     Attributes:
-        modules: what the hand is made of.
+        modules: servo, vacuum and camera.
         cups: its vacuum modules by number.
         is_calibrated: ``hand_StatusCalibrated``.
         max_speed: speed of moves and grips [m/s].
@@ -386,13 +376,6 @@ class VirtualGripper:
         """Let ``dt`` [s] pass."""
         for cup in self.cups.values():
             cup.advance(dt)
-        self._advance_fingers(dt)
-        if self._state is not HandState.ERROR:
-            self._error = 0
-        elif self._error == 0:
-            self._error = STALL_ERROR
-
-    def _advance_fingers(self, dt: float) -> None:
         while self._actions and dt > 0.0:
             action = self._actions[0]
             dt = action.advance(self._fingers, dt)
@@ -400,16 +383,20 @@ class VirtualGripper:
                 self._actions.popleft()
                 self._fingers.rest()
             self._state = self._actions[0].state if action.is_over and self._actions else action.state
+        if self._state is not HandState.ERROR:
+            self._error = 0
+        elif self._error == 0:
+            self._error = STALL_ERROR
 
     # What happens to it
 
     def fail(self, error: int) -> None:
-        """The hand finds something wrong with itself and shows ``error``, 1 to 255, until that is cleared."""
-        self._obey(HandCommand.GO_TO_ERROR)
+        """The gripper reports the internal ``error``, 1 to 255, until it is cleared."""
+        self._execute(HandCommand.GO_TO_ERROR)
         self._error = error
 
     def cut_power(self) -> None:
-        """24 V go and come back: what it held falls, it knows nothing of where its fingers are."""
+        """The 24 V supply is interrupted: what it held falls, the calibration is lost."""
         self.stop()
         self.is_calibrated = False
         self._zero = 0.0
@@ -447,55 +434,46 @@ class VirtualGripper:
             Jog(opens=False, ends_at_standstill=True),
             Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
         )
-        self._begin(*(closing if jog else ()), _Zeroing(self, HandState.READY))
+        self._begin(*(closing if jog else ()), self._zeroing(HandState.READY))
         self._command_shown = HandCommand.GO_TO_READY
 
-    def move_to(self, position: float) -> None:
-        """g_MoveTo: free move of each finger to ``position`` [m].
+    # The next three raise RobotNotReady without calibration, CommandRefused for a position outside 0 to physical_limit.
 
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
-        self._check_calibrated()
-        _check_position(position, self.physical_limit)
+    def move_to(self, position: float) -> None:
+        """g_MoveTo: free move of each finger to ``position`` [m]."""
+        self._check_target(position)
         if self.position >= position:
             self._min_position = position
-            self._obey(HandCommand.FREE_MOVE_TO_MIN_POS)
+            self._execute(HandCommand.FREE_MOVE_TO_MIN_POS)
         else:
             self._max_position = position
-            self._obey(HandCommand.FREE_MOVE_TO_MAX_POS)
+            self._execute(HandCommand.FREE_MOVE_TO_MAX_POS)
 
     def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
-        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
-
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
-        self._check_grip(hold_force, position)
+        """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
+        self._check_target(position)
         self._min_position = position
-        self._obey(HandCommand.AGILE_GRIP_INWARD)
+        self._grip(HandCommand.AGILE_GRIP_INWARD, hold_force)
 
     def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
-        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
-
-        Raises:
-            RobotNotReady: the gripper is not calibrated.
-            CommandRefused: the position is outside 0 to the physical limit.
-        """
+        """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
         widest = self.physical_limit if position is None else position
-        self._check_grip(hold_force, widest)
+        self._check_target(widest)
         self._max_position = widest
-        self._obey(HandCommand.AGILE_GRIP_OUTWARD)
+        self._grip(HandCommand.AGILE_GRIP_OUTWARD, hold_force)
+
+    def _grip(self, command: HandCommand, hold_force: float | None) -> None:
+        if hold_force is not None:
+            self.set_hold_force(hold_force)
+        self._execute(command)
 
     def stop(self) -> None:
-        """g_Stop: the motor lets go; the gripper is ready for the next command."""
-        self._obey(HandCommand.GO_TO_READY)
+        """g_Stop: the motor is switched off; the gripper is ready for the next command."""
+        self._execute(HandCommand.GO_TO_READY)
 
     def jog(self, *, opens: bool) -> None:
-        """g_JogOut, g_JogIn: open or close with little speed until told to stop, calibrated or not."""
-        self._obey(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+        """g_JogOut, g_JogIn: open or close at low speed until stopped, calibrated or not."""
+        self._execute(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
 
     def set_vacuum(self, channel: int, *, is_on: bool) -> None:
         """g_VacuumOn, g_VacuumOff of channel 1 or 2; where there is no such module nothing happens."""
@@ -510,10 +488,10 @@ class VirtualGripper:
     # What the fieldbus carries; positions in 0.1 mm, speeds in 0.1 mm/s, forces in 0.1 N
 
     def signals(self) -> dict[str, int]:
-        """What it shows of itself by name, without the suffix of the arm.
+        """Its I/O by name, without the suffix of the arm.
 
-        Commands, speed and force are outputs of the controller: they follow what RAPID's instructions ask for, as with
-        the hand's own driver, which writes them.
+        Commands, speed and force are outputs of the controller: they follow RAPID's instructions, since the gripper's
+        own driver writes them.
         """
         values = {
             "hand_SysState": int(self._state),
@@ -540,8 +518,14 @@ class VirtualGripper:
 
         A command counts in state READY only, but for the one that leads there; unknown ones do nothing.
         """
+        is_on = bool(value)
+        may_execute = value == HandCommand.GO_TO_READY or self._state is HandState.READY
         if signal == "hand_CmdGripper":
-            self._command(value)
+            if may_execute and value in set(HandCommand):
+                self._execute(HandCommand(value))
+        elif signal == "hand_CmdClearErr":
+            if is_on and self._state is HandState.ERROR:
+                self.stop()
         elif signal == "hand_MinPosition":
             self._min_position = value * 1e-4
         elif signal == "hand_MaxPosition":
@@ -550,38 +534,32 @@ class VirtualGripper:
             self.set_max_speed(value * 1e-4)
         elif signal == "hand_HoldForce":
             self.set_hold_force(value * 0.1)
-        else:
-            self._switch(signal, is_on=bool(value))
+        elif signal[:-1] in ("hand_CmdVacuum", "hand_CmdBlowoff"):
+            switch = self.set_vacuum if "Vacuum" in signal else self.set_blow
+            switch(int(signal[-1]), is_on=is_on)
 
-    def _switch(self, signal: str, *, is_on: bool) -> None:
-        if signal == "hand_CmdClearErr":
-            if is_on and self._state is HandState.ERROR:
-                self.stop()
-        elif signal in ("hand_CmdVacuum1", "hand_CmdVacuum2"):
-            self.set_vacuum(int(signal[-1]), is_on=is_on)
-        elif signal in ("hand_CmdBlowoff1", "hand_CmdBlowoff2"):
-            self.set_blow(int(signal[-1]), is_on=is_on)
-
-    def _command(self, value: int) -> None:
-        is_known = value in [int(command) for command in HandCommand]
-        if is_known and (value == HandCommand.GO_TO_READY or self._state is HandState.READY):
-            self._obey(HandCommand(value))
-
-    def _check_calibrated(self) -> None:
+    def _check_target(self, position: float) -> None:
         if not self.is_calibrated:
             raise RobotNotReady("The gripper is not calibrated: calibrate it first.")
-
-    def _check_grip(self, hold_force: float | None, position: float) -> None:
-        self._check_calibrated()
         _check_position(position, self.physical_limit)
-        if hold_force is not None:
-            self.set_hold_force(hold_force)
 
-    def _obey(self, command: HandCommand) -> None:
+    def _execute(self, command: HandCommand) -> None:
         self._command_shown = command
-        action = self._action(command)
-        if action is not None:
-            self._begin(action)
+        narrow, wide = (
+            max(0.0, min(TRAVEL, position + self._zero)) for position in (self._min_position, self._max_position)
+        )
+        speed, force = self.max_speed, self.hold_force
+        actions: dict[HandCommand, Action] = {
+            HandCommand.JOG_OPEN: Jog(opens=True),
+            HandCommand.JOG_CLOSE: Jog(opens=False),
+            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
+            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            HandCommand.GO_TO_CALIBRATION: self._zeroing(HandState.ACTION_COMPLETED),
+        }
+        if command in actions:
+            self._begin(actions[command])
         elif command is not HandCommand.NONE:
             self._begin()
             self._state = HandState.ERROR if command is HandCommand.GO_TO_ERROR else HandState.READY
@@ -592,41 +570,14 @@ class VirtualGripper:
         if actions:
             self._state = actions[0].state
 
-    def _action(self, command: HandCommand) -> Action | None:
-        narrow, wide = self._mechanical(self._min_position), self._mechanical(self._max_position)
-        speed, force = self.max_speed, self.hold_force
-        actions: dict[HandCommand, Action] = {
-            HandCommand.JOG_OPEN: Jog(opens=True),
-            HandCommand.JOG_CLOSE: Jog(opens=False),
-            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
-            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
-            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
-            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
-            HandCommand.GO_TO_CALIBRATION: _Zeroing(self, HandState.ACTION_COMPLETED),
-        }
-        return actions.get(command)
+    def _zeroing(self, state_after: HandState) -> Pause:
+        """Take the position for 0 after a while: calibrated, correctly if the fingers are closed."""
 
-    def _mechanical(self, position: float) -> float:
-        return max(0.0, min(TRAVEL, position + self._zero))
+        def take_zero() -> None:
+            self._zero = self._fingers.opening
+            self.is_calibrated = True
 
-    def take_zero(self) -> None:
-        """Take the present position for 0: the gripper is calibrated, rightly if the fingers are closed."""
-        self._zero = self._fingers.opening
-        self.is_calibrated = True
-
-
-class _Zeroing(Pause):
-    """Stand still for the time of a calibration, then take the position for 0."""
-
-    def __init__(self, gripper: VirtualGripper, state_after: HandState) -> None:
-        super().__init__(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
-        self._gripper = gripper
-
-    def advance(self, fingers: Fingers, dt: float) -> float:
-        left = super().advance(fingers, dt)
-        if self.is_over:
-            self._gripper.take_zero()
-        return left
+        return Pause(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
 
 
 def _check_position(position: float, limit: float) -> None:

@@ -1,7 +1,4 @@
-"""An HTTP/1.1 server with WebSockets in a thread of its own; it owns the port and asks a function for every answer.
-
-The server's end of a WebSocket, for whoever has something to say on it, from any thread.
-"""
+"""An HTTP/1.1 server with WebSockets in a thread of its own; it owns the port and asks a function for every answer."""
 
 from __future__ import annotations
 
@@ -11,55 +8,23 @@ import struct
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from aiohttp import WSCloseCode, web
 
 from yumi.errors import SettingsError
 from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.subscriptions import Channel, Upgrade
+
+__all__ = ["Channel", "HttpServer", "Upgrade"]
 
 _T = TypeVar("_T")
 
 
-class Channel(Protocol):
-    """Carries texts to one client."""
-
-    @property
-    def is_open(self) -> bool: ...
-
-    @property
-    def has_left(self) -> bool:
-        """Whether the client has ended the connection in order."""
-
-    def send(self, text: str) -> None:
-        """Send a message; it is lost when the channel is closed."""
-
-    def close(self) -> None:
-        """End the connection in order."""
-
-    def abort(self) -> None:
-        """Cut the connection off."""
-
-
-@dataclass(frozen=True, slots=True)
-class Upgrade:
-    """The answer to a request that opens a WebSocket.
-
-    Attributes:
-        protocol: the sub-protocol that is spoken.
-        attach: gets the channel before the client is told that it is open, on the server's thread.
-        headers: names and values beside those of the protocol.
-    """
-
-    protocol: str
-    attach: Callable[[Channel], None]
-    headers: tuple[tuple[str, str], ...] = ()
-
-
 def cut_off(transport: asyncio.BaseTransport | None) -> None:
-    """Cut a connection off with a reset; what is under way on it is lost."""
+    """Break a connection with a reset; what is under way on it is lost."""
     if isinstance(transport, asyncio.Transport):
         end = transport.get_extra_info("socket")
         if end is not None:
@@ -68,12 +33,7 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
 
 
 class SocketChannel:
-    """A WebSocket of a running server: takes what there is to say before it is open already, and sends it then.
-
-    Args:
-        response: the WebSocket, not prepared yet.
-        request: which asks for it.
-    """
+    """The server's end of a WebSocket; messages from before it is open wait until it is."""
 
     def __init__(self, response: web.WebSocketResponse, request: web.Request) -> None:
         self._loop = asyncio.get_running_loop()
@@ -93,28 +53,25 @@ class SocketChannel:
         self._on_loop(cut_off, self._request.transport)
 
     async def serve(self) -> None:
-        """Open the WebSocket and send what there is to send until it ends; what the client says means nothing."""
+        """Open the WebSocket and send messages until it ends; messages of the client are ignored."""
         try:
             await self._response.prepare(self._request)
-            await self._talk()
+            sending = asyncio.create_task(self._send_all())
+            try:
+                async for _ in self._response:
+                    continue
+            finally:
+                self.has_left = self._response.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
+                sending.cancel()
         finally:
             self.is_open = False
-
-    async def _talk(self) -> None:
-        sending = asyncio.create_task(self._send_all())
-        try:
-            async for _ in self._response:
-                continue
-        finally:
-            self.has_left = self._response.close_code not in (None, WSCloseCode.ABNORMAL_CLOSURE)
-            sending.cancel()
 
     async def _send_all(self) -> None:
         while (text := await self._outbox.get()) is not None:
             try:
                 await self._response.send_str(text)
             except ConnectionError:
-                return  # the client has gone, which the receiving side notices, too
+                return  # the client has gone; the receiving side ends too
         await self._response.close()
 
     def _on_loop(self, call: Callable[[_T], None], argument: _T) -> None:
@@ -123,20 +80,20 @@ class SocketChannel:
 
 
 Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
-"""Answers with a reply, with a WebSocket, or with None: the connection is cut off without an answer."""
+"""Answers with a reply, with a WebSocket, or with None: the connection is broken without an answer."""
 
 PING = 30.0
-"""A WebSocket's client is asked so often whether it lives (reference/rws.md §14.2) [s]."""
+"""Period of the WebSocket's pings (reference/rws.md §14.2) [s]."""
 
 BodyLimit = Callable[[HttpRequest], int]
-"""How long a request's body may be [bytes], told from its head; 0 leaves it unread."""
+"""How long the body of a request may be [bytes], decided from its head; 0 leaves it unread."""
 
 Preparation = Callable[[HttpRequest], "Future[object] | None"]
-"""Begins what a request needs and takes long; the handler is called when it is done. None for nothing."""
+"""Begins long work that a request needs; the handler is called when it is done. None for none."""
 
 _MAX_BODY = 64 * 1024 * 1024
 _KEEP_ALIVE = 300.0  # [s]
-_LAST_WORDS = 0.02  # [s]
+_HANG_UP_DELAY = 0.02  # [s]
 _GRACE = 0.2  # [s] an answer under way may take when the server stops
 
 
@@ -169,7 +126,7 @@ class HttpServer:
         self._prepare = prepare
         self._host = host
         self._listening: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
-        self._thread = threading.Thread(target=self._run, name="http-server", daemon=True)
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="http-server", daemon=True)
 
     @property
     def address(self) -> str:
@@ -199,12 +156,12 @@ class HttpServer:
         self._thread.join()
 
     def hang_up(self) -> None:
-        """Cut all connections off, as a machine does that goes down; the port stays open.
+        """Break all connections, as a machine does that goes down; the port stays open.
 
-        An answer that is under way gets out.
+        An answer that is under way is still sent.
         """
         loop, _ = self._listening.result()
-        loop.call_soon_threadsafe(loop.call_later, _LAST_WORDS, self._abort_all)
+        loop.call_soon_threadsafe(loop.call_later, _HANG_UP_DELAY, self._abort_all)
 
     def __enter__(self) -> HttpServer:
         self.start()
@@ -215,31 +172,29 @@ class HttpServer:
     ) -> None:
         self.stop()
 
-    def _run(self) -> None:
-        asyncio.run(self._serve())
-
     async def _serve(self) -> None:
         ending = asyncio.Event()
-        self._running = runner = await self._runner()
+        application = web.Application()
+        application.router.add_route("*", "/{path:.*}", self._answer)
+        runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
+        self._runner = runner
         try:
+            await runner.setup()
             await web.TCPSite(runner, self._host, self.port, reuse_address=True).start()
             self.port = runner.addresses[0][1]
             self._listening.set_result((asyncio.get_running_loop(), ending))
             await ending.wait()
-        except Exception as error:  # whatever it is, somebody waits for it
+        except Exception as error:  # start() raises it
             self._listening.set_exception(error)
         finally:
             await runner.cleanup()
 
-    async def _runner(self) -> web.AppRunner:
-        application = web.Application()
-        application.router.add_route("*", "/{path:.*}", self._answer)
-        runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
-        await runner.setup()
-        return runner
-
     async def _answer(self, request: web.Request) -> web.StreamResponse:
-        head = _incoming(request)
+        # Only the head is read so far: a request that may not enter is answered without its body.
+        headers = tuple((name, value) for name, value in request.headers.items())
+        transport = request.transport
+        host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
+        head = HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")
         body = await _body(request, self._body_limit(head)) if request.can_read_body else b""
         incoming = replace(head, body=body)
         preparation = self._prepare(incoming)
@@ -247,7 +202,13 @@ class HttpServer:
             await asyncio.wrap_future(preparation)
         answer = self._handler(incoming)
         if isinstance(answer, Upgrade):
-            return await _upgraded(request, answer)
+            websocket = web.WebSocketResponse(protocols=(answer.protocol,), heartbeat=PING, compress=False)
+            for name, value in answer.headers:
+                websocket.headers.add(name, value)
+            channel = SocketChannel(websocket, request)
+            answer.attach(channel)  # before the client sees it open: it gets every event from then on
+            await channel.serve()
+            return websocket
         if answer is None:
             cut_off(request.transport)
             return web.Response()
@@ -257,23 +218,13 @@ class HttpServer:
         return response
 
     def _abort_all(self) -> None:
-        server = self._running.server
+        server = self._runner.server
         for connection in server.connections if server is not None else ():
             cut_off(connection.transport)
 
 
-async def _upgraded(request: web.Request, upgrade: Upgrade) -> web.StreamResponse:
-    response = web.WebSocketResponse(protocols=(upgrade.protocol,), heartbeat=PING, compress=False)
-    for name, value in upgrade.headers:
-        response.headers.add(name, value)
-    channel = SocketChannel(response, request)
-    upgrade.attach(channel)  # before the client is told: what happens from then on, happens on this channel
-    await channel.serve()
-    return response
-
-
 async def _body(request: web.Request, limit: int) -> bytes:
-    """The body, if it may be as long as it is; what is not read the server lets go by.
+    """The body, if it is within the limit; the server discards what is not read.
 
     Raises:
         HTTPRequestEntityTooLarge: it is longer.
@@ -288,10 +239,3 @@ async def _body(request: web.Request, limit: int) -> bytes:
         body += part
         length = max(length, len(body))
     raise web.HTTPRequestEntityTooLarge(limit, length, text=f"A body may have {limit} bytes here.")
-
-
-def _incoming(request: web.Request) -> HttpRequest:
-    headers = tuple((name, value) for name, value in request.headers.items())
-    transport = request.transport
-    host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
-    return HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")

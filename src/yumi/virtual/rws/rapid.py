@@ -8,79 +8,52 @@ from typing import TypeVar
 from urllib.parse import quote
 
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
-from yumi.rws import documents as forms
+from yumi.rapid.task import Task
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
-from yumi.virtual.rws.routes import Call, Controller, Failure, RapidTask, Route, entry, invalid, resource
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
 
 T = TypeVar("T")
 
 _BASE = "/rw/rapid/"
-_START_VALUES: Mapping[str, tuple[str, ...]] = {
-    "regain": ("continue", "regain", "clear"),
-    "execmode": ("continue",),
-    "cycle": ("forever", "asis"),
-    "condition": ("none", "callchain"),
-    "stopatbp": ("disabled", "enabled"),
-    "alltaskbytsp": ("true", "false"),
-}
 _SYMBOL_TYPES = {"con": "rap-sympropconstant", "var": "rap-sympropvar", "per": "rap-symproppers"}
 _OWNERS: Mapping[str, Mapping[str, str]] = {
     "con": {},
     "var": {"taskvar": "true"},
     "per": {"taskpers": "true"},
 }
-_STOP_VALUES: Mapping[str, tuple[str, ...]] = {
-    "stopmode": ("cycle", "instr", "stop", "qstop"),
-    "usetsp": ("normal", "alltsk"),
-}
 
 
-def _rapid(controller: Controller, call: Call) -> Page:
+def execution_state(controller: Irc5) -> str:
+    """``ctrlexecstate``."""
+    return "running" if controller.is_running else "stopped"
+
+
+def get_rapid(controller: Irc5, call: Call) -> Page:
     names = ("execution", "modules", "tasks")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
 
 
-def _execution(controller: Controller, call: Call) -> Page:
-    fields = {"ctrlexecstate": "running" if controller.is_running else "stopped", "cycle": controller.cycle}
+def get_execution(controller: Irc5, call: Call) -> Page:
+    fields = {"ctrlexecstate": execution_state(controller), "cycle": controller.cycle}
     return resource("rapid", _BASE, "execution", State("rap-execution", "execution", fields))
 
 
-def _start(controller: Controller, call: Call) -> None:
-    _check(call, _START_VALUES)
-    controller.start_rapid()
-
-
-def _stop(controller: Controller, call: Call) -> None:
-    _check(call, _STOP_VALUES)
-    controller.stop_rapid()
-
-
-def _reset_pp(controller: Controller, call: Call) -> None:
-    controller.move_pp_to_main()
-
-
-def _check(call: Call, allowed: Mapping[str, tuple[str, ...]]) -> None:
-    for name, text in call.form:
-        if name in allowed and text not in allowed[name]:
-            raise invalid(f"{name} is {' or '.join(allowed[name])}, not {text!r}")
-
-
-def _tasks(controller: Controller, call: Call) -> Page:
-    states = (
-        State("rap-task-li", task.name, _task_fields(task), (Link("self", f"tasks/{task.name}"),))
-        for task in controller.tasks.values()
-    )
+def get_tasks(controller: Irc5, call: Call) -> Page:
+    tasks = controller.tasks.values()
+    links = {task.name: (Link("self", f"tasks/{task.name}"),) for task in tasks}
+    states = (State("rap-task-li", task.name, _task_fields(task), links[task.name]) for task in tasks)
     return resource("rapid", _BASE, "tasks", *states)
 
 
-def _task(controller: Controller, call: Call) -> Page:
+def get_task(controller: Irc5, call: Call) -> Page:
     task = _find_task(controller, call.names["task"])
     links = (Link("self", task.name), Link("modules", f"../modules?task={task.name}"))
     return resource("rapid", f"{_BASE}tasks/", task.name, State("rap-task", task.name, _task_fields(task), links))
 
 
-def _task_fields(task: RapidTask) -> dict[str, str]:
+def _task_fields(task: Task) -> dict[str, str]:
     return {
         "name": task.name,
         "type": "norm",
@@ -91,25 +64,23 @@ def _task_fields(task: RapidTask) -> dict[str, str]:
     }
 
 
-def _activate(controller: Controller, call: Call) -> None:
+def activate(controller: Irc5, call: Call) -> None:
     """Both tasks are selected on the task panel at all times."""
     if "task" in call.names:
         _find_task(controller, call.names["task"])
 
 
-def _load_module(controller: Controller, call: Call) -> None:
-    wish = forms.first(call.form, "replace") or "false"
-    if wish not in ("true", "false"):
-        raise invalid(f"replace is true or false, not {wish!r}")
+def load_module(controller: Irc5, call: Call) -> None:
     task = _find_task(controller, call.names["task"])
-    controller.load_module(task.name, call.required("modulepath"), replace=wish == "true")
+    is_replacing = call.parameter("replace", "false") == "true"
+    controller.load_module(task.name, call.required("modulepath"), replace=is_replacing)
 
 
-def _unload_module(controller: Controller, call: Call) -> None:
+def unload_module(controller: Irc5, call: Call) -> None:
     controller.unload_module(_find_task(controller, call.names["task"]).name, call.required("module"))
 
 
-def _modules(controller: Controller, call: Call) -> Page:
+def get_modules(controller: Irc5, call: Call) -> Page:
     task = _find_task(controller, call.option("task") or "")
     states = (
         entry(
@@ -124,15 +95,15 @@ def _modules(controller: Controller, call: Call) -> Page:
     return resource("rapid", _BASE, f"modules?task={task.name}", *states)
 
 
-def _module_text(controller: Controller, call: Call) -> Page:
-    """The text, URL-encoded; what else is known of a module nobody has asked for yet."""
+def get_module_text(controller: Irc5, call: Call) -> Page:
+    """The text, URL-encoded; no known client reads other properties of a module."""
     if call.option("resource") != "module-text":
         raise invalid("of a module its text alone is given: resource=module-text")
     task = _find_task(controller, call.option("task") or "")
-    wanted = call.names["module"]
-    module = next((each for each in task.modules if each.name.lower() == wanted.lower()), None)
+    name = call.names["module"]
+    module = next((each for each in task.modules if each.name.lower() == name.lower()), None)
     if module is None:
-        raise Failure(404, Code.FAIL, f"the task {task.name} has no module {wanted!r}")
+        raise Failure(404, Code.FAIL, f"the task {task.name} has no module {name!r}")
     fields = {
         "change-count": "0",
         "module-text": quoted(module.text),
@@ -147,14 +118,14 @@ def quoted(text: str) -> str:
     return quote(text, encoding="latin-1")
 
 
-def _symbol(controller: Controller, call: Call) -> Page:
+def get_symbol(controller: Irc5, call: Call) -> Page:
     url = call.names["symbol"]
     value = _at(controller, url, lambda task, module, name: task.read(module, name), missing=400)
     state = State("rap-data", f"RAPID/{url}", {"value": value})
     return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
 
 
-def _set_symbol(controller: Controller, call: Call) -> None:
+def set_symbol(controller: Irc5, call: Call) -> None:
     if controller.mode.value != "AUTO":
         raise Failure(403, Code.MASTER_REJECT, "in manual mode the FlexPendant holds the mastership")
     literal = call.required("value")
@@ -165,13 +136,12 @@ def _set_symbol(controller: Controller, call: Call) -> None:
     controller.settle()
 
 
-def _properties(controller: Controller, call: Call) -> Page:
-    url = call.names["symbol"]
-    state = _at(controller, url, _symbol_state, missing=400)
+def get_symbol_properties(controller: Irc5, call: Call) -> Page:
+    state = _at(controller, call.names["symbol"], _symbol_state, missing=400)
     return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
 
 
-def _symbol_state(task: RapidTask, module: str, name: str) -> State:
+def _symbol_state(task: Task, module: str, name: str) -> State:
     kind, sizes = task.kind_of(module, name), task.dimensions_of(module, name)
     url = f"RAPID/{task.name}/{module}/{name}"
     fields = {
@@ -192,7 +162,7 @@ def _symbol_state(task: RapidTask, module: str, name: str) -> State:
     return State(_SYMBOL_TYPES[kind], url, fields)
 
 
-def _at(controller: Controller, url: str, act: Callable[[RapidTask, str, str], T], missing: int) -> T:
+def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing: int) -> T:
     """What ``act`` finds at ``task/module/symbol`` or ``task/symbol``; status ``missing`` when there is nothing."""
     task_name, *module, name = url.split("/") if url.count("/") in (1, 2) else ("", "")
     task = controller.tasks.get(task_name.upper())
@@ -206,30 +176,43 @@ def _at(controller: Controller, url: str, act: Callable[[RapidTask, str, str], T
     raise Failure(missing, code, f"Symbol not found: RAPID/{url}")
 
 
-def _find_task(controller: Controller, name: str) -> RapidTask:
+def _find_task(controller: Irc5, name: str) -> Task:
     task = controller.tasks.get(name.upper())
     if task is None:
         raise Failure(404, Code.FAIL, f"there is no task {name!r}")
     return task
 
 
-_SYMBOL = "/rw/rapid/symbol/data/RAPID/{symbol*}"
 _EXECUTION = "/rw/rapid/execution"
-ROUTES = (
-    Route("GET", "/rw/rapid", _rapid),
-    Route("GET", _EXECUTION, _execution),
-    Route("POST", _EXECUTION, _start, "start"),
-    Route("POST", _EXECUTION, _stop, "stop"),
-    Route("POST", _EXECUTION, _reset_pp, "resetpp"),
-    Route("GET", "/rw/rapid/tasks", _tasks),
-    Route("GET", "/rw/rapid/tasks/{task}", _task),
-    Route("POST", "/rw/rapid/tasks", _activate, "activate"),
-    Route("POST", "/rw/rapid/tasks/{task}", _activate, "activate"),
-    Route("POST", "/rw/rapid/tasks/{task}", _load_module, "loadmod"),
-    Route("POST", "/rw/rapid/tasks/{task}", _unload_module, "unloadmod"),
-    Route("GET", "/rw/rapid/modules", _modules),
-    Route("GET", "/rw/rapid/modules/{module}", _module_text),
-    Route("GET", _SYMBOL, _symbol),
-    Route("POST", _SYMBOL, _set_symbol, "set"),
-    Route("GET", "/rw/rapid/symbol/properties/RAPID/{symbol*}", _properties),
+_TASK = "/rw/rapid/tasks/{task}"
+_SYMBOL = "/rw/rapid/symbol/data/RAPID/{symbol:.+}"
+_START_VALUES: Mapping[str, tuple[str, ...]] = {
+    "regain": ("continue", "regain", "clear"),
+    "execmode": ("continue",),
+    "cycle": ("forever", "asis"),
+    "condition": ("none", "callchain"),
+    "stopatbp": ("disabled", "enabled"),
+    "alltaskbytsp": ("true", "false"),
+}
+_STOP_VALUES: Mapping[str, tuple[str, ...]] = {
+    "stopmode": ("cycle", "instr", "stop", "qstop"),
+    "usetsp": ("normal", "alltsk"),
+}
+OPERATIONS = (
+    Operation("GET", "/rw/rapid", get_rapid),
+    Operation("GET", _EXECUTION, get_execution),
+    Operation("POST", _EXECUTION, lambda controller, _: controller.start_rapid(), "start", _START_VALUES),
+    Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP_VALUES),
+    Operation("POST", _EXECUTION, lambda controller, _: controller.move_pp_to_main(), "resetpp"),
+    Operation("GET", "/rw/rapid/tasks", get_tasks),
+    Operation("POST", "/rw/rapid/tasks", activate, "activate"),
+    Operation("GET", _TASK, get_task),
+    Operation("POST", _TASK, activate, "activate"),
+    Operation("POST", _TASK, load_module, "loadmod", {"replace": ("true", "false")}, needs_mastership="rapid"),
+    Operation("POST", _TASK, unload_module, "unloadmod", needs_mastership="rapid"),
+    Operation("GET", "/rw/rapid/modules", get_modules),
+    Operation("GET", "/rw/rapid/modules/{module}", get_module_text),
+    Operation("GET", _SYMBOL, get_symbol),
+    Operation("POST", _SYMBOL, set_symbol, "set", respects_mastership="rapid"),
+    Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
 )

@@ -35,7 +35,7 @@ class Session:
 
 
 class SessionTable:
-    """The sessions of one server; ``make_id`` gives 32 hexadecimal digits nobody can guess."""
+    """The sessions of one server; ``make_id`` gives 32 random hexadecimal digits."""
 
     def __init__(self, make_id: Callable[[], str] = secrets.token_hex) -> None:
         self._make_id = make_id
@@ -47,17 +47,17 @@ class SessionTable:
         return len(self._sessions)
 
     def find(self, request_cookies: Mapping[str, str], now: float) -> Session | None:
-        """The living session a request belongs to, by its session cookie."""
+        """The session a request belongs to, by its session cookie."""
         self._forget_idle(now)
         return self._sessions.get(request_cookies.get(cookies.SESSION, ""))
 
     def find_by_connection(self, request_cookies: Mapping[str, str]) -> Session | None:
-        """The session of a connection cookie; a small number proves nothing: check a digest first."""
+        """The session of a connection cookie; a small number proves nothing: check the digest first."""
         number = request_cookies.get(cookies.CONNECTION)
         return next((each for each in self._sessions.values() if number in each.connections.values()), None)
 
     def alive(self, now: float) -> tuple[str, ...]:
-        """The ids of the sessions that live."""
+        """The ids of the sessions that have not expired."""
         self._forget_idle(now)
         return tuple(self._sessions)
 
@@ -74,7 +74,7 @@ class SessionTable:
         """A new session.
 
         Raises:
-            TooManySessions: 70 are alive.
+            TooManySessions: 70 are open.
         """
         self._forget_idle(now)
         if len(self._sessions) >= MAX_SESSIONS:
@@ -97,17 +97,13 @@ class SessionTable:
         if peer in session.connections:
             return ()
         is_new = not session.connections
-        number = self._connect(session, peer)
-        connection = cookies.set_cookie(cookies.CONNECTION, number)
-        return (cookies.set_cookie(cookies.SESSION, session.id), connection) if is_new else (connection,)
-
-    def _connect(self, session: Session, peer: str) -> str:
         if len(session.connections) >= _MAX_CONNECTIONS:
             session.connections.pop(next(iter(session.connections)))
         number = str(_FIRST_CONNECTION + self._connections)
         self._connections += 1
         session.connections[peer] = number
-        return number
+        connection = cookies.set_cookie(cookies.CONNECTION, number)
+        return (cookies.set_cookie(cookies.SESSION, session.id), connection) if is_new else (connection,)
 
     def _forget_idle(self, now: float) -> None:
         idle = [each for each in self._sessions.values() if now - each.last_used > IDLE_LIFE]

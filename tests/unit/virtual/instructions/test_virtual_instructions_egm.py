@@ -9,7 +9,7 @@ from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
 from yumi.robot.joints import Side, home
 from yumi.virtual.controller.egm import EgmState
-from yumi.virtual.mechanics.arm import EgmActivation
+from yumi.virtual.mechanics.egm_motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '
@@ -78,7 +78,7 @@ def test_silent_sensor_is_fatal_when_the_program_did_not_wait(bench: Instruction
 def test_poses_are_not_for_a_seven_axis_arm(bench: InstructionBench, instruction: str) -> None:
     bench.start(SETUP + instruction + ";", others="; CONST pose identity:=[[0,0,0],[1,0,0,0]]")
     bench.finish()
-    assert "EGM guides a seven-axis arm by EGMActJoint and EGMRunJoint" in bench.failure
+    assert "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint" in bench.failure
     assert [event.code for event in bench.events.entries()] == [41826]
 
 
@@ -87,13 +87,13 @@ def test_stop_ends_a_run(bench: InstructionBench) -> None:
     bench.start(MOVE + SETUP + ACT + start + "WaitTime 0.1; EGMStop egm,EGM_STOP_HOLD; number:=EGMGetState(egm);")
     guide(bench)
     assert float(bench.read("number")) == EgmState.CONNECTED
-    assert bench.station.arm.is_stationary
+    assert bench.unit.arm.is_stationary
 
 
 def test_reset_gives_the_identity_back(bench: InstructionBench) -> None:
     bench.run("EGMGetId egm; EGMReset egm; number:=EGMGetState(egm);")
     assert float(bench.read("number")) == EgmState.DISCONNECTED
-    assert bench.station.egm_identities == set()
+    assert bench.unit.egm_identities == set()
 
 
 def test_egm_cannot_be_the_first_motion(bench: InstructionBench) -> None:
@@ -125,7 +125,7 @@ def test_same_variable_keeps_its_identity(bench: InstructionBench) -> None:
     [
         ('"ROB_R","NOWHERE"\\Joint', "no Transmission Protocol of type UDPUC is called 'NOWHERE'"),
         ('"NOTHING","ROB_R"\\Joint', "there is no External Motion Interface Data 'NOTHING'"),
-        ('"ROB_R","ROB_R"\\Pose', "a seven-axis arm is guided with \\Joint"),
+        ('"ROB_R","ROB_R"\\Pose', "a seven-axis arm uses EGM with \\Joint"),
     ],
 )
 def test_setup_names_what_is_missing(bench: InstructionBench, arguments: str, sentence: str) -> None:
@@ -135,13 +135,13 @@ def test_setup_names_what_is_missing(bench: InstructionBench, arguments: str, se
 
 def test_setup_refuses_a_unit_that_is_no_robot(bench: InstructionBench) -> None:
     bench.run('EGMGetId egm; EGMSetupUC ROB_R_7,egm,"ROB_R","ROB_R"\\Joint;')
-    assert "ROB_R_7 is no TCP robot" in bench.failure
+    assert "ROB_R_7 is not a TCP robot" in bench.failure
 
 
 def test_device_name_may_end_in_a_colon(bench: InstructionBench) -> None:
     bench.run('EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","UCdevice:"\\Joint;')
     assert bench.failure == ""
-    assert bench.station.egm_device == "UCdevice"
+    assert bench.unit.egm_device == "UCdevice"
 
 
 @pytest.mark.parametrize(("do_not_restart", "state"), [("FALSE", EgmState.RUNNING), ("TRUE", EgmState.CONNECTED)])
@@ -153,12 +153,12 @@ def test_interrupted_run_goes_on_after_motors_off_unless_configured_otherwise(
     bench.start(MOVE + SETUP + ACT + RUN.replace("0.2", "9") + "WaitTime 9;")
     guide(bench, limit=0.3)
     bench.task.stop()
-    bench.station.arm.switch_motors_off()
+    bench.unit.arm.switch_motors_off()
     bench.step()
-    bench.station.arm.switch_motors_on()
+    bench.unit.arm.switch_motors_on()
     bench.task.start()
     guide(bench, limit=0.6)
-    assert bench.station.egm.state is state
+    assert bench.unit.egm.state is state
     assert bench.task.is_running
 
 
@@ -190,12 +190,12 @@ def test_raw_data_shortens_the_reaction(bench: InstructionBench) -> None:
     filtered = InstructionBench()
     filtered.start(MOVE + SETUP + ACT + RUN)
     guide(filtered)
-    assert bench.station.arm.reaction_time < filtered.station.arm.reaction_time
+    assert bench.unit.arm.reaction_time < filtered.unit.arm.reaction_time
 
 
 def test_convergence_bands_arrive_in_chain_order(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
     activations: list[EgmActivation] = []
-    monkeypatch.setattr(bench.station.egm, "activate", activations.append)
+    monkeypatch.setattr(bench.unit.egm, "activate", activations.append)
     bands = "".join(f"\\J{axis}:=[-{axis},{axis}]" for axis in range(1, 8))
     bench.run(f"{SETUP} EGMActJoint egm{bands};")
     highest = [high for _, high in activations[0].cond_min_max]

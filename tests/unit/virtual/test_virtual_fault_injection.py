@@ -15,8 +15,8 @@ from yumi.robot.joints import Side
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.fault_injection import PATH, FaultDesk
 from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.world import World
 
 LOCAL = "127.0.0.1:4711"
@@ -28,7 +28,7 @@ def system() -> System:
 
 
 @pytest.fixture
-def guided() -> System:
+def egm_system() -> System:
     """Both arms under EGM."""
     system = System()
     system.start_egm()
@@ -36,59 +36,59 @@ def guided() -> System:
 
 
 @pytest.fixture
-def desk(system: System) -> FaultDesk:
+def faults(system: System) -> FaultInjection:
     return system.faults
 
 
 @pytest.fixture
-def guided_desk(guided: System) -> FaultDesk:
-    return guided.faults
+def egm_faults(egm_system: System) -> FaultInjection:
+    return egm_system.faults
 
 
 @pytest.fixture(scope="module")
-def idle_desk() -> FaultDesk:
+def idle_faults() -> FaultInjection:
     """Of a robot that stands with its motors off; shared by tests that change nothing."""
     return System().faults
 
 
 @pytest.fixture(scope="module")
-def worn_desk() -> FaultDesk:
+def used_faults() -> FaultInjection:
     """Of a robot that has been through a lot."""
     world = World()
-    return FaultDesk(world, MemoryHttp(world.controller, ManualClock()).adapter)
+    return FaultInjection(world, MemoryHttp(world.controller, ManualClock()).adapter)
 
 
 HOST = (("Host", "127.0.0.1:8080"),)
 
 
 def post(
-    desk: FaultDesk,
+    faults: FaultInjection,
     name: str,
     form: str = "",
     peer: str = LOCAL,
     method: str = "POST",
     headers: tuple[tuple[str, str], ...] = HOST,
 ) -> HttpReply:
-    return desk.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), headers, form.encode(), peer))
+    return faults.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), headers, form.encode(), peer))
 
 
 @pytest.mark.parametrize("duration", [0.05, 1.0])
-def test_silence_lasts_as_long_as_it_is_told(guided: System, guided_desk: FaultDesk, duration: float) -> None:
-    guided_desk.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
-    heard = {side: guided.arms[side].snapshot.cycles for side in Side}
-    guided.wait(duration - 0.01)
-    assert guided.arms[Side.LEFT].snapshot.cycles == heard[Side.LEFT]
-    assert guided.arms[Side.RIGHT].snapshot.cycles > heard[Side.RIGHT]
-    guided.wait(0.02)
-    assert guided.arms[Side.LEFT].snapshot.cycles > heard[Side.LEFT]
+def test_silence_lasts_for_its_duration(egm_system: System, egm_faults: FaultInjection, duration: float) -> None:
+    egm_faults.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
+    heard = {side: egm_system.arms[side].snapshot.cycles for side in Side}
+    egm_system.wait(duration - 0.01)
+    assert egm_system.arms[Side.LEFT].snapshot.cycles == heard[Side.LEFT]
+    assert egm_system.arms[Side.RIGHT].snapshot.cycles > heard[Side.RIGHT]
+    egm_system.wait(0.02)
+    assert egm_system.arms[Side.LEFT].snapshot.cycles > heard[Side.LEFT]
 
 
-def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.EGM_SILENCE)
-    guided.wait(1.0)
-    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
-    guided_desk.happen(Fault.EGM_REPAIR)
-    assert all(guided.world.lines.amount(Fault.EGM_LOSS, side) is None for side in Side)
+def test_silence_without_a_duration_lasts_until_the_repair(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.EGM_SILENCE)
+    egm_system.wait(1.0)
+    assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
+    egm_faults.happen(Fault.EGM_REPAIR)
+    assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) is None for side in Side)
 
 
 @pytest.mark.parametrize(
@@ -103,88 +103,92 @@ def test_silence_without_a_duration_lasts_until_the_repair(guided: System, guide
     ],
 )
 def test_fault_stops_the_program_and_is_logged(
-    guided: System, guided_desk: FaultDesk, fault: Fault, state: ControllerState, code: int
+    egm_system: System, egm_faults: FaultInjection, fault: Fault, state: ControllerState, code: int
 ) -> None:
-    guided_desk.happen(fault)
-    guided.wait(0.1)
-    controller = guided.world.controller
+    egm_faults.happen(fault)
+    egm_system.wait(0.1)
+    controller = egm_system.world.controller
     assert (controller.controller_state, controller.is_running) == (state, False)
     assert code in [event.code for event in controller.events.entries()]
-    assert not any(egm.is_guiding for egm in guided.world.egm.values())
+    assert not any(egm.is_running for egm in egm_system.world.egm.values())
 
 
-def test_robot_that_hears_nothing_ends_egm_by_its_timeout(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.COMM_TIMEOUT, Side.LEFT)
-    guided.wait(0.1)
-    egm = guided.world.egm[Side.LEFT]
-    assert (egm.is_guiding, egm.outcome) == (False, EgmOutcome.COMM_TIMEOUT)
-    assert guided.client.symbol("T_ROB_L", "TRobMain", "current_state") == "0"
+def test_robot_without_datagrams_ends_egm_by_its_timeout(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.COMM_TIMEOUT, Side.LEFT)
+    egm_system.wait(0.1)
+    egm = egm_system.world.egm[Side.LEFT]
+    assert (egm.is_running, egm.outcome) == (False, EgmOutcome.COMM_TIMEOUT)
+    assert egm_system.client.symbol("T_ROB_L", "TRobMain", "current_state") == "0"
 
 
-def test_converged_egm_ends_for_the_arm_alone(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
-    guided.wait(0.05)
-    assert not guided.world.egm[Side.LEFT].is_guiding
-    assert guided.world.egm[Side.RIGHT].is_guiding
-    assert guided.world.controller.controller_state is ControllerState.MOTORS_ON
+def test_converged_egm_ends_for_the_arm_alone(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
+    egm_system.wait(0.05)
+    assert not egm_system.world.egm[Side.LEFT].is_running
+    assert egm_system.world.egm[Side.RIGHT].is_running
+    assert egm_system.world.controller.controller_state is ControllerState.MOTORS_ON
 
 
-def test_collision_is_acknowledged_by_the_next_start(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.COLLISION, Side.RIGHT)
-    guided.wait(0.1)
-    assert guided.world.controller.collision_state is CollisionState.TRIGGERED
-    guided.client.start_rapid()
-    assert guided.world.controller.collision_state is CollisionState.INIT
+def test_collision_is_acknowledged_by_the_next_start(egm_system: System, egm_faults: FaultInjection) -> None:
+    egm_faults.happen(Fault.COLLISION, Side.RIGHT)
+    egm_system.wait(0.1)
+    assert egm_system.world.controller.collision_state is CollisionState.TRIGGERED
+    egm_system.client.start_rapid()
+    assert egm_system.world.controller.collision_state is CollisionState.INIT
 
 
-def test_key_is_turned_to_manual_and_back(system: System, desk: FaultDesk) -> None:
-    desk.happen(Fault.MANUAL_MODE)
+def test_key_is_turned_to_manual_and_back(system: System, faults: FaultInjection) -> None:
+    faults.happen(Fault.MANUAL_MODE)
     assert system.world.controller.mode is OperatingMode.MANUAL_REDUCED
-    desk.happen(Fault.AUTO_MODE)
+    faults.happen(Fault.AUTO_MODE)
     assert system.world.controller.mode is OperatingMode.AUTO
 
 
-def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.WRONG_PROGRAM)
-    assert [module.name for module in guided.client.modules("T_ROB_L")] == ["Pick"]
-    guided.client.start_rapid()
-    guided.wait(2.0)
-    assert guided.world.controller.is_running
-    guided_desk.happen(Fault.RIGHT_PROGRAM)
-    guided.bringup.make_ready()
+def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(
+    egm_system: System, egm_faults: FaultInjection
+) -> None:
+    egm_faults.happen(Fault.WRONG_PROGRAM)
+    assert [module.name for module in egm_system.client.modules("T_ROB_L")] == ["Pick"]
+    egm_system.client.start_rapid()
+    egm_system.wait(2.0)
+    assert egm_system.world.controller.is_running
+    egm_faults.happen(Fault.RIGHT_PROGRAM)
+    egm_system.bringup.make_ready()
 
 
-def test_robot_is_dark_while_it_restarts_and_can_be_guided_again(guided: System, guided_desk: FaultDesk) -> None:
-    guided_desk.happen(Fault.WARM_RESTART, duration=1.0)
-    guided.wait(0.5)
-    heard = guided.arms[Side.LEFT].snapshot.cycles
-    guided.wait(0.6)
-    assert (guided.world.controller.is_dark, guided.arms[Side.LEFT].snapshot.cycles) == (True, heard)
-    guided.wait(0.2)
-    guided.start_egm()
-    assert all(arm.snapshot.is_running for arm in guided.arms.values())
+def test_restarting_robot_does_not_answer_and_runs_egm_afterwards(
+    egm_system: System, egm_faults: FaultInjection
+) -> None:
+    egm_faults.happen(Fault.WARM_RESTART, duration=1.0)
+    egm_system.wait(0.5)
+    heard = egm_system.arms[Side.LEFT].snapshot.cycles
+    egm_system.wait(0.6)
+    assert (egm_system.world.controller.is_restarting, egm_system.arms[Side.LEFT].snapshot.cycles) == (True, heard)
+    egm_system.wait(0.2)
+    egm_system.start_egm()
+    assert all(arm.snapshot.is_running for arm in egm_system.arms.values())
 
 
-def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk) -> None:
+def test_gripper_loses_calibration_and_object(system: System, faults: FaultInjection) -> None:
     gripper = system.world.grippers[Side.LEFT]
     gripper.is_calibrated = True
-    desk.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
-    desk.happen(Fault.OBJECT_LOST)
+    faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    faults.happen(Fault.OBJECT_LOST)
     assert (gripper.is_calibrated, gripper.workpiece) == (False, None)
 
 
 @pytest.mark.parametrize(
     ("fault", "side", "duration", "sentence"),
     [
-        (Fault.COMM_TIMEOUT, Side.LEFT, None, "EGM does not guide the left arm; start EGM first."),
-        (Fault.DYNAMIC_LOAD, None, None, "EGM does not guide the right arm; start EGM first."),
+        (Fault.COMM_TIMEOUT, Side.LEFT, None, "EGM does not move the left arm; start EGM first."),
+        (Fault.DYNAMIC_LOAD, None, None, "EGM does not move the right arm; start EGM first."),
         (Fault.COLLISION, None, None, "An arm whose motors are off does not collide; switch the motors on first."),
         (Fault.OBJECT_LOST, Side.RIGHT, None, "Nothing lies between the fingers or under the cups of the right arm."),
         (Fault.MOTORS_OFF, Side.LEFT, None, "motors-off happens to the whole robot; leave the side out."),
         (Fault.MOTORS_OFF, None, 1.0, "motors-off has no duration; leave it out."),
         (Fault.EGM_SILENCE, None, -1.0, "A duration is above 0 and at most 86400 s, not -1 s."),
-        (Fault.EGM_STALE, Side.LEFT, None, "EGM does not guide the left arm; start EGM first."),
-        (Fault.EGM_FORGE, None, None, "EGM does not guide the right arm; start EGM first."),
+        (Fault.EGM_STALE, Side.LEFT, None, "EGM does not move the left arm; start EGM first."),
+        (Fault.EGM_FORGE, None, None, "EGM does not move the right arm; start EGM first."),
         (Fault.EMERGENCY_STOP_RESET, None, None, "The emergency stop is not pressed; there is nothing to reset."),
         (Fault.AUTO_MODE, None, None, "The key stands at AUTO already."),
         (Fault.MOTORS_OFF, None, None, "The motors are off already."),
@@ -192,10 +196,10 @@ def test_gripper_forgets_calibration_and_object(system: System, desk: FaultDesk)
     ],
 )
 def test_fault_that_makes_no_sense_is_refused(
-    idle_desk: FaultDesk, fault: Fault, side: Side | None, duration: float | None, sentence: str
+    idle_faults: FaultInjection, fault: Fault, side: Side | None, duration: float | None, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused) as refused:
-        idle_desk.happen(fault, side, duration)
+        idle_faults.happen(fault, side, duration)
     assert str(refused.value) == sentence
 
 
@@ -214,41 +218,41 @@ def test_fault_that_makes_no_sense_is_refused(
     ],
 )
 def test_strength_that_makes_no_sense_is_refused(
-    idle_desk: FaultDesk, fault: Fault, amount: float | None, way: Way | None, sentence: str
+    idle_faults: FaultInjection, fault: Fault, amount: float | None, way: Way | None, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused) as refused:
-        idle_desk.happen(fault, amount=amount, way=way)
+        idle_faults.happen(fault, amount=amount, way=way)
     assert str(refused.value) == sentence
 
 
-def test_stop_that_is_pressed_is_not_pressed_again_but_reset_once(system: System, desk: FaultDesk) -> None:
-    desk.happen(Fault.EMERGENCY_STOP)
+def test_stop_that_is_pressed_is_not_pressed_again_but_reset_once(system: System, faults: FaultInjection) -> None:
+    faults.happen(Fault.EMERGENCY_STOP)
     with pytest.raises(CommandRefused, match="The emergency stop is pressed already; emergency-stop-reset releases it"):
-        desk.happen(Fault.EMERGENCY_STOP)
-    desk.happen(Fault.EMERGENCY_STOP_RESET)
+        faults.happen(Fault.EMERGENCY_STOP)
+    faults.happen(Fault.EMERGENCY_STOP_RESET)
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP_RESET
     with pytest.raises(CommandRefused, match="not pressed"):
-        desk.happen(Fault.EMERGENCY_STOP_RESET)
+        faults.happen(Fault.EMERGENCY_STOP_RESET)
 
 
-def test_datagram_that_was_never_sent_cannot_come_again(guided: System, guided_desk: FaultDesk) -> None:
+def test_datagram_that_was_never_sent_cannot_come_again(egm_system: System, egm_faults: FaultInjection) -> None:
     with pytest.raises(
         CommandRefused, match=r"The left arm has sent only \d+ EGM datagrams, not 999; let it send more"
     ):
-        guided_desk.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
+        egm_faults.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
 
 
-def test_faults_are_listed(idle_desk: FaultDesk) -> None:
-    names = [entry["name"] for entry in json.loads(post(idle_desk, "", method="GET").body)]
+def test_faults_are_listed(idle_faults: FaultInjection) -> None:
+    names = [entry["name"] for entry in json.loads(post(idle_faults, "", method="GET").body)]
     assert names == [fault.value.name for fault in Fault]
 
 
-def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
-    assert post(desk, "emergency-stop").status == 204
-    assert post(desk, "egm-loss", "side=left&duration=2&by=100&way=from-robot").status == 204
+def test_fault_is_posted(system: System, faults: FaultInjection) -> None:
+    assert post(faults, "emergency-stop").status == 204
+    assert post(faults, "egm-loss", "side=left&duration=2&by=100&way=from-robot").status == 204
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP
-    assert system.world.lines.amount(Fault.EGM_LOSS, Side.LEFT, Way.FROM_ROBOT) == 100.0
-    assert system.world.lines.amount(Fault.EGM_LOSS, Side.LEFT, Way.TO_ROBOT) is None
+    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, Way.FROM_ROBOT) == 100.0
+    assert system.world.network.amount(Fault.EGM_LOSS, Side.LEFT, Way.TO_ROBOT) is None
 
 
 @pytest.mark.parametrize(
@@ -265,9 +269,9 @@ def test_fault_is_posted(system: System, desk: FaultDesk) -> None:
     ],
 )
 def test_posted_nonsense_is_refused(
-    idle_desk: FaultDesk, name: str, form: str, peer: str, status: int, sentence: str
+    idle_faults: FaultInjection, name: str, form: str, peer: str, status: int, sentence: str
 ) -> None:
-    reply = post(idle_desk, name, form, peer)
+    reply = post(idle_faults, name, form, peer)
     assert (reply.status, reply.body.decode().startswith(sentence)) == (status, True)
 
 
@@ -286,9 +290,11 @@ def test_posted_nonsense_is_refused(
         (),
     ],
 )
-def test_web_page_lets_no_fault_happen(idle_desk: FaultDesk, method: str, headers: tuple[tuple[str, str], ...]) -> None:
+def test_web_page_cannot_inject_a_fault(
+    idle_faults: FaultInjection, method: str, headers: tuple[tuple[str, str], ...]
+) -> None:
     """Neither by a form of its own, nor under a name of its own that leads to this machine."""
-    reply = post(idle_desk, "emergency-stop", method=method, headers=headers)
+    reply = post(idle_faults, "emergency-stop", method=method, headers=headers)
     assert (reply.status, reply.body.decode().split(",")[0]) == (
         403,
         "Faults are taken under the names of this machine only",
@@ -304,11 +310,13 @@ def test_web_page_lets_no_fault_happen(idle_desk: FaultDesk, method: str, header
         (*HOST, ("Origin", "http://localhost:8080")),
     ],
 )
-def test_program_of_this_machine_lets_faults_happen(idle_desk: FaultDesk, headers: tuple[tuple[str, str], ...]) -> None:
-    assert post(idle_desk, "egm-repair", headers=headers).status == 204
+def test_program_of_this_machine_injects_faults(
+    idle_faults: FaultInjection, headers: tuple[tuple[str, str], ...]
+) -> None:
+    assert post(idle_faults, "egm-repair", headers=headers).status == 204
 
 
 @pytest.mark.parametrize("fault", Fault)
-def test_every_fault_is_known_to_the_desk(worn_desk: FaultDesk, fault: Fault) -> None:
+def test_every_fault_can_be_injected(used_faults: FaultInjection, fault: Fault) -> None:
     with suppress(CommandRefused):
-        worn_desk.happen(fault)
+        used_faults.happen(fault)

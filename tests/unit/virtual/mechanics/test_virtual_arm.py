@@ -9,7 +9,8 @@ import pytest
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import ZERO, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
-from yumi.virtual.mechanics.arm import ArmModel, EgmSettings, VirtualArm
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmSettings
 
 CYCLE = 0.004032
 VELOCITY_MODE = EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0)
@@ -114,7 +115,7 @@ def test_motion_is_refused_when_motors_are_off():
 
 def test_motion_is_refused_when_egm_guides_the_arm(arm):
     arm.start_egm(EgmSettings())
-    with pytest.raises(RobotNotReady, match="EGM guides the left arm"):
+    with pytest.raises(RobotNotReady, match="EGM moves the left arm"):
         arm.move_to(ZERO)
 
 
@@ -145,7 +146,7 @@ def test_brakes_hold_when_egm_was_guiding(arm):
     arm.advance(0.2)
     arm.switch_motors_off()
     assert settle(arm) < 0.3
-    with pytest.raises(RobotNotReady, match="EGM does not guide the left arm"):
+    with pytest.raises(RobotNotReady, match="EGM does not move the left arm"):
         arm.set_reference(ZERO, None)
 
 

@@ -1,4 +1,4 @@
-"""A station: one arm of the virtual robot and all that belongs to it, as its RAPID task sees it."""
+"""One arm of the virtual robot with its EGM client and gripper, as its RAPID task sees it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from yumi.virtual.mechanics.gripper import VirtualGripper
 
 
 @dataclass(slots=True)
-class Station:
+class ArmUnit:
     """What the instructions of one task act on.
 
     Attributes:
@@ -38,7 +38,7 @@ class Station:
         self.egm_device = self.egm_device or self.arm.side.unit
 
     def forget_egm(self) -> None:
-        """The controller restarts: whatever EGM had is gone."""
+        """The controller restarts: all state of EGM is lost."""
         self.egm.power_down()
         self.egm_identities.clear()
         self.has_moved = False

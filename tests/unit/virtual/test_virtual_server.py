@@ -1,21 +1,24 @@
-"""Long work beside the virtual robot."""
+"""The virtual controller as a process: its cycles in real time, and long work beside them."""
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
 from functools import partial
+from itertools import pairwise
 from threading import Event
 from urllib.parse import quote
 
 import pytest
 from lark import UnexpectedInput
 
+from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
+from yumi.robot.joints import CYCLE
 from yumi.virtual.rws import rapid as rws_rapid
-from yumi.virtual.rws.routes import Call, answer
-from yumi.virtual.server import Background, parsed
+from yumi.virtual.rws.operations import Call, Router
+from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, parsed
 from yumi.virtual.world import World
 
 
@@ -41,7 +44,7 @@ def test_collector_goes_on_beside_long_work(background: Background) -> None:
     assert gc.get_freeze_count() == before
 
 
-def test_module_that_is_no_rapid_keeps_nothing_of_the_parser(background: Background) -> None:
+def test_module_that_is_not_rapid_keeps_nothing_of_the_parser(background: Background) -> None:
     """Who asks again gets the same sentence; the parser's state takes a hundred times as much memory."""
     work = partial(parse_module, "MODULE broken\n" + "VAR num x;\n" * 100 + "VAR;\nENDMODULE", "broken.mod")
     for _ in range(2):
@@ -52,7 +55,7 @@ def test_module_that_is_no_rapid_keeps_nothing_of_the_parser(background: Backgro
     assert [each for each in gc.get_objects() if isinstance(each, UnexpectedInput)] == []
 
 
-def test_work_that_nobody_waits_for_is_not_begun_and_others_are(background: Background) -> None:
+def test_work_that_was_cancelled_is_not_begun_and_others_are(background: Background) -> None:
     """A client that goes while its module waits to be parsed takes nothing with it."""
     release, done = Event(), []
     first = background.submit(lambda: release.wait(5.0))
@@ -71,8 +74,8 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
-    call = Call("GET", ("rw", "rapid", "modules", "TRobMain"), options, session="", host="")
-    pages = [answer(rws_rapid.ROUTES, controller, call) for _ in range(3)]
+    operation, call = Router(rws_rapid.OPERATIONS).find(Call("GET", ("rw", "rapid", "modules", "TRobMain"), options))
+    pages = [operation.handler(controller, call) for _ in range(3)]
     assert (len(texts), pages[1:]) == (1, pages[:-1])
 
 
@@ -81,3 +84,36 @@ def test_module_that_is_parsed_in_the_background_is_quoted_there_too(background:
     hits = rws_rapid.quoted.cache_info().hits
     assert rws_rapid.quoted("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
     assert rws_rapid.quoted.cache_info().hits == hits + 1
+
+
+@pytest.fixture
+def pace(clock: ManualClock) -> Pace:
+    return Pace(clock)
+
+
+def test_cycles_keep_their_times_whatever_they_take(pace: Pace, clock: ManualClock) -> None:
+    begin = clock.now()
+    for number, taken in enumerate((0.1, 0.6, 0.3), start=1):
+        clock.advance(taken * CYCLE)
+        pace.wait()
+        assert clock.now() - begin == pytest.approx(number * CYCLE)
+
+
+def test_a_late_cycle_is_caught_up_and_its_datagrams_can_be_answered(pace: Pace, clock: ManualClock) -> None:
+    begin, taken, begins = clock.now(), 0.1 * CYCLE, []
+    clock.advance(2.0 * CYCLE)
+    for _ in range(6):
+        pace.wait()
+        begins.append(clock.now() - begin)
+        clock.advance(taken)
+    assert begins[0] == pytest.approx(2.0 * CYCLE + TIME_TO_ANSWER)
+    assert min(after - before for before, after in pairwise(begins)) == pytest.approx(taken + TIME_TO_ANSWER)
+    assert begins[-1] == pytest.approx(6.0 * CYCLE)
+
+
+def test_what_a_machine_that_stood_still_has_missed_is_let_go(pace: Pace, clock: ManualClock) -> None:
+    clock.advance(CYCLE + LONGEST_LAG)
+    pace.wait()
+    begin = clock.now()
+    pace.wait()
+    assert clock.now() - begin == pytest.approx(CYCLE)

@@ -27,7 +27,7 @@ def test_taken_port_is_refused() -> None:
             second.start()
 
 
-def test_request_nobody_answers_ends_the_connection() -> None:
+def test_request_without_an_answer_ends_the_connection() -> None:
     with HttpServer(lambda _: None, 0) as server:
         transport = HttpTransport(server.address, ManualClock())
         with pytest.raises(ConnectionLost, match="closed the connection without an HTTP answer"):
@@ -68,7 +68,7 @@ def connected(server: HttpServer) -> socket.socket:
     return socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
 
 
-def test_web_socket_is_attached_before_its_client_is_told_that_it_is_open() -> None:
+def test_web_socket_is_attached_before_its_client_sees_it_open() -> None:
     is_told: list[bool] = []
 
     def attach(channel: Channel) -> None:

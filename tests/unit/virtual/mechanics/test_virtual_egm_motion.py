@@ -9,15 +9,8 @@ from math import cos, pi, radians, sin
 import pytest
 
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
-from yumi.virtual.mechanics.arm import (
-    EgmActivation,
-    EgmMotion,
-    EgmRun,
-    EgmSettings,
-    ExternalMotionData,
-    VirtualArm,
-    law_settings,
-)
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
 
 CYCLE = 0.004032
 FAST = 400.0
@@ -175,10 +168,10 @@ def test_joints_stay_within_the_position_deviation():
 def test_law_takes_its_numbers_from_configuration_activation_and_run():
     data = ExternalMotionData(level=0, position_gain=8.0, bandwidth=30.0)
     activation = EgmActivation(lp_filter=None, max_speed_deviation=0.3, max_pos_deviation=0.4)
-    settings = law_settings(data, activation, EgmRun(pos_corr_gain=0.5, ramp_in_time=0.2))
+    settings = EgmSettings.of(data, activation, EgmRun(pos_corr_gain=0.5, ramp_in_time=0.2))
     assert settings == EgmSettings(4.0, 30.0, 0.2, 0.3, 0.4, 0)
 
 
 def test_filter_of_the_activation_goes_before_the_configured_one():
-    settings = law_settings(ExternalMotionData(bandwidth=30.0), EgmActivation(lp_filter=0.0), EgmRun())
+    settings = EgmSettings.of(ExternalMotionData(bandwidth=30.0), EgmActivation(lp_filter=0.0), EgmRun())
     assert settings.bandwidth == 0.0

@@ -15,7 +15,8 @@ from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.controller.egm import EgmClient, EgmOptions, EgmOutcome, EgmState, InvalidReference, RobotWare
-from yumi.virtual.mechanics.arm import EgmActivation, EgmRun, ExternalMotionData, StopMode, VirtualArm, same_band
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData, StopMode, same_band
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)
@@ -226,7 +227,7 @@ def test_reference_that_is_no_number_makes_the_controller_fail(bench, value):
     bench.run()
     bench.cycle(in_axes((value, *HOME[1:])))
     assert bench.egm.outcome is EgmOutcome.SYSTEM_FAILURE
-    assert bench.egm.fault == "The left arm got an EGM reference that is no finite number."
+    assert bench.egm.fault == "The left arm got an EGM reference that is not a finite number."
     assert (bench.cycle().mci, bench.arm.motors_on) == (MciState.ERROR, False)
     assert bench.arm.planned == HOME
 

@@ -9,12 +9,12 @@ from yumi.rapid.host import Execution
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.controller.arm_unit import ArmUnit
 from yumi.virtual.controller.configuration import Configuration
-from yumi.virtual.controller.controller import TaskHost
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.signals import Signals
-from yumi.virtual.controller.station import Station
+from yumi.virtual.controller.tasks import TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, SyncPoints
 from yumi.virtual.instructions.library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
@@ -50,7 +50,7 @@ class InstructionBench:
     ) -> None:
         arm = VirtualArm(side)
         arm.switch_motors_on()
-        self.station = Station(
+        self.unit = ArmUnit(
             arm, EgmClient(arm), VirtualGripper(workpiece, GripperModules.TWO_VACUUMS, is_calibrated=True)
         )
         paths = [*sorted(STOCK.glob("*.cfg")), *sorted(FOLDER.glob("*.cfg"))]
@@ -59,7 +59,7 @@ class InstructionBench:
         self.speed_ratio = 100
         self.host = TaskHost(Signals([], lambda *_: None), {}, self.events, is_virtual=False)
         library = robot_library(
-            self.station,
+            self.unit,
             configuration=self.configuration,
             events=self.events,
             speed_ratio=lambda: self.speed_ratio,
@@ -89,12 +89,12 @@ class InstructionBench:
 
     def step(self) -> None:
         self.task.advance(CYCLE)
-        datagram = self.station.egm.cycle(self.inbox)
+        datagram = self.unit.egm.cycle(self.inbox)
         self.inbox = []
         if datagram is not None:
             self.sent.append(datagram)
-        self.station.gripper.advance(CYCLE)
-        self.station.arm.advance(CYCLE)
+        self.unit.gripper.advance(CYCLE)
+        self.unit.arm.advance(CYCLE)
 
     @property
     def failure(self) -> str:

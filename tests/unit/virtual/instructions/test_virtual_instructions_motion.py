@@ -10,7 +10,7 @@ from instruction_bench import InstructionBench
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
-from yumi.virtual.mechanics.arm import arm_angle_deg
+from yumi.virtual.mechanics.arm_angle import arm_angle_deg
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 
@@ -22,15 +22,15 @@ def bench() -> InstructionBench:
 
 def test_move_abs_j_stands_at_its_target(bench: InstructionBench) -> None:
     bench.run(f"MoveAbsJ {NEAR}\\NoEOffs,v1000,fine,tool0;")
-    robax, extax = jointtarget(bench.station.arm.position)
+    robax, extax = jointtarget(bench.unit.arm.position)
     assert robax == pytest.approx((20, -120, 30, 0, 40, 0), abs=1e-3)
     assert extax[0] == pytest.approx(-130, abs=1e-3)
-    assert bench.station.arm.is_stationary
+    assert bench.unit.arm.is_stationary
 
 
 def test_move_abs_j_leaves_an_axis_that_is_not_given(bench: InstructionBench) -> None:
     bench.run("MoveAbsJ [[20,-120,30,0,40,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;")
-    assert bench.station.arm.position[2] == pytest.approx(radians(-135), abs=1e-5)
+    assert bench.unit.arm.position[2] == pytest.approx(radians(-135), abs=1e-5)
 
 
 def test_move_abs_j_to_where_the_arm_stands_takes_no_time(bench: InstructionBench) -> None:
@@ -48,7 +48,7 @@ def test_loop_of_moves_of_no_length_makes_one_in_a_cycle(bench: InstructionBench
 def test_move_of_no_length_is_not_planned(bench: InstructionBench, monkeypatch: pytest.MonkeyPatch) -> None:
     planned: list[object] = []
     monkeypatch.setattr("yumi.virtual.mechanics.arm.tool0_to_body", planned.append)
-    bench.station.arm.move_to(bench.station.arm.planned)
+    bench.unit.arm.move_to(bench.unit.arm.planned)
     assert planned == []
 
 
@@ -71,11 +71,11 @@ def test_move_abs_j_refuses_a_target_out_of_range(bench: InstructionBench) -> No
     bench.run("MoveAbsJ [[0,-130,200,0,40,0],[-135,0,0,0,0,0]],v1000,fine,tool0;")
     assert "ERR_ROBLIMIT" in bench.failure
     assert "yumi_joint_3_r cannot move" in bench.failure
-    assert bench.station.arm.position == home(Side.RIGHT)
+    assert bench.unit.arm.position == home(Side.RIGHT)
 
 
 def test_move_abs_j_refuses_while_the_motors_are_off(bench: InstructionBench) -> None:
-    bench.station.arm.switch_motors_off()
+    bench.unit.arm.switch_motors_off()
     bench.run(f"MoveAbsJ {NEAR},v1000,fine,tool0;")
     assert "motors of the right arm are off" in bench.failure
 
@@ -92,9 +92,9 @@ def test_cartesian_motion_is_refused_with_a_way_out(bench: InstructionBench, nam
 
 
 def test_wait_rob_waits_until_the_arm_stands(bench: InstructionBench) -> None:
-    bench.station.arm.move_to(tuple(value + 0.2 for value in home(Side.RIGHT)))  # type: ignore[arg-type]
+    bench.unit.arm.move_to(tuple(value + 0.2 for value in home(Side.RIGHT)))  # type: ignore[arg-type]
     bench.run("WaitRob\\InPos;")
-    assert bench.station.arm.is_stationary
+    assert bench.unit.arm.is_stationary
 
 
 def test_c_joint_t_tells_where_the_arm_is(bench: InstructionBench) -> None:
@@ -116,7 +116,7 @@ def test_c_rob_t_counts_the_tool_in(bench: InstructionBench) -> None:
 
 def test_c_tool_tells_the_tool_of_the_last_motion(bench: InstructionBench) -> None:
     bench.run(f"MoveAbsJ {NEAR},v1000,fine,my_tool; my_tool:=CTool();")
-    assert bench.station.tool.tframe.trans.z == 100
+    assert bench.unit.tool.tframe.trans.z == 100
 
 
 @pytest.mark.parametrize(("side", "angle_deg"), [(Side.RIGHT, -101.9644), (Side.LEFT, 101.9644)])

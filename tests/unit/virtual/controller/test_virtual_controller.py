@@ -10,7 +10,6 @@ from yumi.robot.joints import Side, home
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.errors import Refusal, Refused
-from yumi.virtual.controller.faults import Faults
 from yumi.virtual.world import World, WorldSettings
 
 Request = Callable[[Irc5], None]
@@ -40,11 +39,6 @@ def running(controller: Irc5) -> Irc5:
     controller.set_motors(True)
     controller.start_rapid()
     return controller
-
-
-@pytest.fixture
-def faults(running: Irc5) -> Faults:
-    return Faults(running)
 
 
 def codes(controller: Irc5) -> list[int]:
@@ -170,40 +164,40 @@ def test_options_are_those_clients_look_for(controller: Irc5) -> None:
     assert wanted <= set(controller.identity.options)
 
 
-def test_emergency_stop_stops_everything(running: Irc5, faults: Faults) -> None:
-    faults.press_emergency_stop()
+def test_emergency_stop_stops_everything(running: Irc5) -> None:
+    running.press_emergency_stop()
     assert running.controller_state is ControllerState.EMERGENCY_STOP
     assert not running.is_running
     assert codes(running)[0] == 10013
 
 
-def test_motors_stay_off_until_the_emergency_stop_is_released(running: Irc5, faults: Faults) -> None:
-    faults.press_emergency_stop()
+def test_motors_stay_off_until_the_emergency_stop_is_released(running: Irc5) -> None:
+    running.press_emergency_stop()
     with pytest.raises(Refused, match="in state emergencystop: release the stop first") as refused:
         running.set_motors(True)
     assert refused.value.reason is Refusal.EMERGENCY_STOP
-    faults.release_emergency_stop()
+    running.release_emergency_stop()
     assert running.controller_state is ControllerState.EMERGENCY_STOP_RESET
     running.set_motors(True)
     assert running.controller_state is ControllerState.MOTORS_ON
 
 
-def test_turning_the_key_does_not_release_an_emergency_stop(running: Irc5, faults: Faults) -> None:
-    faults.press_emergency_stop()
-    faults.select_manual_mode()
+def test_turning_the_key_does_not_release_an_emergency_stop(running: Irc5) -> None:
+    running.press_emergency_stop()
+    running.select_mode(OperatingMode.MANUAL_REDUCED)
     assert running.controller_state is ControllerState.EMERGENCY_STOP
 
 
-def test_turning_the_key_switches_the_motors_off(running: Irc5, faults: Faults) -> None:
-    faults.select_manual_mode()
+def test_turning_the_key_switches_the_motors_off(running: Irc5) -> None:
+    running.select_mode(OperatingMode.MANUAL_REDUCED)
     assert running.mode is OperatingMode.MANUAL_REDUCED
     assert not running.is_running
     assert codes(running)[0] == 10015
 
 
-@pytest.mark.parametrize("happen", [Faults.switch_motors_off, Faults.stop_program])
-def test_rapid_stops_when_someone_stops_it(running: Irc5, faults: Faults, happen: Callable[[Faults], None]) -> None:
-    happen(faults)
+@pytest.mark.parametrize("stop", [lambda controller: controller.set_motors(False), Irc5.stop_rapid])
+def test_rapid_stops_on_request(running: Irc5, stop: Callable[[Irc5], None]) -> None:
+    stop(running)
     assert not running.is_running
     assert 10125 in codes(running)
 

@@ -8,7 +8,9 @@ import pytest
 
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.virtual.mechanics.arm import ArmModel, EgmSettings, LoadSupervision, MotionState, VirtualArm
+from yumi.virtual.mechanics.arm import ArmModel, LoadSupervision, VirtualArm
+from yumi.virtual.mechanics.egm_motion import EgmSettings
+from yumi.virtual.mechanics.motion import MotionState
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

@@ -16,8 +16,8 @@ def bench() -> InstructionBench:
 def loaded() -> InstructionBench:
     """Something 20 mm wide between open fingers."""
     bench = InstructionBench(workpiece=Workpiece(0.020))
-    bench.station.gripper.move_to(0.025)
-    bench.station.gripper.advance(2.0)
+    bench.unit.gripper.move_to(0.025)
+    bench.unit.gripper.advance(2.0)
     return bench
 
 
@@ -37,20 +37,20 @@ def test_move_to_refuses_a_position_beyond_the_limit(bench: InstructionBench) ->
 
 
 def test_move_to_refuses_an_uncalibrated_gripper(bench: InstructionBench) -> None:
-    bench.station.gripper.is_calibrated = False
+    bench.unit.gripper.is_calibrated = False
     bench.run("g_MoveTo 20;")
     assert "ERR_HAND_NOTCALIBRATED" in bench.failure
 
 
 def test_grip_in_holds_what_is_there(loaded: InstructionBench) -> None:
     loaded.run("g_GripIn\\holdForce:=8;")
-    assert loaded.station.gripper.is_holding
-    assert loaded.station.gripper.hold_force == 8
+    assert loaded.unit.gripper.is_holding
+    assert loaded.unit.gripper.hold_force == 8
 
 
 def test_grip_in_raises_when_nothing_is_there(bench: InstructionBench) -> None:
-    bench.station.gripper.move_to(0.025)
-    bench.station.gripper.advance(2.0)
+    bench.unit.gripper.move_to(0.025)
+    bench.unit.gripper.advance(2.0)
     bench.run("g_GripIn;")
     assert "ERR_HAND_FAILEDGRIPINWARD" in bench.failure
 
@@ -63,42 +63,42 @@ def test_grip_checks_the_position_it_was_given(loaded: InstructionBench) -> None
 def test_grip_out_holds_something_hollow() -> None:
     bench = InstructionBench(workpiece=Workpiece(0.020, is_hollow=True))
     bench.run("g_GripOut;")
-    assert bench.station.gripper.is_holding
+    assert bench.unit.gripper.is_holding
 
 
 def test_calibrate_takes_its_time_and_leaves_a_calibrated_gripper(bench: InstructionBench) -> None:
-    bench.station.gripper.is_calibrated = False
+    bench.unit.gripper.is_calibrated = False
     assert bench.run("g_Calibrate\\Jog; flag:=g_IsCalibrated();") > 0.5
     assert bench.read("flag") == "TRUE"
 
 
 def test_init_sets_speed_and_limit(bench: InstructionBench) -> None:
     bench.run("g_Init\\maxSpd:=10\\holdForce:=5\\phyLimit:=12;")
-    gripper = bench.station.gripper
+    gripper = bench.unit.gripper
     assert (gripper.max_speed, gripper.hold_force, gripper.physical_limit) == pytest.approx((0.010, 5, 0.012))
 
 
 def test_init_calibrates_when_told(bench: InstructionBench) -> None:
-    bench.station.gripper.is_calibrated = False
+    bench.unit.gripper.is_calibrated = False
     bench.run("g_Init\\Calibrate;")
-    assert bench.station.gripper.is_calibrated
+    assert bench.unit.gripper.is_calibrated
 
 
 @pytest.mark.parametrize("channel", [1, 2])
 def test_vacuum_and_blow_exclude_each_other(bench: InstructionBench, channel: int) -> None:
     bench.run(f"g_VacuumOn{channel}; g_BlowOn{channel};")
-    signals = bench.station.gripper.signals()
+    signals = bench.unit.gripper.signals()
     assert (signals[f"hand_StatusVacuum{channel}"], signals[f"hand_StatusBlowoff{channel}"]) == (0, 1)
 
 
 def test_jog_waits_until_the_fingers_stand_and_lets_go(bench: InstructionBench) -> None:
     assert bench.run("g_JogOut; number:=g_GetPos();") == pytest.approx(2.5, abs=0.1)
     assert float(bench.read("number")) == pytest.approx(25.0)
-    assert bench.station.gripper.state is HandState.READY
+    assert bench.unit.gripper.state is HandState.READY
 
 
 def test_vacuum_with_a_threshold_waits_for_the_pressure(bench: InstructionBench) -> None:
-    bench.station.gripper.cups[1].under = CupObject()
+    bench.unit.gripper.cups[1].under = CupObject()
     assert 0.1 < bench.run("g_VacuumOn1\\threshold:=40; number:=g_GetPressure1();") < 0.5
     assert float(bench.read("number")) <= 40.0
 

@@ -1,0 +1,96 @@
+"""``/rw/elog``: the event log (reference/rws.md §12)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime, timezone
+
+from yumi.rws.documents import Argument, Link, Page, State
+from yumi.rws.types import Code
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.events import Event
+from yumi.virtual.rws.operations import Call, Failure, Operation, resource
+
+_BASE = "/rw/elog/"
+_PAGE = 50
+_DOMAINS: Mapping[int, str] = {
+    0: "Common",
+    1: "Operational",
+    2: "System",
+    3: "Hardware",
+    4: "Program",
+    5: "Motion",
+    7: "I/O & Communication",
+    8: "User",
+    9: "Safety",
+    10: "Internal",
+    11: "Process",
+    12: "Configuration",
+    15: "RAPID",
+    17: "Connected Services",
+}
+
+
+def get_domains(controller: Irc5, call: Call) -> Page:
+    states = []
+    for number, name in _DOMAINS.items():
+        fields = {} if call.option("lang") is None else {"domain-name": name}
+        if call.option("resource") == "count":
+            fields["numevts"] = str(len(controller.events.entries(number)))
+        fields["buffsize"] = "20" if number else "1000"
+        states.append(State("elog-domain-li", str(number), fields, (Link("self", str(number)),)))
+    return resource("Elog", _BASE, "", *states)
+
+
+def get_messages(controller: Irc5, call: Call) -> Page:
+    """Newest first, in pages counted from 1."""
+    domain = _number(call)
+    entries = controller.events.entries(domain)
+    ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
+    size = min(call.number_option("limit", _PAGE), _PAGE)
+    number = max(call.number_option("start", 1), 1)
+    shown = ordered[(number - 1) * size : number * size]
+    more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(ordered) else None
+    states = (_message("elog-message-li", domain, event, call) for event in shown)
+    return resource("Elog", _BASE, str(domain), *states, next_href=more)
+
+
+def get_message(controller: Irc5, call: Call) -> Page:
+    domain, number = _number(call), call.names["number"]
+    for event in controller.events.entries(domain):
+        if str(event.number) == number:
+            state = _message("elog-message", domain, event, call)
+            return resource("Elog", _BASE, f"{domain}/{number}", state)
+    raise Failure(404, Code.FAIL, f"domain {domain} has no message {number}")
+
+
+def _number(call: Call) -> int:
+    text = call.names["domain"]
+    if text not in map(str, _DOMAINS):
+        raise Failure(404, Code.FAIL, f"there is no event log {text!r}")
+    return int(text)
+
+
+def _message(type: str, domain: int, event: Event, call: Call) -> State:
+    fields = {
+        "msgtype": str(int(event.type)),
+        "code": str(event.code),
+        "src-name": "MC0",
+        "tstamp": datetime.fromtimestamp(event.time, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S"),
+        "argc": str(len(event.arguments)),
+    }
+    if call.option("lang") is not None:
+        texts = {"title": event.title, "desc": event.description}
+        fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
+    title = f"/rw/elog/{domain}/{event.number}"
+    arguments = tuple(Argument("string", text) for text in event.arguments)
+    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
+
+
+OPERATIONS = (
+    Operation("GET", "/rw/elog", get_domains),
+    Operation("POST", "/rw/elog", lambda controller, _: controller.events.clear(), "clearall"),
+    Operation("GET", "/rw/elog/{domain}", get_messages),
+    Operation("POST", "/rw/elog/{domain}", lambda controller, call: controller.events.clear(_number(call)), "clear"),
+    Operation("GET", "/rw/elog/{domain}/{number}", get_message),
+)

@@ -1,0 +1,233 @@
+"""The operations of Robot Web Services as one table: method, path, action, handler, and what is checked before it.
+
+Each service (``panel``, ``rapid``, …) is a module with its handlers and its part of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, cast
+
+from aiohttp import web
+from yarl import URL
+
+from yumi.errors import YumiError
+from yumi.rws import documents as forms
+from yumi.rws.documents import Link, Page, Pairs, State, Status
+from yumi.rws.http import HttpReply
+from yumi.rws.types import Code
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.errors import Refusal, Refused
+
+_MOST_DIGITS = 12
+
+
+class Failure(YumiError):
+    """The answer is an error.
+
+    Attributes:
+        status: of HTTP.
+        code: ABB's.
+    """
+
+    def __init__(self, status: int, code: Code, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+        self.code = code
+
+    def document(self, service: str) -> Status:
+        """The error document, its message in the controller's shape (reference/rws.md §3.4)."""
+        sentence = str(self).rstrip(".")
+        message = f"rws_resource_{service}.cpp[1] {sentence} code:{int(self.code)} icode:-1"
+        return Status(int(self.code), message)
+
+
+def invalid(sentence: str) -> Failure:
+    """The failure for a parameter that makes no sense."""
+    return Failure(400, Code.INVALIDARG, sentence)
+
+
+_REFUSALS: Mapping[Refusal, tuple[int, Code]] = {
+    Refusal.WRONG_MODE: (403, Code.MODE_REJECT),
+    Refusal.MOTORS_OFF: (400, Code.EXEC_STATE),
+    Refusal.NOT_STOPPED: (400, Code.EXEC_STATE),
+    Refusal.ALREADY_RUNNING: (400, Code.EXEC_STATE),
+    Refusal.NO_PROGRAM_POINTER: (400, Code.EXEC_STATE),
+    Refusal.READ_ONLY: (403, Code.REJECT),
+    Refusal.UNKNOWN: (404, Code.UNRESOLVED_URL),
+    Refusal.OUT_OF_RANGE: (400, Code.INVALIDARG),
+    Refusal.EMERGENCY_STOP: (403, Code.INVALID_STATE),
+    Refusal.BAD_VALUE: (400, Code.INVALIDARG),
+    Refusal.NO_FILE: (400, Code.FILE_NOT_FOUND),
+    Refusal.NO_MODULE: (400, Code.NO_SUCH_SYMBOL),
+    Refusal.NAME_TAKEN: (400, Code.MODULE_NAME_TAKEN),
+    Refusal.BAD_PROGRAM: (400, Code.SYNTAX),
+    Refusal.NO_SPACE: (507, Code.MAX_LIMIT_REACHED),
+}
+
+
+def refusal(refused: Refused) -> Failure:
+    """The answer to a request that the controller refuses."""
+    status, code = _REFUSALS[refused.reason]
+    return Failure(status, code, str(refused))
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A request whose path is understood.
+
+    Attributes:
+        method: of HTTP.
+        path: the segments, unescaped, without a sub-property behind ``;``.
+        query: parameters in the URL.
+        form: parameters in the body.
+        names: values of the placeholders in the operation's path.
+        content: the body as it came.
+        session: whose request it is.
+        host: host and port as the client calls them.
+    """
+
+    method: str
+    path: tuple[str, ...]
+    query: Pairs = ()
+    form: Pairs = ()
+    names: Mapping[str, str] = field(default_factory=dict)
+    content: bytes = b""
+    session: str = ""
+    host: str = ""
+
+    def option(self, name: str) -> str | None:
+        """A parameter in the URL, or None."""
+        return forms.first(self.query, name)
+
+    def number_option(self, name: str, default: int) -> int:
+        """A parameter in the URL that is a whole number from 0.
+
+        Raises:
+            Failure: it is not a number.
+        """
+        text = self.option(name)
+        if text is None:
+            return default
+        if not text.isdecimal() or len(text) > _MOST_DIGITS:
+            raise invalid(f"{name} is a whole number of up to {_MOST_DIGITS} digits, not {text[:50]!r}")
+        return int(text)
+
+    def parameter(self, name: str, default: str) -> str:
+        """A parameter in the body; ``default`` where it is missing or empty."""
+        return forms.first(self.form, name) or default
+
+    def required(self, name: str) -> str:
+        """A parameter in the body.
+
+        Raises:
+            Failure: it is missing.
+        """
+        value = forms.first(self.form, name)
+        if value is None:
+            raise invalid(f"the body lacks {name}")
+        return value
+
+
+Answer = Page | HttpReply | None
+"""A page, a reply that is not a page, or None for "done, nothing to show"."""
+
+Handler = Callable[[Irc5, Call], Answer]
+"""Answers a call; raises Failure or Refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One line of the table.
+
+    Attributes:
+        method: of HTTP.
+        path: ``{name}`` stands for one segment, ``{name:.+}`` for all that follow.
+        handler: answers the call.
+        action: the ``action`` in the URL; an operation without one answers every call.
+        values: what a parameter in the body may be, where it is given.
+        needs_mastership: the domain whose mastership the client must hold, or "".
+        respects_mastership: the domain that no other client may hold, or "".
+    """
+
+    method: str
+    path: str
+    handler: Handler
+    action: str | None = None
+    values: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    needs_mastership: str = ""
+    respects_mastership: str = ""
+
+    def check_values(self, call: Call) -> None:
+        """Refuse a call with a parameter that is none of its values.
+
+        Raises:
+            Failure: 400.
+        """
+        for name, text in call.form:
+            if name in self.values and text not in self.values[name]:
+                raise invalid(f"{name} is {' or '.join(self.values[name])}, not {text!r}")
+
+
+class _Target(NamedTuple):
+    """The two properties of a request that aiohttp's router reads."""
+
+    method: str
+    rel_url: URL
+
+
+async def _no_handler(request: web.Request) -> web.StreamResponse:
+    """Aiohttp's routes need a coroutine; ours answer without an event loop, in virtual time too."""
+    raise NotImplementedError
+
+
+class Router:
+    """Finds the operation of a call with aiohttp's router."""
+
+    def __init__(self, operations: Iterable[Operation]) -> None:
+        self._dispatcher = web.UrlDispatcher()
+        self._operations: dict[tuple[str, str], list[Operation]] = {}
+        for operation in operations:
+            resource = self._dispatcher.add_resource(operation.path)
+            alternatives = self._operations.setdefault((operation.method, resource.canonical), [])
+            if not alternatives:
+                resource.add_route(operation.method, _no_handler)
+            alternatives.append(operation)
+
+    def find(self, call: Call) -> tuple[Operation, Call]:
+        """The operation, and the call with the values of its placeholders.
+
+        Raises:
+            Failure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
+        """
+        path = "/" + "/".join(call.path)
+        target = _Target(call.method, URL.build(path=path))
+        try:
+            # The router's coroutine waits for nothing, so that its first step is its last.
+            self._dispatcher.resolve(cast("web.Request", target)).send(None)
+        except StopIteration as result:
+            match: web.UrlMappingMatchInfo = result.value
+        if match.http_exception is not None:
+            if match.http_exception.status == web.HTTPNotFound.status_code:
+                raise Failure(404, Code.FAIL, f"there is no resource {path}")
+            raise Failure(405, Code.NOTIMPL, f"{call.method} is not possible on {path}")
+        resource = match.route.resource
+        assert resource is not None, "all routes are added to resources"
+        for operation in self._operations[call.method, resource.canonical]:
+            if operation.action in (None, call.option("action")):
+                return operation, replace(call, names=dict(match))
+        raise invalid(f"{path} does not have the action {call.option('action')!r}")
+
+
+def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
+    """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
+    links = (Link("self", href), Link("action", f"{href}?action=show"))
+    more = () if next_href is None else (Link("next", next_href),)
+    return Page(title, base, states, links + more)
+
+
+def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> State:
+    """An entry of a list that leads to ``href``, by default its title; ``_`` in field names stands for ``-``."""
+    named = {name.replace("_", "-"): text for name, text in fields.items()}
+    return State(type, title, named, (Link("self", title if href is None else href),))

@@ -1,0 +1,235 @@
+"""The virtual controller's side of Robot Web Services as a calculation: logins, formats, and the table of operations.
+
+A request comes in as a value and an answer goes out as one. ``yumi.virtual.rws.http_server`` owns the port, the
+controller the behaviour.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import secrets
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from urllib.parse import unquote
+
+from yumi.errors import ProtocolError, RapidError
+from yumi.rws import auth as cookies
+from yumi.rws import auth as digest
+from yumi.rws import documents as forms
+from yumi.rws.documents import Form, write_page, write_status
+from yumi.rws.http import HttpReply, HttpRequest
+from yumi.rws.types import Code
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.errors import Refused
+from yumi.virtual.rws import configuration, event_log, files, io, motion, panel, rapid, system
+from yumi.virtual.rws.mastership import Mastership
+from yumi.virtual.rws.operations import Call, Failure, Router, refusal
+from yumi.virtual.rws.sessions import Session, SessionTable, TooManySessions
+from yumi.virtual.rws.subscriptions import Subscriptions, Upgrade
+
+OPERATIONS = (
+    *system.OPERATIONS,
+    *panel.OPERATIONS,
+    *rapid.OPERATIONS,
+    *io.OPERATIONS,
+    *motion.OPERATIONS,
+    *configuration.OPERATIONS,
+    *event_log.OPERATIONS,
+    *files.OPERATIONS,
+)
+"""All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
+
+log = logging.getLogger(__name__)
+
+
+class RwsService:
+    """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
+
+    ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every connection to the server.
+    """
+
+    def __init__(
+        self,
+        controller: Irc5,
+        *,
+        user: str,
+        password: str,
+        make_secret: Callable[[], str] = secrets.token_hex,
+        hang_up: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._controller = controller
+        self._user = user
+        self._password = password
+        self._sessions = SessionTable(make_secret)
+        self._nonce_secret = make_secret()[:16]
+        self._nonces = 0
+        self._mastership = Mastership()
+        self._subscriptions = Subscriptions()
+        self._router = Router((*OPERATIONS, *self._mastership.operations, *self._subscriptions.operations))
+        self._hang_up = hang_up
+        self._was_restarting = False
+        self._now = -inf
+        self._busy_until = -inf
+
+    def handle(self, request: HttpRequest, now: float) -> HttpReply | Upgrade | None:
+        """The answer to ``request``, which arrived at ``now`` [s]; None while the controller restarts."""
+        self._now = now
+        if self._controller.is_restarting:
+            return None
+        busy = _plain(503, "The controller is busy.")
+        reply = busy if now < self._busy_until else self._authorized(request, now)
+        if isinstance(reply, Upgrade):
+            return reply
+        is_last = (request.header("Connection") or "").lower() == "close"
+        return replace(reply, headers=(*reply.headers, ("Connection", "close" if is_last else "Keep-Alive")))
+
+    def may_enter(self, request: HttpRequest, now: float) -> bool:
+        """Whether a request belongs to a session, or has credentials that open one."""
+        if self._sessions.find(_cookies(request), now) is not None:
+            return True
+        age = self._proven_age(request, now)
+        return age is not None and age <= digest.NONCE_LIFE
+
+    def advance(self, now: float) -> None:
+        """Send events of what has changed, and forget what belongs to sessions that have ended."""
+        self._now = now
+        if self._controller.is_restarting and not self._was_restarting:
+            self.drop_web_sockets()
+            self.expire_sessions()
+            self._hang_up()
+        self._was_restarting = self._controller.is_restarting
+        for session in self._subscriptions.listening():
+            self._sessions.keep_alive(session, now)
+        self._forget_ended()
+        self._subscriptions.advance(now)
+
+    # Faults
+
+    def reset_connections(self) -> None:
+        """Every TCP connection breaks; sessions stay."""
+        self._hang_up()
+
+    def be_busy(self, duration: float) -> None:
+        """Answer everything with status 503 for ``duration`` [s]."""
+        self._busy_until = self._now + duration
+
+    def expire_sessions(self) -> None:
+        """All sessions end, and with them subscriptions and masterships."""
+        self._sessions.clear()
+        self._forget_ended()
+
+    def drop_web_sockets(self) -> None:
+        """Every WebSocket breaks; the subscriptions stay."""
+        self._subscriptions.drop_channels()
+
+    def _forget_ended(self) -> None:
+        sessions = self._sessions.alive(self._now)
+        self._subscriptions.keep(sessions)
+        self._mastership.keep(sessions)
+
+    # Logging in
+
+    def _authorized(self, request: HttpRequest, now: float) -> HttpReply | Upgrade:
+        """The answer to a request of a session; a challenge, or 503, to any other."""
+        found = self._sessions.find(_cookies(request), now) or self._log_in(request, now)
+        if isinstance(found, HttpReply):
+            return replace(found, status=403) if _is_upgrade(request) else found
+        set_cookies = self._sessions.touch(found, request.peer, now)
+        reply = self._answer(request, found)
+        headers = tuple(("Set-Cookie", line) for line in set_cookies)
+        return replace(reply, headers=(*headers, *reply.headers))
+
+    def _log_in(self, request: HttpRequest, now: float) -> Session | HttpReply:
+        """The session of a request with genuine credentials, or the challenge for one without."""
+        age = self._proven_age(request, now)
+        if age is None or age > digest.NONCE_LIFE:
+            self._nonces += 1
+            nonce = digest.make_nonce(self._nonce_secret, now, self._nonces)
+            header = ("WWW-Authenticate", digest.Challenge(nonce, is_stale=age is not None).header())
+            reply = _plain(401, "Access denied: log in with user and password.")
+            return replace(reply, headers=(header, *reply.headers))
+        known = self._sessions.find_by_connection(_cookies(request))
+        try:
+            return known or self._sessions.open(now)
+        except TooManySessions as error:
+            return _plain(503, str(error))
+
+    def _proven_age(self, request: HttpRequest, now: float) -> float | None:
+        """Age of the nonce in genuine credentials [s]; None without such."""
+        try:
+            credentials = digest.read_credentials(request.header("Authorization") or "")
+        except ProtocolError:
+            return None  # not readable: the answer is a challenge
+        is_genuine = digest.is_genuine(
+            credentials, user=self._user, password=self._password, method=request.method, target=request.target
+        )
+        return digest.nonce_age(credentials.nonce, self._nonce_secret, now) if is_genuine else None
+
+    # Answering
+
+    def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
+        path, _, query = request.target.partition("?")
+        # A sub-property behind ``;`` shows in the page of its resource anyway.
+        segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
+        host = request.header("Host") or ""
+        full_host = host if re.search(r":\d+$", host) else f"{host}:80"
+        call = Call(request.method, segments, forms.decode(query), session=session.id, host=full_host)
+        form = Form.JSON if call.option("json") == "1" else Form.XHTML
+        try:
+            if segments[:1] == ("poll",) and _is_upgrade(request):
+                return self._subscriptions.upgrade(call, request.header("Sec-WebSocket-Protocol") or "")
+            return self._operate(call, request, form, session)
+        except Failure as error:
+            failure = error
+        except Refused as error:
+            failure = refusal(error)
+        except RapidError as error:
+            failure = Failure(400, Code.TASK_STATE, str(error))
+        except Exception:  # whatever a client sends, the controller goes on
+            log.exception("%s %s met a fault of the virtual controller", call.method, path)
+            failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
+        status = failure.document(segments[1] if len(segments) > 1 else "rw")
+        body = write_status(status, form, base=f"http://{host}/")
+        return HttpReply(failure.status, (("Content-Type", form.value),), body)
+
+    def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
+        """Check a call against the table, carry it out, and show its result in the client's format."""
+        is_file = call.method == "PUT" and call.path[:1] == ("fileservice",)
+        call = replace(call, content=request.body, form=() if is_file else _body_form(request))
+        if call.path == ("logout",):
+            self._sessions.close(session)
+            self._forget_ended()
+            return HttpReply(204)
+        operation, call = self._router.find(call)
+        self._mastership.check(operation, call.session)
+        operation.check_values(call)
+        answer = operation.handler(self._controller, call)
+        if answer is None:
+            return HttpReply(204)
+        if isinstance(answer, HttpReply):
+            return answer
+        page = replace(answer, base=f"http://{request.header('Host') or ''}{answer.base}")
+        return HttpReply(200, (("Content-Type", form.value),), write_page(page, form))
+
+
+def _cookies(request: HttpRequest) -> dict[str, str]:
+    return cookies.read_cookies(request.header_values("Cookie"))
+
+
+def _is_upgrade(request: HttpRequest) -> bool:
+    return (request.header("Upgrade") or "").lower() == "websocket"
+
+
+def _body_form(request: HttpRequest) -> forms.Pairs:
+    """The form in the body; only a body that is there must have its content type."""
+    kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+    if request.body and kind != forms.CONTENT_TYPE:
+        raise Failure(415, Code.INVALIDARG, f"a body is {forms.CONTENT_TYPE}, not {kind or 'of no type'}")
+    return forms.decode(request.body.decode("utf-8", "replace"))
+
+
+def _plain(status: int, sentence: str) -> HttpReply:
+    """An answer from before any resource is reached."""
+    return HttpReply(status, (("Content-Type", "text/html"),), f"<html><body>{sentence}</body></html>".encode())

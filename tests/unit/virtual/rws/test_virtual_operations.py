@@ -1,0 +1,83 @@
+"""The table of operations, and how a call finds its line."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.operations import Call, Failure, Operation, Router
+from yumi.virtual.rws.service import OPERATIONS
+
+
+def nothing(controller: Irc5, call: Call) -> None: ...
+
+
+ROUTER = Router(
+    [
+        Operation("GET", "/rw/thing", nothing),
+        Operation("POST", "/rw/thing", nothing, "start", {"mode": ("slow", "fast")}),
+        Operation("POST", "/rw/thing", nothing, "stop"),
+        Operation("GET", "/rw/thing/{name}", nothing),
+        Operation("GET", "/rw/thing/{name}/parts/{part:.+}", nothing),
+    ]
+)
+
+
+def found(method: str, path: str, action: str | None = None) -> tuple[Operation, Call]:
+    query = () if action is None else (("action", action),)
+    return ROUTER.find(Call(method, tuple(part for part in path.split("/") if part), query))
+
+
+def test_operations_of_one_path_differ_in_their_action() -> None:
+    assert [found("POST", "/rw/thing", action)[0].action for action in ("start", "stop")] == ["start", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("path", "names"),
+    [
+        ("/rw/thing", {}),
+        ("/rw/thing/a b%", {"name": "a b%"}),
+        ("/rw/thing/x/parts/y", {"name": "x", "part": "y"}),
+        ("/rw/thing/x/parts/y/../S{1},2?#", {"name": "x", "part": "y/../S{1},2?#"}),
+    ],
+)
+def test_placeholders_have_the_text_of_the_path(path: str, names: dict[str, str]) -> None:
+    assert dict(found("GET", path)[1].names) == names
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "action", "status", "sentence"),
+    [
+        ("GET", "/rw/other", None, 404, "there is no resource /rw/other"),
+        ("GET", "/rw/thing/x/parts", None, 404, "there is no resource /rw/thing/x/parts"),
+        ("PUT", "/rw/thing", None, 405, "PUT is not possible on /rw/thing"),
+        ("HEAD", "/rw/thing", None, 405, "HEAD is not possible on /rw/thing"),
+        ("POST", "/rw/thing", None, 400, "/rw/thing does not have the action None"),
+        ("POST", "/rw/thing", "jump", 400, "/rw/thing does not have the action 'jump'"),
+    ],
+)
+def test_call_without_an_operation_is_refused(
+    method: str, path: str, action: str | None, status: int, sentence: str
+) -> None:
+    with pytest.raises(Failure, match=sentence) as failure:
+        found(method, path, action)
+    assert failure.value.status == status
+
+
+def test_parameter_outside_its_values_is_refused() -> None:
+    operation, call = found("POST", "/rw/thing", "start")
+    operation.check_values(call)
+    with pytest.raises(Failure, match="mode is slow or fast, not 'wild'"):
+        operation.check_values(Call("POST", call.path, form=(("mode", "wild"),)))
+
+
+def test_every_operation_is_in_the_table_once() -> None:
+    counts = Counter((each.method, each.path, each.action) for each in OPERATIONS)
+    assert [key for key, count in counts.items() if count > 1] == []
+
+
+def test_no_operation_hides_behind_one_without_an_action() -> None:
+    of_any_action = {(each.method, each.path) for each in OPERATIONS if each.action is None}
+    assert [each for each in OPERATIONS if each.action and (each.method, each.path) in of_any_action] == []
