@@ -13,8 +13,8 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
-from yumi.control.requests import ControllerNotice
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
@@ -90,7 +90,7 @@ class DualArms:
         for side, arm in self.arms.items():
             seen = len(arm.events)
             arm.cycle()
-            notices = (event.notice for event in arm.events[seen:] if isinstance(event, ControllerNotice))
+            notices = (event.report for event in arm.events[seen:] if isinstance(event, ControllerReport))
             self.ended[side] += [notice for notice in notices if isinstance(notice, TrajectoryEnded)]
 
     @property

@@ -507,7 +507,7 @@ class JointTrajectoryController(Controller):
         self._is_judged = False
         return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
 
-    def take_notices(self) -> Sequence[object]:
+    def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
         state = self._state
         if state is not None and not self._is_judged:
