@@ -36,7 +36,6 @@ from yumi.control.shared_state import (
     put_snapshot,
     shared_numbers,
 )
-from yumi.control.trajectory import PARTNER_SIZE
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
@@ -86,7 +85,6 @@ class ArmBuffers:
         forward_speeds: speeds by index.
         trajectory: how it follows a trajectory of its own.
         dual_trajectory: how it follows its part of one for both arms.
-        dual_status: what it reports to the other arm meanwhile.
         speed_scale: the factor on its speeds.
         flight: memory of its flight recorder.
         cycle_done: released after every cycle.
@@ -101,7 +99,6 @@ class ArmBuffers:
         self.forward_speeds = SharedMailbox(GOAL_SIZE)
         self.trajectory = SharedMailbox(FEEDBACK_SIZE)
         self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
-        self.dual_status = SharedMailbox(PARTNER_SIZE)
         self.point_goals = SharedMailbox(GOAL_SIZE)
         self.speed_scale = SharedMailbox(1)
         self.flight = shared_numbers(FLIGHT_SIZE)

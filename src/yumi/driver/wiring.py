@@ -135,7 +135,7 @@ class Place:
         name: the controller's name.
         side: its arm.
         buffers: what its arm shares with the driver process.
-        other: what the other arm shares with it.
+        halves: controllers of this name that are active, by arm, for one that moves both arms.
         limits: what the joints may do in the robot's EGM motion.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds.
@@ -144,7 +144,7 @@ class Place:
     name: str
     side: Side
     buffers: ArmBuffers
-    other: ArmBuffers
+    halves: dict[Side, DualArmTrajectoryController]
     limits: JointLimits
     period: float
     speed: SpeedScale
@@ -167,8 +167,7 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
         place.side,
         place.buffers.dual_trajectory,
-        place.buffers.dual_status,
-        place.other.dual_status,
+        place.halves,
         place.limits,
         place.speed,
     ),
@@ -238,13 +237,21 @@ def check_controllers(controllers: Controllers) -> Controllers:
     Raises:
         SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    buffers = {side: ArmBuffers() for side in Side}
-    return {side: start_controllers(_manager_of(side, buffers), entries) for side, entries in controllers.items()}
+    halves: Halves = {}
+    return {
+        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
+        for side, entries in controllers.items()
+    }
+
+
+Halves = dict[str, dict[Side, DualArmTrajectoryController]]
+"""The active halves of controllers that move both arms, by the controllers' name and arm."""
 
 
 def _manager_of(
     side: Side,
-    buffers: Mapping[Side, ArmBuffers],
+    buffers: ArmBuffers,
+    halves: Halves,
     limits: JointLimits = YUMI_LIMITS,
     period: float = CYCLE,
     speed: SpeedScale | None = None,
@@ -252,7 +259,7 @@ def _manager_of(
     speed = speed or SpeedScale()
 
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, buffers[side], buffers[side.other], limits, period, speed))
+        return lambda name: make(Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -260,14 +267,14 @@ def _manager_of(
 
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
-    return {side: _build_arm(plan, side, buffers) for side in Side}
+    halves: Halves = {}
+    return {side: _build_arm(plan, side, own, halves) for side, own in buffers.items()}
 
 
-def _build_arm(plan: EgmPlan, side: Side, buffers: Mapping[Side, ArmBuffers]) -> ConnectedArm:
-    own = buffers[side]
+def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
     stations, speed = StationClock(time.monotonic), SpeedScale(own.speed_scale)
-    manager = _manager_of(side, buffers, plan.limits, plan.period, speed)
+    manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
     arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stations)
     guard = Guard(plan.limits, plan.period, plan.position_gain)

@@ -42,7 +42,7 @@ from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
-from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, time_to_start
+from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -294,11 +294,11 @@ class TrajectoryAction:
         self._query.note(number, plans)
 
     def _start(self, message: Any) -> float | None:
-        """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
-        now, stamped = self._clock.now(), stamp_of(message)
-        if stamped:
-            return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
-        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
+        """When the trajectory starts, on the monotonic clock; None is at once."""
+        stamped = stamp_of(message)
+        if not stamped:
+            return None
+        return self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
 
     def _command(self, messages: Mapping[Side, object]) -> None:
         self._control.call(Commands.send_commands, *self._commands(messages))
