@@ -61,7 +61,7 @@ def boxes(node: Node) -> Iterator[ArmBuffers]:
 
 
 def tell(boxes: ArmBuffers, number: float) -> None:
-    boxes.states.put((number, *[0.0] * 14))
+    boxes.states.write((number, *[0.0] * 14))
     boxes.cycle_done.release()
 
 

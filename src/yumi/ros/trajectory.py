@@ -27,7 +27,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     DualArmTrajectoryController,
@@ -41,7 +41,7 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
@@ -67,7 +67,7 @@ class TrajectoryQuery:
         clock: the machine's clock.
     """
 
-    def __init__(self, node: Any, feedback: Mapping[Side, Mailbox], clock: Clock) -> None:
+    def __init__(self, node: Any, feedback: Mapping[Side, Buffer[TrajectoryFeedback]], clock: Clock) -> None:
         self._ros_clock = node.get_clock()
         self._feedback = feedback
         self._clock = clock
@@ -85,7 +85,7 @@ class TrajectoryQuery:
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        letters = {side: box.read() for side, box in self._feedback.items()}
         feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
         now = self._clock.now()
         if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
@@ -185,7 +185,7 @@ class TrajectoryAction:
         self,
         node: Any,
         name: str,
-        feedback: Mapping[Side, Mailbox],
+        feedback: Mapping[Side, Buffer[TrajectoryFeedback]],
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,
@@ -371,7 +371,7 @@ class TrajectoryAction:
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        letters = {side: box.read() for side, box in self._feedback.items()}
         news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
         if len(news) < len(letters):
             return
@@ -415,8 +415,8 @@ class TrajectoryControllers:
     def __init__(
         self,
         dual_node: Any,
-        single: Mapping[Side, Mailbox],
-        dual: Mapping[Side, Mailbox],
+        single: Mapping[Side, Buffer[TrajectoryFeedback]],
+        dual: Mapping[Side, Buffer[TrajectoryFeedback]],
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,
