@@ -310,11 +310,11 @@ def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
     assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
 
 
-def test_manager_without_its_fast_line_lists_nothing_refuses_all_and_is_finalized(
+def test_manager_without_its_control_process_lists_nothing_refuses_all_and_is_finalized(
     rig: SimpleNamespace, manager: Manager
 ) -> None:
     rig.line.is_gone = True
-    sentence = "The fast-line process has ended; restart the driver."
+    sentence = "The control process has ended; restart the driver."
     assert manager.controllers() == {}
     manager.client.until(manager.client.hears(f"list_controllers: {sentence}"))
     assert manager.switch(["watcher"], []).message == sentence

@@ -155,11 +155,11 @@ class System(ManualClock):
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
-        self.fast_lines = MemoryControl(self.arms, self)
+        self.control = MemoryControl(self.arms, self)
         boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
-        speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
+        speed = SpeedSetting(1.0, boxes, lambda side: self.control.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
-        self.manager = RobotManager(self.bringup, self.fast_lines, self)
+        self.manager = RobotManager(self.bringup, self.control, self)
         self.manager.grippers = tuple(self.grippers.values())
 
     def wait(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""How a streamed command gets in: a message becomes a checked goal in the arm's mailbox, or a refusal.
+"""How a streamed command gets in: a message becomes a checked goal in the arm's buffer, or a refusal.
 
 ================================ ========================== ===================================================
 topic                            type                       for
@@ -265,14 +265,14 @@ class Stamps:
 
 
 class JointStatePublisher:
-    """Publishes ``joint_states`` of one arm whenever the fast line rings.
+    """Publishes ``joint_states`` of one arm after each of its cycles.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
 
     Args:
         node: the arm's controller manager node.
         side: which arm.
-        boxes: what the fast line shares.
+        boxes: what the control process shares.
         clock: the clock of the states' times.
     """
 
@@ -318,7 +318,7 @@ class MergedJointStates:
 
     Args:
         node: any node without namespace.
-        boxes: what the fast line shares, per arm.
+        boxes: what the control process shares, per arm.
         fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
