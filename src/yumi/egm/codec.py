@@ -1,7 +1,7 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
-Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop has
-a leaner codec, :class:`JointCodec`.
+Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop
+has a leaner codec, :class:`JointCodec`.
 
 The parts of EGM's messages between protobuf and SI values: joints, poses, clocks, forces, data of the program.
 
