@@ -1,19 +1,10 @@
-"""The controller manager of one arm: which controllers exist, who is active, who claims which interface.
+"""The controller manager of one arm: which controllers exist, which are active, which claims which interface.
 
 Switching happens between two cycles; an interface has one owner at a time; a controller whose update fails is
 deactivated and the arm holds (reference/ros2_control.md §1.11). What each cycle needs is prepared when controllers
-are switched.
-
-A loaded controller: the controller itself, where it is in its life, what is set on it and what it needs.
-
-What a switch of controllers comes to, decided before anything is done (reference/ros2_control.md §1.11).
-
-One command made of several controllers' commands, each taken where it has claimed the interface.
-
-The hardware component of one arm: which interfaces it offers, and in which state (reference/ros2_control.md §2).
-
-Its state decides who may use what; it never moves the arm. While it is inactive nobody may command the arm, which
-holds; while it is unconfigured nobody may read its interfaces either. The robot gets its answers in any state.
+are switched. The hardware component decides which interfaces may be used (§2); it never moves the arm: while it is
+inactive no controller commands the arm, which holds; while it is unconfigured no interface can be read either. The
+robot gets its replies in any state.
 """
 
 from __future__ import annotations
@@ -83,7 +74,7 @@ class HardwareComponent:
 
     @property
     def is_available(self) -> bool:
-        """Whether its interfaces exist for anybody."""
+        """Whether its interfaces exist."""
         return self.state is not State.UNCONFIGURED
 
     def check_state(self, state: State) -> None:
@@ -155,7 +146,7 @@ class LoadedController:
     Attributes:
         name: its name.
         controller: what it is.
-        state: where it is in its life.
+        state: its lifecycle state.
         required: the command interfaces it claims when active, known once it is configured.
         required_state: the state interfaces it needs when active, known once it is configured.
         execution_time: how long its updates took since it was activated last [s].
@@ -305,7 +296,7 @@ def _interned(names: tuple[str, ...]) -> tuple[str, ...]:
 class MergedCommand:
     """Asks several commanding controllers; who gives which value is settled when controllers are switched.
 
-    A joint's position is the one of the controller that claims it; where nobody does, of the one that claims the
+    A joint's position is the one of the controller that claims it; where none does, of the one that claims the
     joint's velocity, which has to say where its motion leads. Velocities likewise. When one of them holds, the arm
     holds.
 
@@ -316,7 +307,7 @@ class MergedCommand:
     Args:
         members: the controllers, at least one.
         joint_names: the arm's joints, chain order.
-        now: tells the time [s], for ``times`` alone.
+        now: the time [s], for ``times`` alone.
     """
 
     def __init__(
@@ -348,7 +339,7 @@ class MergedCommand:
 def _owners(
     members: Sequence[LoadedController], joint_names: tuple[str, ...], kinds: tuple[str, ...]
 ) -> tuple[int, ...]:
-    """For each joint the index of the controller that claims the first of ``kinds`` that somebody claims."""
+    """For each joint the index of the controller that claims the first of ``kinds`` that is claimed."""
     claims = {interface: index for index, member in enumerate(members) for interface in member.required}
     wanted = [[claims.get(f"{joint}/{kind}") for kind in kinds] for joint in joint_names]
     return tuple(next((index for index in choices if index is not None), 0) for choices in wanted)
@@ -421,7 +412,7 @@ def plan_switch(
 
 
 class _Chooser:
-    """Goes through the names of a request; what cannot be done is left out or refused."""
+    """Goes through the names of a switch; what cannot be done is left out or refused."""
 
     def __init__(self, loaded: Mapping[str, LoadedController], strictness: Strictness) -> None:
         self.left_out: list[str] = []
@@ -482,7 +473,7 @@ class ControllerManager:
     """Owns the controllers of one arm.
 
     Attributes:
-        failures: sentences about controllers that failed; whoever tells them takes them out.
+        failures: sentences about controllers that failed; the reader removes them.
         activations: how often a controller was activated.
         activity: counts every change of what is loaded and in which state it is.
         kinds: the types of controllers that can be loaded.
@@ -491,7 +482,7 @@ class ControllerManager:
         joint_names: the arm's joints, chain order.
         kinds: how a controller of each type is made.
         component: name of the arm's hardware component.
-        now: tells the time [s], for statistics alone.
+        now: the time [s], for statistics alone.
     """
 
     def __init__(
@@ -539,7 +530,7 @@ class ControllerManager:
             raise CommandRefused(
                 f"Controller {name!r} cannot be loaded: type {kind!r} is not known; known are: {known}."
             )
-        with _told(name, "loaded"):
+        with _refusing(name, "loaded"):
             loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
             loaded.set_parameters(values or {})
         self._loaded[name] = loaded
@@ -554,7 +545,7 @@ class ControllerManager:
         loaded = find(self._loaded, name)
         if loaded.state is State.ACTIVE:
             raise CommandRefused(f"Controller {name!r} is active and cannot be unloaded; deactivate it first.")
-        with _told(name, "unloaded"):
+        with _refusing(name, "unloaded"):
             loaded.clean_up()
         del self._loaded[name]
         self._note_change()
@@ -566,7 +557,7 @@ class ControllerManager:
             CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
         """
         try:
-            with _told(name, "configured"):
+            with _refusing(name, "configured"):
                 find(self._loaded, name).configure(values)
         finally:
             self._note_change()
@@ -577,7 +568,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, or it is active.
         """
-        with _told(name, "cleaned up"):
+        with _refusing(name, "cleaned up"):
             find(self._loaded, name).clean_up()
         self._note_change()
 
@@ -587,7 +578,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
-        with _told(name, "given parameters"):
+        with _refusing(name, "given parameters"):
             find(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
@@ -611,7 +602,7 @@ class ControllerManager:
             activate: names of inactive controllers, or of active ones that are deactivated, too: they begin anew.
             deactivate: names of active controllers.
             state: the arm's newest state; command controllers need one to begin from.
-            strictness: whether controllers that cannot do what they shall are left out.
+            strictness: whether controllers that cannot do what is asked are left out.
 
         Raises:
             CommandRefused: a name, a state or a claim stands against it; nothing was changed.
@@ -659,7 +650,7 @@ class ControllerManager:
         find(self._loaded, name).check_command(message, state)
 
     def receive(self, name: str, message: object, state: ArmState | None) -> None:
-        """Have an active controller take an order.
+        """Have an active controller take a command.
 
         Args:
             name: the controller.
@@ -667,7 +658,7 @@ class ControllerManager:
             state: the arm's newest state; None while it is not heard.
 
         Raises:
-            CommandRefused: no such controller, not active, or it refuses the order; nothing was changed.
+            CommandRefused: no such controller, not active, or it refuses the command; nothing was changed.
         """
         self.check(name, message, state)
         self._loaded[name].controller.receive(message, state)
@@ -700,7 +691,7 @@ class ControllerManager:
             self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
 
     def take_reports(self) -> Sequence[tuple[str, object]]:
-        """What the controllers have to tell since the last call: their name and the notice."""
+        """The reports of the controllers since the last call, each with the name."""
         for loaded in self._active:
             try:
                 for report in loaded.controller.take_reports():
@@ -709,8 +700,8 @@ class ControllerManager:
                 self._fail(loaded, error)
         if not self._reports:
             return ()
-        notices, self._reports = self._reports, []
-        return notices
+        reports, self._reports = self._reports, []
+        return reports
 
     @property
     def is_commanding(self) -> bool:
@@ -727,7 +718,7 @@ class ControllerManager:
 
     @property
     def reference(self) -> Joints | None:
-        """Where the commanding controllers are going [rad]; None when nobody commands."""
+        """Where the commanding controllers are going [rad]; None when none commands."""
         for loaded in self._commanding:
             reference = loaded.controller.reference
             if reference is not None:
@@ -827,7 +818,7 @@ def _words(error: Exception) -> str:
 
 
 @contextmanager
-def _told(name: str, done: str) -> Iterator[None]:
+def _refusing(name: str, done: str) -> Iterator[None]:
     """Whatever else a controller raises when it is called is a refusal with its name."""
     try:
         yield

@@ -1,15 +1,10 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
 Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop
-has a leaner codec, :class:`JointCodec`.
-
-The parts of EGM's messages between protobuf and SI values: joints, poses, clocks, forces, data of the program.
-
-The control loop's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
-
-It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
-behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always has
-the same length, so it is written as such a run, too. Not thread-safe.
+has a leaner codec, :class:`JointCodec`: joints of a seven-axis arm in and out, in as few microseconds as Python
+allows. It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each
+double behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints
+always has the same length, so it is written as such a run, too. Not thread-safe.
 """
 
 from __future__ import annotations
@@ -197,7 +192,7 @@ def _quaternion(part: pb.EgmQuaternion) -> Quaternion:
 def _from_euler(part: pb.EgmEuler) -> Quaternion:
     angles = (part.x * RAD_PER_DEG, part.y * RAD_PER_DEG, part.z * RAD_PER_DEG)
     if not all(isfinite(angle) for angle in angles):
-        return angles[0], *angles  # trigonometry refuses what is not finite; who reads it shall see it
+        return angles[0], *angles  # trigonometry refuses what is not finite; the reader checks it
     return quaternion_from_euler_zyx(angles)
 
 
@@ -221,7 +216,7 @@ LARGEST_DATAGRAM = 1024
 """Longer datagrams are no EGM: the usual servers cut them there (reference/egm.md §8.1) [bytes]."""
 
 MOST_NUMBERS = 40
-"""Numbers a RAPID program and a sensor may tell each other in one datagram (reference/egm.md §1)."""
+"""Numbers a RAPID program and a sensor may send each other in one datagram (reference/egm.md §1)."""
 
 DATA = pb.EgmHeader.MSGTYPE_DATA
 _SEVEN = 7
@@ -238,7 +233,7 @@ _Parsed = TypeVar(
 
 
 class SensorCodec:
-    """Our end: reads what any robot sends, writes what it is told.
+    """Our end: reads what any robot sends, writes references.
 
     Args:
         axes: 7 for a seven-axis arm, 6 for a robot whose external axes are no part of it; None takes the first
@@ -295,7 +290,7 @@ class SensorCodec:
         )
 
     def encode(self, message: SensorMessage) -> bytes:
-        """The datagram that tells the robot ``message``.
+        """The datagram with ``message``.
 
         Raises:
             ValueError: a value is not finite or left out: NaN crashes the controller (reference/egm.md §4.5).
@@ -568,7 +563,7 @@ class JointCodec:
         )
 
     def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
-        """The datagram that tells the arm its position [rad] and velocity [rad/s].
+        """The datagram that gives the arm its position [rad] and velocity [rad/s].
 
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
