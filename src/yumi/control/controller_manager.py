@@ -177,7 +177,15 @@ class LoadedController:
             self.check(Transition.CONFIGURE)
         complete = self._complete(values or {}, is_settled=False)
         self.clean_up()
-        self._configure(complete)
+        self.controller.configure(complete)
+        # The interfaces may depend on the parameters, so they are asked for afterwards.
+        required = _interned(self.controller.command_interfaces(self._joint_names))
+        required_state = _interned(self.controller.state_interfaces(self._joint_names))
+        for interfaces in (required, required_state):
+            twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
+            if twice:
+                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
+        self.required, self.required_state, self._values = required, required_state, complete
         self.state = State.INACTIVE
 
     def set_parameters(self, values: Values) -> None:
@@ -255,17 +263,6 @@ class LoadedController:
             required_state=self.required_state,
             execution_time=self.execution_time.result(),
         )
-
-    def _configure(self, complete: Values) -> None:
-        """The interfaces may depend on the parameters, so they are asked for afterwards."""
-        self.controller.configure(complete)
-        required = _interned(self.controller.command_interfaces(self._joint_names))
-        required_state = _interned(self.controller.state_interfaces(self._joint_names))
-        for interfaces in (required, required_state):
-            twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
-            if twice:
-                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
-        self.required, self.required_state, self._values = required, required_state, complete
 
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
         accepted = {key: self._accepted(key, value, is_settled=is_settled) for key, value in values.items()}
@@ -407,7 +404,15 @@ def plan_switch(
     for controller in starting:
         component.check_interfaces(controller.name, controller.required, controller.required_state)
     staying = [each for each in loaded.values() if each.state is State.ACTIVE and each not in stopping]
-    _check_claims((*staying, *starting))
+    owners: dict[str, str] = {}
+    for controller in (*staying, *starting):
+        for interface in controller.required:
+            if interface in owners:
+                raise CommandRefused(
+                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
+                    f"deactivate {owners[interface]!r} in the same switch."
+                )
+            owners[interface] = controller.name
     return Switch(stopping, starting, tuple(chooser.left_out))
 
 
@@ -449,18 +454,6 @@ def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
     if name not in loaded:
         raise CommandRefused(f"There is no controller {name!r}; loaded are: {', '.join(loaded) or 'none'}.")
     return loaded[name]
-
-
-def _check_claims(controllers: Iterable[LoadedController]) -> None:
-    owners: dict[str, str] = {}
-    for controller in controllers:
-        for interface in controller.required:
-            if interface in owners:
-                raise CommandRefused(
-                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
-                    f"deactivate {owners[interface]!r} in the same switch."
-                )
-            owners[interface] = controller.name
 
 
 Kinds = Mapping[str, Callable[[str], Controller]]
@@ -609,7 +602,13 @@ class ControllerManager:
             SwitchFailed: a controller could not begin.
         """
         switch = plan_switch(self._loaded, self._component, activate, deactivate, strictness)
-        begin = self._state_to_begin(switch.activate, state)
+        if state is None or not state.is_running:
+            needy = next((loaded.name for loaded in switch.activate if loaded.controller.is_command), None)
+            if needy:
+                raise CommandRefused(
+                    f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first."
+                )
+        begin = state or _NOWHERE
         self._deactivate(switch.deactivate)
         try:
             self._activate(switch, begin, strictness)
@@ -742,14 +741,6 @@ class ControllerManager:
                 f"Controller name {name!r} cannot be the name of a node; use letters, digits and underscores."
             )
 
-    def _state_to_begin(self, starting: Iterable[LoadedController], state: ArmState | None) -> ArmState:
-        if state is not None and state.is_running:
-            return state
-        needy = next((loaded.name for loaded in starting if loaded.controller.is_command), None)
-        if needy:
-            raise CommandRefused(f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first.")
-        return state or _NOWHERE
-
     def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:
         """A strict switch in which one controller cannot begin leaves none of its controllers active."""
         begun: list[LoadedController] = []
@@ -802,15 +793,19 @@ class ControllerManager:
         self._merged = (
             MergedCommand(self._commanding, self._joint_names, self._now) if len(self._commanding) > 1 else None
         )
-        self._ask = self._merged.update if self._merged else _one_or_none(self._commanding)
+        if self._merged:
+            self._ask = self._merged.update
+        else:
+            self._ask = self._commanding[0].controller.update if self._commanding else _hold
 
 
 _NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
 """Given to controllers that only watch, when no state has come yet."""
 
 
-def _one_or_none(commanding: Sequence[LoadedController]) -> Callable[[ArmState], ArmCommand | None]:
-    return commanding[0].controller.update if commanding else lambda state: None
+def _hold(state: ArmState) -> ArmCommand | None:
+    """What is commanded where no controller does."""
+    return None
 
 
 def _words(error: Exception) -> str:

@@ -297,10 +297,22 @@ class SensorCodec:
         """
         sensor = pb.EgmSensor()
         _write_header(sensor.header, message.seqno, pb.EgmHeader.MSGTYPE_CORRECTION)
-        _write_planned(sensor, message)
-        _write_speed(sensor, message)
-        if message.rapid_data is not None:
-            write_data(sensor.RAPIDtoRobot, _checked_data(message.rapid_data))
+        if message.position is not None or message.external:
+            write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
+        if message.tool_position is not None or message.tool_orientation is not None:
+            _finite((*(message.tool_position or ()), *(message.tool_orientation or ())))
+            write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
+        if message.velocity is not None or message.external_velocity:
+            write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
+        if message.twist is not None:
+            _finite(message.twist)
+            write_twist(sensor.speedRef, message.twist)
+        data = message.rapid_data
+        if data is not None:
+            if len(data.numbers) > MOST_NUMBERS:
+                raise ValueError(f"a RAPID program takes at most {MOST_NUMBERS} numbers, got {len(data.numbers)}")
+            _finite(data.numbers)
+            write_data(sensor.RAPIDtoRobot, data)
         return sensor.SerializeToString()
 
     def encode_joints(self, seqno: int, position: PartialJoints, velocity: PartialJoints | None) -> bytes:
@@ -383,8 +395,28 @@ class RobotCodec:
         write_times(robot.planned, message.planned_time, message.planned_stamp_ns)
         robot.testSignals.signals[:] = message.test_signals
         robot.testSignals.SetInParent()  # the controller sends it even when it is empty
-        _write_states(robot, message)
-        _write_newer(robot, message)
+        robot.motorState.state = cast("pb.EgmMotorState.MotorStateType", int(message.motors))
+        robot.mciState.state = cast("pb.EgmMCIState.MCIStateType", int(message.mci))
+        robot.rapidExecState.state = cast("pb.EgmRapidCtrlExecState.RapidCtrlExecStateType", int(message.rapid))
+        robot.mciConvergenceMet = message.is_converged
+        # What came after RobotWare 6.07, or is not always there.
+        if message.utilization is not None:
+            robot.utilizationRate = message.utilization * 100.0
+        force = message.force or ()
+        if message.force_control is not None:
+            force_seven = pb.EgmMeasuredForce7(fcActive=message.force_control, force=force)
+            robot.measuredForce = force_seven.SerializeToString()
+        elif message.force is not None:
+            robot.measuredForce = pb.EgmMeasuredForce6(force=force).SerializeToString()
+        if message.move_index is not None:
+            robot.moveIndex = message.move_index
+        if message.collision is not None:
+            robot.CollisionInfo.collsionTriggered = message.collision.is_triggered
+            robot.CollisionInfo.collDetQuota[:] = message.collision.quotas
+        if message.rapid_data is not None:
+            write_data(robot.RAPIDfromRobot, message.rapid_data)
+        if message.torque is not None:
+            robot.torqueRef.joints[:] = message.torque
         return robot.SerializeToString()
 
 
@@ -454,59 +486,6 @@ def _read_force(robot: pb.EgmRobot) -> tuple[tuple[float, ...] | None, bool | No
 def _write_header(header: pb.EgmHeader, seqno: int | None, kind: pb.EgmHeader.MessageType) -> None:
     header.mtype = kind
     header.seqno = (seqno or 0) % UINT32
-
-
-def _write_planned(sensor: pb.EgmSensor, message: SensorMessage) -> None:
-    if message.position is not None or message.external:
-        write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
-    if message.tool_position is not None or message.tool_orientation is not None:
-        _finite((*(message.tool_position or ()), *(message.tool_orientation or ())))
-        write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
-
-
-def _write_speed(sensor: pb.EgmSensor, message: SensorMessage) -> None:
-    if message.velocity is not None or message.external_velocity:
-        write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
-    if message.twist is not None:
-        _finite(message.twist)
-        write_twist(sensor.speedRef, message.twist)
-
-
-def _write_states(robot: pb.EgmRobot, message: RobotMessage) -> None:
-    robot.motorState.state = cast("pb.EgmMotorState.MotorStateType", int(message.motors))
-    robot.mciState.state = cast("pb.EgmMCIState.MCIStateType", int(message.mci))
-    robot.rapidExecState.state = cast("pb.EgmRapidCtrlExecState.RapidCtrlExecStateType", int(message.rapid))
-    robot.mciConvergenceMet = message.is_converged
-
-
-def _write_newer(robot: pb.EgmRobot, message: RobotMessage) -> None:
-    """What came after RobotWare 6.07, or is not always there."""
-    if message.utilization is not None:
-        robot.utilizationRate = message.utilization * 100.0
-    if message.force is not None or message.force_control is not None:
-        robot.measuredForce = _force_bytes(message.force or (), message.force_control)
-    if message.move_index is not None:
-        robot.moveIndex = message.move_index
-    if message.collision is not None:
-        robot.CollisionInfo.collsionTriggered = message.collision.is_triggered
-        robot.CollisionInfo.collDetQuota[:] = message.collision.quotas
-    if message.rapid_data is not None:
-        write_data(robot.RAPIDfromRobot, message.rapid_data)
-    if message.torque is not None:
-        robot.torqueRef.joints[:] = message.torque
-
-
-def _force_bytes(force: Iterable[float], force_control: bool | None) -> bytes:
-    if force_control is None:
-        return pb.EgmMeasuredForce6(force=force).SerializeToString()
-    return pb.EgmMeasuredForce7(fcActive=force_control, force=force).SerializeToString()
-
-
-def _checked_data(data: RapidData) -> RapidData:
-    if len(data.numbers) > MOST_NUMBERS:
-        raise ValueError(f"a RAPID program takes at most {MOST_NUMBERS} numbers, got {len(data.numbers)}")
-    _finite(data.numbers)
-    return data
 
 
 def _finite(values: Sequence[float | None]) -> Sequence[float]:
