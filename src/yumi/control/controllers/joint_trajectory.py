@@ -333,13 +333,10 @@ class TrajectoryGoal:
                     f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
                     f"its path tolerance is {degrees(bound):.2f}°."
                 )
-        return None if pace is None or not self._watches_velocity else self._judge_speed(time, state, pace)
-
-    def _judge_speed(self, time: float, state: ArmState, pace: float) -> Violation | None:
-        desired = [pace * speed for speed in self._walk.motion(time)[1]]
-        for index, (wanted, actual, bound) in enumerate(
-            zip(desired, state.velocity, self._bounds.path_velocity, strict=True)
-        ):
+        if pace is None or not self._watches_velocity:
+            return None
+        speeds = [pace * speed for speed in self._walk.motion(time)[1]]
+        for index, (wanted, actual, bound) in enumerate(zip(speeds, state.velocity, bounds.path_velocity, strict=True)):
             if not -bound <= actual - wanted <= bound:
                 return ResultCode.PATH_TOLERANCE_VIOLATED, (
                     f"{self._names[index]} was {actual - wanted:+.3f} rad/s off the planned speed at {time:.3f} s; "
@@ -473,12 +470,24 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
-        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
-            return None
-        self._advance(state.dt)
+        if self._calming is not None:
+            self._rest_at(state.planned)
+            if not self._calming.is_over(state):
+                return None
+            self._calming = None
+        goal, dt, share = self._goal, state.dt, self._settings.feedforward
+        if goal is None or goal.is_cancelled:
+            self._time += dt
+        else:
+            # Time goes by for what is followed; waiting, for the begin or at the goal, takes its time.
+            if self._rate != self._scale:
+                change = _SCALING_RATE * dt
+                self._rate += max(-change, min(change, self._scale - self._rate))
+            self._time += dt * self._pace if goal.begin <= self._time < goal.end else dt
+            share *= self._pace
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
-        return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
+        return ArmCommand(self._position, velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share))
 
     def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
@@ -500,33 +509,10 @@ class JointTrajectoryController(Controller):
     def reference(self) -> Joints | None:
         return self._position
 
-    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
-        self._rest_at(state.planned)
-        is_over = calming.is_over(state)
-        if is_over:
-            self._calming = None
-        return is_over
-
     @property
     def _pace(self) -> float:
         """How fast time goes by on a trajectory."""
         return self._rate * self._speed.value
-
-    def _advance(self, dt: float) -> None:
-        """Time goes by for what is followed; braking and waiting, for the begin or at the goal, take their time."""
-        if self._goal is None or self._goal.is_cancelled:
-            self._time += dt
-            return
-        if self._rate != self._scale:
-            change = _SCALING_RATE * dt
-            self._rate += max(-change, min(change, self._scale - self._rate))
-        self._time += dt * self._pace if self._goal.begin <= self._time < self._goal.end else dt
-
-    def _fed(self, velocity: Joints) -> Joints:
-        share = self._settings.feedforward
-        if self._goal is not None and not self._goal.is_cancelled:
-            share *= self._pace
-        return velocity if share == 1.0 else _scaled(velocity, share)
 
     def _prepared(self, command: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
         """The whole way, and the time on it that the newest command belongs to."""
@@ -626,17 +612,14 @@ class JointTrajectoryController(Controller):
         setpoint = self._source.setpoint(self._time)
         if self._goal is not None and not isinstance(self._source, _Brake):
             setpoint = setpoint.scaled(self._pace)
-        self._brake_from(setpoint)
-
-    @property
-    def _is_braking(self) -> bool:
-        return isinstance(self._source, _Brake) and self._time < self._source.duration
-
-    def _brake_from(self, setpoint: Setpoint) -> None:
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
         self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
         self._time, self._position = 0.0, setpoint.position
+
+    @property
+    def _is_braking(self) -> bool:
+        return isinstance(self._source, _Brake) and self._time < self._source.duration
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
