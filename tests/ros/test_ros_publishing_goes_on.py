@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from yumi.clock import SystemClock
+from yumi.control.shared_state import JointStates
 from yumi.driver.control_process import ArmBuffers
-from yumi.robot.joints import Side
+from yumi.robot.joints import ZERO, Side
 
 pytestmark = pytest.mark.ros
 topics = pytest.importorskip("yumi.ros.topics")
@@ -61,7 +62,7 @@ def boxes(node: Node) -> Iterator[ArmBuffers]:
 
 
 def tell(boxes: ArmBuffers, number: float) -> None:
-    boxes.states.write((number, *[0.0] * 14))
+    boxes.states.write(JointStates(number, ZERO, ZERO))
     boxes.cycle_done.release()
 
 
