@@ -1,12 +1,13 @@
-"""The setting ``speed_scale``: what was asked for, what each arm's control loop is told, and the robot's own limit."""
+"""The setting ``speed_scale``: what was asked for, what each arm's control loop uses, and the robot's own limit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.limiter import FULL
+from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 
@@ -14,18 +15,18 @@ LOWEST = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
 
 FIRST_CONTACT = 0.1
-"""What holds at a robot that is not on this machine, until somebody raises it."""
+"""What holds at a robot that is not on this machine, until it is raised."""
 
 
 class SpeedSetting:
     """The factor on the speed of every controller of both arms.
 
     The robot's own limit, EGM's MaxSpeedDeviation, is lowered with it when EGM starts, and cannot be changed before the
-    next start; until then an arm is told no more than what it was started with. Safe from any thread.
+    next start; until then an arm gets no more than what it was started with. Safe from any thread.
 
     Args:
         value: to begin with.
-        boxes: where each arm's control loop looks for it.
+        buffers: where each arm's control loop looks for it.
         is_guided: whether EGM runs on an arm.
 
     Attributes:
@@ -38,11 +39,11 @@ class SpeedSetting:
     def __init__(
         self,
         value: float = FULL,
-        boxes: Mapping[Side, Mailbox] | None = None,
+        buffers: Mapping[Side, Buffer[Factor]] | None = None,
         is_guided: Callable[[Side], bool] = lambda side: False,
     ) -> None:
         self._lock = Lock()
-        self._boxes = boxes or {}
+        self._buffers = buffers or {}
         self.is_guided = is_guided
         self._started_with = dict.fromkeys(Side, FULL)
         self._value = checked(value)
@@ -88,8 +89,8 @@ class SpeedSetting:
         return min(self._value, self._started_with[side]) if self.is_guided(side) else self._value
 
     def _tell_arms(self) -> None:
-        for side, box in self._boxes.items():
-            box.put((self._of_arm(side),))
+        for side, buffer in self._buffers.items():
+            buffer.write(Factor(self._of_arm(side)))
 
 
 def checked(value: float) -> float:
