@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import TIMEOUT, Robot, rclpy
+from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
@@ -25,7 +26,6 @@ from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
 from yumi.process.child import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
-from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
@@ -141,7 +141,7 @@ class Application:
         self.node = rclpy.create_node("application")
         self.spinner = Spinner(self.node)
         self.manager = RobotManagerClient(self.spinner)
-        self.arms = {side: ArmClient(self.spinner, side, lambda *_: None) for side in Side}
+        self.arms = {side: ArmClient(self.spinner, side) for side in Side}
         self.grippers = {side: GripperClient(self.spinner, side) for side in Side}
         self.ear = Ear(self.node)
 

@@ -27,7 +27,7 @@ def test_state_is_told_by_id_and_label_and_found_by_either(state: State, number:
 @pytest.mark.parametrize(("number", "label"), [(0, ""), (0, "Active"), (10, "configuring")])
 def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
     with pytest.raises(
-        CommandRefused, match=r"is no state to be in; choose from: 1 unconfigured, 2 inactive, 3 active"
+        CommandRefused, match=r"is not a primary state; choose from: 1 unconfigured, 2 inactive, 3 active"
     ):
         messages.state_of(SimpleNamespace(id=number, label=label))
 

@@ -10,8 +10,8 @@ import pytest
 from yumi.clock import ManualClock
 from yumi.control.commands import MemoryMailbox
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
-from yumi.ros.executors import Ticker
-from yumi.ros.topics import SILENCE, MergedJointStates
+from yumi.ros.executors import TimerThread
+from yumi.ros.topics import STALE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 
@@ -23,7 +23,7 @@ class Node:
 
     def __init__(self, clock: ManualClock) -> None:
         self.published: list[Any] = []
-        self.ticker = Ticker(clock, pytest.fail)
+        self.ticker = TimerThread(clock, pytest.fail)
         self._clock = clock
 
     def tick(self) -> None:
@@ -68,7 +68,7 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
     node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
 ) -> None:
     hear(states[Side.RIGHT], clock.now())
-    clock.advance(SILENCE - PERIOD)
+    clock.advance(STALE - PERIOD)
     hear(states[Side.LEFT], clock.now())
     node.tick()
     assert list(node.published[-1].name) == [*joint_names(Side.LEFT), *finger_names(Side.LEFT)]

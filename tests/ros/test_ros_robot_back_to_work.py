@@ -1,4 +1,4 @@
-"""The robot manager's modes, managed nodes and recovery, as applications use them on the driver and a virtual robot."""
+"""The robot manager's modes and recovery, as applications use them on the driver and a virtual robot."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from controller_manager_msgs.srv import SwitchController
+from controller_manager_msgs.srv import SetHardwareComponentState, SwitchController
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.msg import State
 from rclpy.action import ActionClient
 from ros_bench import Client, Robot
+from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
@@ -25,14 +25,11 @@ from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.process.child import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.ros.move_and_grab import MoveAndGrab
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
-
-MANAGED = ("/yumi_robot", "/r/arm", "/l/arm", "/r/gripper", "/l/gripper")
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +71,6 @@ class Listener:
             self._acts.pop(self.told[-1])()
 
 
-def lead(client: Client, node: str, transition: int) -> bool:
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return bool(client.call(ChangeState, f"{node}/change_state", request).success)
-
-
 def goal_near(position: Joints, change: float) -> Joints:
     return joints([*position[:6], position[6] + change])
 
@@ -97,11 +89,6 @@ def begin_to_move(manager: RobotManagerClient, arm: ArmClient, spinner: Spinner)
 
     spinner.until(is_moving, 30.0, "Motion")
     return start[0]
-
-
-def test_driver_leads_its_managed_nodes_to_active(client: Client) -> None:
-    states = {node: client.call(GetState, f"{node}/get_state").current_state.label for node in MANAGED}
-    assert states == dict.fromkeys(MANAGED, "active")
 
 
 def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotManagerClient, idle: Client) -> None:
@@ -151,37 +138,29 @@ def test_routine_of_a_loaded_module_is_stopped_by_who_does_not_wait_for_its_end(
     assert manager.recover().endswith("The robot is ready.")
 
 
-def test_deactivated_robot_comes_to_rest_and_goes_on_when_it_is_activated(
+def set_hardware(client: Client, side: Side, label: str) -> None:
+    request = SetHardwareComponentState.Request(name=side.unit, target_state=State(label=label))
+    name = f"/{side.value}/controller_manager/set_hardware_component_state"
+    assert client.call(SetHardwareComponentState, name, request).ok
+
+
+def test_deactivated_arm_comes_to_rest_and_moves_only_after_it_is_activated(
     manager: RobotManagerClient, spinner: Spinner, client: Client
 ) -> None:
-    arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
+    arm = ArmClient(spinner, Side.RIGHT)
     start = begin_to_move(manager, arm, spinner)
-    assert lead(client, "/yumi_robot", Transition.TRANSITION_DEACTIVATE)
-    manager.wait_for_state(lambda state: state.right_egm == "off", 5.0, "The end of EGM")
-    with pytest.raises(RobotNotReady, match="The robot is inactive; activate it first"):
+    set_hardware(client, Side.RIGHT, "inactive")
+    spinner.until(lambda: not arm.is_commanded, 5.0, "The end of the commands")
+    manager.stop_egm()
+    with pytest.raises(RobotNotReady, match="The right arm is inactive; activate its hardware component ROB_R first"):
         manager.start_egm()
-    assert lead(client, "/yumi_robot", Transition.TRANSITION_ACTIVATE)
+    manager.set_mode(Mode.EGM_LEFT)
+    with pytest.raises(RobotNotReady, match="The right arm is inactive"):
+        manager.set_mode(Mode.EGM_BOTH)
+    set_hardware(client, Side.RIGHT, "active")
     assert arm.error(goal_near(start, radians(40.0))) > radians(2.0)
     manager.start_egm()
     manager.stop_egm()
-
-
-def test_inactive_arm_is_not_guided(manager: RobotManagerClient, client: Client) -> None:
-    assert lead(client, "/l/arm", Transition.TRANSITION_DEACTIVATE)
-    with pytest.raises(RobotNotReady, match="The left arm is inactive"):
-        manager.start_egm()
-    assert lead(client, "/l/arm", Transition.TRANSITION_ACTIVATE)
-
-
-def test_robot_is_disconnected_and_connected_again(manager: RobotManagerClient, client: Client) -> None:
-    for transition in (
-        Transition.TRANSITION_DEACTIVATE,
-        Transition.TRANSITION_CLEANUP,
-        Transition.TRANSITION_CONFIGURE,
-        Transition.TRANSITION_ACTIVATE,
-    ):
-        assert lead(client, "/yumi_robot", transition)
-    manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
 
 
 class Person:
@@ -260,7 +239,7 @@ def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
 def test_trajectory_that_an_emergency_stop_ended_says_so(
     robot: Robot, manager: RobotManagerClient, spinner: Spinner, client: Client
 ) -> None:
-    arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
+    arm = ArmClient(spinner, Side.RIGHT)
     manager.start_egm()
     switch = SwitchController.Request(
         activate_controllers=["joint_trajectory_controller"],

@@ -219,3 +219,19 @@ def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: Rob
     assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", "the emergency stop is pressed")
     assert (got[-1].last_event.number, got[-1].last_event.type) == (10013, "error")
     rig.client.node.destroy_subscription(topic)
+
+
+@pytest.mark.parametrize(("mode", "may"), [("egm_right", True), ("egm_left", False), ("egm_both", False)])
+def test_egm_is_refused_on_an_arm_that_was_deactivated(rig: RobotManagerRig, mode: str, may: bool) -> None:
+    rig.inactive.add(Side.LEFT)
+    _, result = Goal(rig, SetMode, "set_mode", mode=mode).end()
+    assert (result.success, result.message) == ((True, "go_to done") if may else (False, "The left arm is inactive."))
+
+
+def test_start_egm_is_refused_while_an_arm_is_deactivated_and_what_reads_or_stops_is_not(rig: RobotManagerRig) -> None:
+    rig.inactive.add(Side.LEFT)
+    refused = rig.call(Trigger, "start_egm")
+    assert (refused.success, refused.message) == (False, "The left arm is inactive.")
+    assert rig.call(Trigger, "get_state").success
+    assert rig.call(Trigger, "stop_egm").success
+    assert [name for name, *_ in rig.manager.calls] == ["describe", "stop_egm"]

@@ -12,6 +12,7 @@ from functools import partial
 from math import inf
 
 import pytest
+from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
@@ -22,7 +23,6 @@ from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
-from yumi.ros.clients import RobotManagerClient
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
@@ -151,10 +151,10 @@ def test_object_that_is_lost_is_told_and_the_hand_grips_again(stage: Stage) -> N
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(LOST):
         gripper.begin(TRAVEL)()
-        assert gripper.begin(0.0)().outcome is Outcome.HOLDING
+        assert gripper.begin(0.0)() is Outcome.HOLDING
         stage.notice(lambda: stage.happen(Fault.OBJECT_LOST, Side.LEFT), "left fingers press with 0 N")
-        assert gripper.begin(TRAVEL)().outcome is Outcome.OPEN
-        assert gripper.begin(0.0)().outcome is Outcome.CLOSED
+        assert gripper.begin(TRAVEL)() is Outcome.OPEN
+        assert gripper.begin(0.0)() is Outcome.CLOSED
         stage.reach_new_goals()
 
 
@@ -171,7 +171,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
         stage.reach_new_goals()
         stage.application.manager.stop_egm()
         assert stage.calibrate(Side.LEFT) == "The gripper is calibrated: closed is 0."
-        assert gripper.begin(TRAVEL)().outcome is Outcome.OPEN
+        assert gripper.begin(TRAVEL)() is Outcome.OPEN
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_hands_grip_while_the_arms_move(stage: Stage) -> None:
     with stage.scene(BESIDE) as goals:
         ends = [gripper.begin(0.5 * TRAVEL) for gripper in stage.application.grippers.values()]
         stage.reach(goals)
-        assert [end().outcome for end in ends] == [Outcome.IN_PLACE, Outcome.IN_PLACE]
+        assert [end() for end in ends] == [Outcome.IN_PLACE, Outcome.IN_PLACE]
 
 
 def test_robot_whose_driver_is_killed_comes_to_rest_and_is_moved_by_the_next_one(stage: Stage) -> None:

@@ -8,7 +8,7 @@ from time import perf_counter
 import pytest
 
 from yumi.clock import ManualClock, SystemClock
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 
 PERIOD = 0.25
 
@@ -32,11 +32,11 @@ def complaints() -> list[str]:
 
 
 @pytest.fixture
-def ticker(clock: ManualClock, complaints: list[str]) -> Ticker:
-    return Ticker(clock, complaints.append)
+def ticker(clock: ManualClock, complaints: list[str]) -> TimerThread:
+    return TimerThread(clock, complaints.append)
 
 
-def test_every_action_has_its_own_rate(ticker: Ticker, clock: ManualClock) -> None:
+def test_every_action_has_its_own_rate(ticker: TimerThread, clock: ManualClock) -> None:
     quick, slow = Counter(), Counter()
     ticker.every(PERIOD, "a topic", quick)
     ticker.every(4 * PERIOD, "a topic", slow)
@@ -46,7 +46,7 @@ def test_every_action_has_its_own_rate(ticker: Ticker, clock: ManualClock) -> No
     assert (quick.count, slow.count) == (8, 2)
 
 
-def test_nothing_is_called_before_its_time(ticker: Ticker, clock: ManualClock) -> None:
+def test_nothing_is_called_before_its_time(ticker: TimerThread, clock: ManualClock) -> None:
     action = Counter()
     ticker.every(PERIOD, "a topic", action)
     clock.advance(0.9 * PERIOD)
@@ -54,7 +54,7 @@ def test_nothing_is_called_before_its_time(ticker: Ticker, clock: ManualClock) -
     assert action.count == 0
 
 
-def test_calls_that_came_late_are_not_made_up_for(ticker: Ticker, clock: ManualClock) -> None:
+def test_calls_that_came_late_are_not_made_up_for(ticker: TimerThread, clock: ManualClock) -> None:
     action = Counter()
     ticker.every(PERIOD, "a topic", action)
     clock.advance(10.5 * PERIOD)
@@ -62,13 +62,13 @@ def test_calls_that_came_late_are_not_made_up_for(ticker: Ticker, clock: ManualC
     assert action.count == 1
 
 
-def test_a_call_that_is_a_little_late_does_not_shift_the_next(ticker: Ticker, clock: ManualClock) -> None:
+def test_a_call_that_is_a_little_late_does_not_shift_the_next(ticker: TimerThread, clock: ManualClock) -> None:
     ticker.every(PERIOD, "a topic", Counter())
     clock.advance(1.25 * PERIOD)
     assert ticker.tick() == pytest.approx(0.75 * PERIOD)
 
 
-def test_what_has_ended_is_not_called_again(ticker: Ticker, clock: ManualClock) -> None:
+def test_what_has_ended_is_not_called_again(ticker: TimerThread, clock: ManualClock) -> None:
     action = Counter()
     end = ticker.every(PERIOD, "a topic", action)
     clock.advance(PERIOD)
@@ -80,7 +80,7 @@ def test_what_has_ended_is_not_called_again(ticker: Ticker, clock: ManualClock) 
     assert action.count == 1
 
 
-def test_an_action_may_end_itself(ticker: Ticker, clock: ManualClock) -> None:
+def test_an_action_may_end_itself(ticker: TimerThread, clock: ManualClock) -> None:
     calls: list[None] = []
     end = ticker.every(PERIOD, "a topic", lambda: (calls.append(None), end())[0])
     for _ in range(3):
@@ -89,7 +89,9 @@ def test_an_action_may_end_itself(ticker: Ticker, clock: ManualClock) -> None:
     assert len(calls) == 1
 
 
-def test_a_failure_is_told_once_and_stops_nobody(ticker: Ticker, clock: ManualClock, complaints: list[str]) -> None:
+def test_a_failure_is_told_once_and_stops_nobody(
+    ticker: TimerThread, clock: ManualClock, complaints: list[str]
+) -> None:
     failing, other = Counter(), Counter()
     failing.reason = "no publisher"
     ticker.every(PERIOD, "a topic", failing)
@@ -101,7 +103,9 @@ def test_a_failure_is_told_once_and_stops_nobody(ticker: Ticker, clock: ManualCl
     assert complaints == ["a topic could not be published, ValueError: no publisher."]
 
 
-def test_a_failure_after_a_success_is_told_again(ticker: Ticker, clock: ManualClock, complaints: list[str]) -> None:
+def test_a_failure_after_a_success_is_told_again(
+    ticker: TimerThread, clock: ManualClock, complaints: list[str]
+) -> None:
     action = Counter()
     ticker.every(PERIOD, "a topic", action)
     for action.reason in ("one", "", "two"):
@@ -112,7 +116,7 @@ def test_a_failure_after_a_success_is_told_again(ticker: Ticker, clock: ManualCl
 
 @pytest.mark.real_time
 def test_its_thread_calls_what_was_added_while_it_waited_and_ends() -> None:
-    ticker, called = Ticker(SystemClock(), print), Event()
+    ticker, called = TimerThread(SystemClock(), print), Event()
     ticker.start()
     ticker.every(0.001, "a topic", called.set)
     assert called.wait(10.0)
@@ -123,7 +127,7 @@ def test_its_thread_calls_what_was_added_while_it_waited_and_ends() -> None:
 
 @pytest.mark.real_time
 def test_a_thread_that_never_keeps_up_lets_others_in() -> None:
-    ticker = Ticker(SystemClock(), print)
+    ticker = TimerThread(SystemClock(), print)
 
     def overrun() -> None:
         end = perf_counter() + 0.003
@@ -139,5 +143,5 @@ def test_a_thread_that_never_keeps_up_lets_others_in() -> None:
     ticker.stop()
 
 
-def test_one_that_was_never_started_can_be_stopped(ticker: Ticker) -> None:
+def test_one_that_was_never_started_can_be_stopped(ticker: TimerThread) -> None:
     ticker.stop()

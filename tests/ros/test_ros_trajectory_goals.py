@@ -18,7 +18,7 @@ from yumi.clock import SystemClock
 from yumi.control.commands import MemoryMailbox
 from yumi.control.requests import Done, FastLineEnded, Request
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 from yumi.ros.trajectory import TrajectoryAction
 
 pytestmark = pytest.mark.ros
@@ -31,7 +31,7 @@ class Lone:
         self.requests: list[Request] = []
         self.node: Any = rclpy.create_node("lone")
         boxes = {Side.RIGHT: MemoryMailbox()}
-        ticker = Ticker(SystemClock(), print)
+        ticker = TimerThread(SystemClock(), print)
         self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS, ticker)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
@@ -72,10 +72,10 @@ def test_goal_is_aborted_when_the_fast_line_ends(lone: Lone, caller: Client) -> 
     trajectory = JointTrajectory(joint_names=list(joint_names(Side.RIGHT)), points=[point])
     sent = goals.send_goal_async(FollowJointTrajectory.Goal(trajectory=trajectory))
     caller.until(sent.done)
-    lone.action.tell(FastLineEnded(Side.RIGHT, 1))
+    lone.action.on_event(FastLineEnded(Side.RIGHT, 1))
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED
-    sentence = "The fast line has ended; call recover, which starts another one."
+    sentence = "The control process has ended; call recover, which starts another one."
     assert ended.result().result.error_string == sentence
     goals.destroy()

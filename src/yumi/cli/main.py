@@ -205,12 +205,6 @@ def controller(
     help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
     "connects and only reads until start_egm, set_mode or recover is called.",
 )
-@click.option(
-    "--autostart/--no-autostart",
-    default=None,
-    help="Connect and activate the managed nodes at start. Without, the driver does not even connect until their "
-    "lifecycle services are called.",
-)
 @click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
 @_UNTIL
 def up(
@@ -373,7 +367,7 @@ def _with_options(settings: Settings, options: dict[str, Any]) -> Settings:
             "speed_scale": "speed_scale",
         },
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
-        "ros": {"autostart": "autostart", "bringup": "bringup"},
+        "ros": {"bringup": "bringup"},
     }
     values = {
         group: {name: given[option] for option, name in entries.items() if option in given}

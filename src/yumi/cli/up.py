@@ -19,7 +19,7 @@ from yumi.driver.control_process import FastLines
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import Settings
 from yumi.driver.watchdog import RobotConnection
-from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
+from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
 from yumi.process.single_instance import Only
@@ -46,7 +46,6 @@ def run_driver(
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
-    Without ``ros.autostart`` it only serves ROS: connecting and what follows are left to who leads its managed nodes.
     Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
 
     Args:
@@ -60,14 +59,14 @@ def run_driver(
         YumiError: the robot cannot be reached or used; nothing was started.
     """
     from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.gripper import HandParts  # noqa: PLC0415
+    from yumi.ros.gripper import GripperParts  # noqa: PLC0415
 
     clock = SystemClock()
 
     def on_event(event: Event) -> None:
         records.note(event, clock.now(), time.time())
         parts.manager.note(event)
-        ros.tell(event)
+        ros.on_event(event)
 
     with brisk_threads(), ExitStack() as stack:
         stack.callback(release_process)
@@ -78,41 +77,38 @@ def run_driver(
             settings,
             controllers,
             on_event,
-            lambda step: ros.say(f"Bring-up: {step}"),
+            lambda step: ros.info(f"Bring-up: {step}"),
             warn=lambda remark: ros.warn(f"Bring-up: {remark}"),
         )
         stack.enter_context(_ending_in_time(parts.client, parts.manager, is_over))
         stack.callback(parts.client.close)
-        connection = _connection_of(parts)
-        if settings.ros.autostart:
-            connection.check()
-        hands = HandParts(parts.grippers, parts.signals, settings.gripper)
+        check = partial(parts.bringup.check_controller, parts.plan.addresses)
+        connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
+        connection.check()
+        grippers = GripperParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
         fast_lines, manager, plan, rate = parts.fast_lines, parts.manager, parts.plan, settings.ros.merged_rate
-        ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
+        ros = RosDriver(fast_lines, plan.controllers, manager, grippers, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.say)
+        records = Records(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.info)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
-        manager.watch.reports.report = ros.report
+        manager.watch.reports.report = ros.log
         fast_lines.start()
         stack.callback(fast_lines.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, fast_lines, connection, ros.say)
+        stack.callback(_end_motion, manager, fast_lines, connection, ros.info)
+        connected = connection.connect()
         ros.start()
-        ros.say(fast_lines.started_as)
-        ros.say(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
-        reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
+        ros.info(connected)
+        ros.info(fast_lines.started_as)
+        ros.info(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
+        reason = ros.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready(reason)
         is_over.wait()
-
-
-def _connection_of(parts: DriverParts) -> RobotConnection:
-    check = partial(parts.bringup.check_controller, parts.plan.addresses)
-    return RobotConnection(parts.client, check, parts.manager, parts.signals.close)
 
 
 def _only_in_ros_domain() -> Only:

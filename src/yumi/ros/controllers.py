@@ -1,8 +1,7 @@
-"""One arm's controllers as ROS sees them: they live in the fast line, their nodes and parameters here.
+"""One arm's controllers in ROS: they run in the control process; here each loaded one has a node of its name.
 
-One ROS node for each loaded controller, named like it: its parameters, and the topics and actions of its kind.
-
-One arm as ros2_control's hardware component, which decides who may use the arm's interfaces.
+The node has the controller's parameters, and the topics and actions of its type. The arm itself is a hardware component
+of ros2_control, which decides whether its interfaces can be used.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ from yumi.settings import Values
 
 
 class Line(Protocol):
-    """What the nodes of an arm ask."""
+    """The control process, as far as the nodes of an arm use it."""
 
     def ask(self, request: Request) -> Done:
         """Have ``request`` served between two cycles."""
@@ -50,8 +49,8 @@ class Line(Protocol):
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
 
-    def tell(self, notice: Any) -> None:
-        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_notices`."""
+    def on_event(self, event: Any) -> None:
+        """An event of the controller, see :meth:`yumi.control.controller.Controller.take_notices`."""
 
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
@@ -87,12 +86,12 @@ class ControllerNode:
         """Declare the parameters, give the controller those that its files set, and pass on what is set later.
 
         Args:
-            line: where the controller lives.
+            line: where the controller runs.
             presets: what holds where its own files say nothing.
 
         Raises:
             CommandRefused: a value in a file is not allowed.
-            RobotNotReady: the fast line is gone.
+            RobotNotReady: the control process is gone.
         """
         declare_common(self.node, self._rate)
         infos: tuple[ParameterInfo, ...] = line.ask(ListParameters(self._side, self._name)).parameters
@@ -109,12 +108,12 @@ class ControllerNode:
         """Add what the controller's kind has besides parameters."""
         self._interface = make(self.node, self._side, self._name)
 
-    def tell(self, notice: object) -> None:
-        """Pass a notice of the controller on to what it offers; without that it stands in the log."""
+    def on_event(self, event: object) -> None:
+        """Pass an event of the controller on to its topics and actions; without those it is logged."""
         if self._interface is not None:
-            self._interface.tell(notice)
-        elif not isinstance(notice, FastLineEnded):
-            self.node.get_logger().info(str(notice))
+            self._interface.on_event(event)
+        elif not isinstance(event, FastLineEnded):
+            self.node.get_logger().info(str(event))
 
     def destroy(self) -> None:
         if self._interface is not None:
@@ -127,7 +126,7 @@ class ControllerNodes:
 
     Args:
         side: which arm.
-        line: where the controllers live.
+        line: where the controllers run.
         executor: what spins the nodes.
         interfaces: what controllers of a kind offer besides parameters.
         rate: of the controller manager [Hz].
@@ -153,7 +152,7 @@ class ControllerNodes:
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
-            RobotNotReady: the fast line is gone.
+            RobotNotReady: the control process is gone.
         """
         node = ControllerNode(self._side, info, arguments, self._rate)
         try:
@@ -173,16 +172,16 @@ class ControllerNodes:
             self._executor.remove_node(node.node)
             node.destroy()
 
-    def tell(self, name: str, notice: object) -> None:
-        """Pass a controller's notice on; from any thread."""
+    def on_event(self, name: str, event: object) -> None:
+        """Pass an event of one controller on; from any thread."""
         node = self._nodes.get(name)
         if node is not None:
-            node.tell(notice)
+            node.on_event(event)
 
-    def tell_all(self, notice: object) -> None:
+    def on_event_of_all(self, event: object) -> None:
         """Pass on what concerns all controllers; from any thread."""
         for node in tuple(self._nodes.values()):
-            node.tell(notice)
+            node.on_event(event)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""
@@ -199,11 +198,11 @@ class ArmControllers:
 
     Args:
         side: which arm.
-        line: where the controllers live.
+        line: where the controllers run.
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
         known: those of ``controllers.yaml``, loaded or not.
-        log: where what is not wrong enough to be refused is told.
+        log: for warnings about what is not refused.
     """
 
     def __init__(
@@ -226,7 +225,7 @@ class ArmControllers:
         """Make the nodes of the controllers that were loaded from the start.
 
         Raises:
-            YumiError: the fast line is gone.
+            YumiError: the control process is gone.
         """
         for settings in self._known.values():
             self._parameters.note_type(settings.name, settings.kind)
@@ -276,11 +275,11 @@ class ArmControllers:
             activate: names of controllers to activate.
             deactivate: names of controllers to deactivate.
             strictness: one of the wire's numbers, 0 for the default.
-            timeout: how long to wait for the fast line [s]; 0 for the default.
+            timeout: how long to wait for the control process [s]; 0 for the default.
 
         Raises:
-            RobotNotReady: it took longer; the switch may still be carried out.
-            YumiError: a rule stands against it; nothing was changed.
+            RobotNotReady: it took longer; the switch may still happen.
+            YumiError: a rule forbids it; nothing was changed.
         """
         chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
         request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
@@ -328,7 +327,7 @@ class ArmControllers:
         try:
             return Strictness(number)
         except ValueError as error:
-            raise CommandRefused(f"Strictness {number} is none; choose 1 (best effort) or 2 (strict).") from error
+            raise CommandRefused(f"Strictness {number} is unknown; choose 1 (best effort) or 2 (strict).") from error
 
 
 class ArmHardware:
@@ -336,7 +335,7 @@ class ArmHardware:
 
     Args:
         side: which arm.
-        line: where it lives.
+        line: where it is.
     """
 
     def __init__(self, side: Side, line: Line) -> None:
@@ -347,21 +346,21 @@ class ArmHardware:
         """The component with its interfaces.
 
         Raises:
-            YumiError: the fast line is gone.
+            YumiError: the control process is gone.
         """
         (info,) = self._line.ask(ListHardware(self._side)).hardware
         return info
 
     @property
     def state(self) -> State:
-        """Where it is in its life; finalized without the fast line, since only a restart helps then."""
+        """Its lifecycle state; finalized without the control process, since only a restart helps then."""
         try:
             return self.info().state
         except YumiError:
             return State.FINALIZED
 
     def bring_to(self, name: str, target: State) -> None:
-        """Lead it to a state; controllers that use what it no longer offers are deactivated, and the arm holds.
+        """Bring it to a state; controllers that use what it no longer offers are deactivated, and the arm holds.
 
         Raises:
             YumiError: there is no such component, or it does not go to that state.

@@ -1,4 +1,4 @@
-"""How a streamed command gets in: a message becomes a checked goal in the arm's mailbox, or a refusal.
+"""Topics of commands, joint states and the robot description. A command becomes a checked goal, or a logged refusal.
 
 ================================ ========================== ===================================================
 topic                            type                       for
@@ -8,11 +8,8 @@ joint_velocity_commands          sensor_msgs/JointState     joint_velocity_contr
 <controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
 ================================ ========================== ===================================================
 
-Joint states on topics: per arm every cycle, and all joints of the robot merged at a lower rate.
-
-``robot_description``: the driver tells its own, and a controller manager waits for one that has its arm.
-
-The command topics of forward controllers: one for each of them, under its name, as long as it is loaded.
+Joint states are published per arm every cycle, and merged at a lower rate. ``robot_description`` is the driver's own; a
+controller manager waits for one that has its arm. Each loaded forward controller has a command topic under its name.
 """
 
 from __future__ import annotations
@@ -25,7 +22,7 @@ from threading import Event
 from typing import Any
 from xml.etree import ElementTree
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -41,8 +38,17 @@ from yumi.robot.description import robot_description
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, Side, finger_names, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import Ticker
-from yumi.ros.messages import RefusalLog, goal_of, goal_speeds_of, joint_state, positions_of, speeds_of, velocities_of
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import (
+    LATCHED,
+    RefusalLog,
+    goal_of,
+    goal_speeds_of,
+    joint_state,
+    positions_of,
+    speeds_of,
+    velocities_of,
+)
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
 # a goal is sent once. Several partial goals may come at once, hence the depth.
@@ -54,14 +60,14 @@ OLDEST_STAMP = 0.1
 
 
 class CommandTopic(ABC):
-    """Takes commands for one arm; one that breaks a rule changes nothing, and the log says which.
+    """Commands for one arm; one that breaks a rule changes nothing, and the log says which.
 
     Args:
         node: the arm's controller manager node.
         side: which arm.
         box: where goals go.
         snapshot: what is known of the arm.
-        now: tells the time on the machine's monotonic clock [s].
+        now: the time on the machine's monotonic clock [s].
     """
 
     name: str
@@ -102,11 +108,11 @@ class CommandTopic(ABC):
 
     @abstractmethod
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        """Check ``message`` and put what it says into the box.
+        """Check ``message`` and write its command to the box.
 
         Args:
             message: of the topic's type.
-            snapshot: of an arm that a fitting controller commands.
+            snapshot: of an arm that a matching controller commands.
             time: when it arrived [s].
             is_new: whether it is the first since the controller was activated.
 
@@ -119,7 +125,7 @@ class CommandTopic(ABC):
         return self.kind in kind
 
     def _age(self, message: Any) -> float:
-        """How long ago the sender made ``message`` [s]; 0 where its stamp does not tell."""
+        """How long ago the sender made ``message`` [s]; 0 where its stamp does not say."""
         return 0.0
 
     def _accept(self, message: Any, time: float) -> None:
@@ -146,7 +152,7 @@ class JointCommandTopic(CommandTopic):
     _goal: Joints = ZERO
 
     def _age(self, message: Any) -> float:
-        """A stream is forecast from when its goals were made, if their stamps can be true; else from their arrival."""
+        """The stream's predictor uses the stamps where they can be true, else the times of arrival."""
         stamp = message.header.stamp
         if not stamp.sec:
             return 0.0
@@ -180,7 +186,7 @@ class ForwardTopic(CommandTopic):
         side: which arm.
         boxes: where positions go, and where velocities.
         snapshot: what is known of the arm.
-        now: tells the time on the machine's monotonic clock [s].
+        now: the time on the machine's monotonic clock [s].
         controller: its name.
         active: which controllers command the arm; asked after each activation.
     """
@@ -215,8 +221,8 @@ class ForwardTopic(CommandTopic):
         else:
             put_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
 
-    def tell(self, notice: object) -> None:
-        """A forward controller has nothing to tell."""
+    def on_event(self, event: object) -> None:
+        """A forward controller has no events."""
 
     def _check_active(self, activation: int) -> None:
         if activation != self._known[0]:
@@ -227,24 +233,24 @@ class ForwardTopic(CommandTopic):
             )
 
 
-SILENCE = 0.25
-"""An arm whose last state is older is not where it was [s]."""
+STALE = 0.25
+"""The position of an arm whose last state is older is not known [s]."""
 
 _DEPTH = 10
 _SLEW = 1e-3  # the system's clock is slewed by at most half of this
 _CLOCK_SET_NS = 50_000_000
-_GLANCE = 0.1  # [s] how soon a publisher notices that it shall end
+_POLL = 0.1  # [s] within which a publisher's thread ends
 
 
 class Stamps:
-    """Turns times of the machine's monotonic clock into ROS time, without trembling when the reading is interrupted.
+    """Turns times of the machine's monotonic clock into ROS time, without jitter when the reading is interrupted.
 
     Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
     grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
 
     Args:
-        ros_now: tells the ROS time [ns].
-        now: tells the monotonic time [s].
+        ros_now: the ROS time [ns].
+        now: the monotonic time [s].
     """
 
     def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
@@ -265,14 +271,14 @@ class Stamps:
 
 
 class JointStatePublisher:
-    """Publishes ``joint_states`` of one arm whenever the fast line rings.
+    """Publishes ``joint_states`` of one arm after each control cycle.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
 
     Args:
         node: the arm's controller manager node.
         side: which arm.
-        boxes: what the fast line shares.
+        boxes: the state shared by the control process.
         clock: the clock of the states' times.
     """
 
@@ -298,7 +304,7 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._boxes.bell.acquire(timeout=_GLANCE):
+            if not self._boxes.bell.acquire(timeout=_POLL):
                 continue
             for number, values in self._boxes.states.since(last):
                 last = number
@@ -315,15 +321,15 @@ class JointStatePublisher:
 class MergedJointStates:
     """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
 
-    An arm that has not been heard for :data:`SILENCE` is left out: nobody shall plan from where it was once.
+    An arm without a state for :data:`STALE` is left out: its old position is no start for planning.
 
     Args:
         node: any node without namespace.
-        boxes: what the fast line shares, per arm.
-        fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
+        boxes: the state shared by the control process, per arm.
+        fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
-        ticker: keeps the rate.
+        timers: keeps the rate.
     """
 
     def __init__(
@@ -333,7 +339,7 @@ class MergedJointStates:
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
-        ticker: Ticker,
+        timers: TimerThread,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         ros_clock = node.get_clock()
@@ -341,7 +347,7 @@ class MergedJointStates:
         self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
-        ticker.every(1.0 / rate, "joint_states", self._publish)
+        timers.every(1.0 / rate, "joint_states", self._publish)
 
     def _publish(self) -> None:
         names: list[str] = []
@@ -350,7 +356,7 @@ class MergedJointStates:
         oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
             letter = boxes.states.peek()
-            if letter is not None and now - letter[1][0] < SILENCE:
+            if letter is not None and now - letter[1][0] < STALE:
                 oldest = min(oldest, letter[1][0])
                 names += joint_names(side)
                 position += letter[1][1 : 1 + JOINT_COUNT]
@@ -363,17 +369,16 @@ class MergedJointStates:
             self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest)))
 
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REMINDER = 2.0  # [s]
 
 
 def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
-    """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers.
+    """Publish the robot's description, latched: for all, and in each arm's namespace; returns the publishers.
 
     Args:
         node: whose publishers they are.
-        limits: what trajectories may ask of the joints: tools plan with the speeds of the description.
-        grippers: what each hand is made of.
+        limits: of the joints on trajectories: tools plan with the speeds of the description.
+        grippers: the modules of each gripper.
     """
     message = String(data=robot_description(limits, grippers))
     topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
@@ -428,7 +433,7 @@ class DescriptionWait:
         try:
             found = {joint.get("name") for joint in ElementTree.fromstring(urdf).iter("joint")}
         except ElementTree.ParseError as error:
-            return f"it is no XML ({error})"
+            return f"it is not XML ({error})"
         missing = [name for name in self._names if name not in found]
         return f"it has no joint {', '.join(missing)}" if missing else ""
 
@@ -440,8 +445,8 @@ def forward_interfaces(
 
     Args:
         nodes: each arm's node for topics alone, whose executor has no services.
-        fast_lines: where the controllers live.
-        now: tells the time on the machine's monotonic clock [s].
+        fast_lines: where the controllers run.
+        now: the time on the machine's monotonic clock [s].
     """
 
     def active(side: Side) -> frozenset[str]:

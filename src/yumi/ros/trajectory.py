@@ -1,11 +1,8 @@
 """FollowJointTrajectory and its topics for one arm or both: what upstream's joint trajectory controller offers.
 
-A goal is accepted when the controller has taken it, and refused with the reason in the log. Whatever ends its motion,
-the controller tells, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
-
-The trajectory actions of the driver: one on the node of each trajectory controller, and one for both arms.
-
-The service ``~/query_state``: where the trajectory that is followed has the joints at some moment.
+There is one on the node of each trajectory controller, and one for both arms. A goal is accepted when the controller
+has accepted it, and refused with the reason in the log. The controller reports the end of each motion, whatever ends
+it, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
 """
 
 from __future__ import annotations
@@ -22,7 +19,6 @@ from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
 from control_msgs.srv import QueryTrajectoryState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
@@ -45,10 +41,10 @@ from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, 
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import Ticker
-from yumi.ros.messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import LATCHED, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 
-_FRESH = 0.5  # [s] a controller that is active tells how it follows many times within this time
+_FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
 Plans = Mapping[Side, ArmPlan]
 Feedbacks = Mapping[Side, TrajectoryFeedback]
@@ -62,7 +58,7 @@ class TrajectoryQuery:
 
     Args:
         node: the controller's node.
-        feedback: by arm; where the controllers let others see how they follow.
+        feedback: by arm; where the controllers write their feedback.
         clock: the machine's clock.
     """
 
@@ -74,11 +70,11 @@ class TrajectoryQuery:
         node.create_service(QueryTrajectoryState, "~/query_state", self.answer)
 
     def note(self, number: int, plans: Plans) -> None:
-        """The controllers have taken ``plans``, the order ``number``."""
+        """The controllers have accepted ``plans`` as goal ``number``."""
         self._followed = (number, plans)
 
     def forget(self, number: int) -> None:
-        """The motion of the order ``number`` has ended: its plans may be long."""
+        """The motion of goal ``number`` has ended: its plans may be long."""
         if self._followed[0] == number:
             self._followed = (0, {})
 
@@ -120,14 +116,13 @@ def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoi
     return response
 
 
-_GLANCE = 0.02  # [s] how soon new feedback is passed on
-_CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_FEEDBACK_PERIOD = 0.02  # [s]
+_CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
 Ask = Callable[[Request], Done]
 
 
 class Causes(Protocol):
-    """What knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
+    """Knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
 
     def cause(self) -> object:
         """As far as it is known now."""
@@ -137,15 +132,12 @@ class Causes(Protocol):
 
 
 class _OpenGoal:
-    """A goal somebody waits for.
-
-    Args:
-        request: as it came.
+    """A goal of the action that has not ended.
 
     Attributes:
-        request: as above; it is how the action server's handle is known.
+        request: as received; it identifies the action server's handle.
         handle: the action's; None until it has one.
-        ends: what each arm told of its end.
+        ends: each arm's report of its end.
         is_over: set when it has ended.
     """
 
@@ -157,7 +149,7 @@ class _OpenGoal:
 
     @property
     def end(self) -> TrajectoryEnded:
-        """What counts of the arms' ends: a failure, and of several the one that caused the others."""
+        """The result of both arms: a failure, and of several the one that caused the others."""
         return min(self.ends.values(), key=lambda end: (end.outcome is Outcome.SUCCEEDED, end.code))
 
 
@@ -168,16 +160,16 @@ class TrajectoryAction:
     ``~/query_state``.
 
     For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
-    on the trajectory they were told to be at [s].
+    on the trajectory that they were sent to [s].
 
     Args:
         node: the controller's node.
         name: the controller's name on each arm.
-        feedback: by arm, in the order of the joints; where the controllers let others see how they follow.
-        ask: has a request served by the fast line.
+        feedback: by arm, in the order of the joints; where the controllers write their feedback.
+        ask: has a request served by the control process.
         clock: the machine's clock.
         limits: what the joints may do.
-        ticker: has feedback passed on, fifty times a second.
+        timers: publish feedback fifty times a second.
         causes: knows what stopped the robot; that is added to refusals and results.
     """
 
@@ -189,7 +181,7 @@ class TrajectoryAction:
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
-        ticker: Ticker,
+        timers: TimerThread,
         causes: Causes | None = None,
     ) -> None:
         self._causes = causes
@@ -218,41 +210,41 @@ class TrajectoryAction:
         orders = MutuallyExclusiveCallbackGroup()
         node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=orders)
         node.create_subscription(
-            SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=orders
         )
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        self._end_feedback = ticker.every(_GLANCE, f"The feedback of {name}", self._pass_on)
+        self._end_feedback = timers.every(_FEEDBACK_PERIOD, f"The feedback of {name}", self._pass_on)
 
-    def tell(self, notice: Any) -> None:
-        """Take what the only arm's controller has told; from any thread."""
-        self.take_notice(self._sides[0], notice)
+    def on_event(self, event: Any) -> None:
+        """An event of the only arm's controller; from any thread."""
+        self.on_arm_event(self._sides[0], event)
 
-    def take_notice(self, side: Side, notice: object) -> None:
-        """Take what an arm's controller has told; from any thread."""
-        if isinstance(notice, FastLineEnded):
-            self._give_up()
-        if not isinstance(notice, TrajectoryEnded):
+    def on_arm_event(self, side: Side, event: object) -> None:
+        """An event of one arm's controller; from any thread."""
+        if isinstance(event, FastLineEnded):
+            self._end_open_goals()
+        if not isinstance(event, TrajectoryEnded):
             return
         with self._lock:
-            goal = self._open.get(notice.goal)
+            goal = self._open.get(event.goal)
             if goal is None:
-                self._log.info(notice.sentence)
+                self._log.info(event.sentence)
                 return
-            goal.ends[side] = notice
-            self._query.forget(notice.goal)
-            if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
+            goal.ends[side] = event
+            self._query.forget(event.goal)
+            if len(goal.ends) == len(self._sides) or event.outcome is not Outcome.SUCCEEDED:
                 goal.is_over.set()
 
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
-        self._give_up()
+        self._end_open_goals()
         self._end_feedback()
         self._server.destroy()
 
-    def _give_up(self) -> None:
-        """Nobody will tell any more how the open goals end."""
+    def _end_open_goals(self) -> None:
+        """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
                 goal.is_over.set()
@@ -261,7 +253,7 @@ class TrajectoryAction:
         try:
             tolerances, reason = tolerances_of(request, self._sides)
             if reason:
-                self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
+                self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
             self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
@@ -269,10 +261,10 @@ class TrajectoryAction:
         return GoalResponse.ACCEPT
 
     def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
-        """Have every arm take its part of a trajectory, or none.
+        """Have every arm accept its part of a trajectory, or none.
 
         Raises:
-            YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
+            YumiError: the trajectory has a fault, a controller refuses it, or the control process is gone.
         """
         self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
@@ -282,7 +274,7 @@ class TrajectoryAction:
         }
         if goal is not None:
             with self._lock:
-                self._open[number] = goal  # its end may be told before the answer comes
+                self._open[number] = goal  # its end may be reported before the answer comes
         try:
             self._order(orders)
         except YumiError:
@@ -317,7 +309,7 @@ class TrajectoryAction:
 
     def _execute(self, handle: Any) -> Any:
         found = self._find(handle)
-        assert found is not None  # it was put there before it was accepted
+        assert found is not None  # it was added before it was accepted
         number, goal = found
         goal.handle = handle
         try:
@@ -331,7 +323,7 @@ class TrajectoryAction:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
             result.error_code = int(ResultCode.INVALID_GOAL)
-            result.error_string = "The fast line has ended; call recover, which starts another one."
+            result.error_string = "The control process has ended; call recover, which starts another one."
             handle.abort()
             return result
         end = goal.end
@@ -347,14 +339,14 @@ class TrajectoryAction:
         return result
 
     def _is_cancelled(self, handle: Any) -> bool:
-        """The action server notes a cancel only after it has been asked for; an arm at rest has ended by then."""
+        """The action server sets the flag only after the cancel callback; an arm at rest has ended by then."""
         begin = self._clock.now()
         while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
             self._clock.wait(0.001)
         return bool(handle.is_cancel_requested)
 
     def _take(self, message: Any) -> None:
-        """A trajectory nobody waits for; the goal whose motion it replaces ends as preempted."""
+        """A trajectory without a result; the goal whose motion it replaces ends as preempted."""
         own = {side: Tolerances() for side in self._sides}
         self._try(lambda: self._send(message, own, None))
 
@@ -394,16 +386,16 @@ DUAL_ARM = "dual_arm_trajectory_controller"
 
 
 class TrajectoryControllers:
-    """Makes the actions, and brings them what their controllers tell.
+    """Makes the actions of each arm's trajectory controllers and of both.
 
     Args:
         dual_node: for the action of both arms.
-        single: where each arm's trajectory controller lets others see how it follows.
-        dual: the same of the dual-arm controller's halves.
-        ask: has a request served by the fast line.
+        single: where each arm's trajectory controller writes its feedback.
+        dual: the same of the dual-arm controllers.
+        ask: has a request served by the control process.
         clock: the machine's clock.
         limits: what the joints may do.
-        ticker: has feedback passed on.
+        timers: publish feedback.
         causes: knows what stopped the robot.
 
     Attributes:
@@ -418,13 +410,13 @@ class TrajectoryControllers:
         ask: Ask,
         clock: Clock,
         limits: JointLimits,
-        ticker: Ticker,
+        timers: TimerThread,
         causes: Causes | None = None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, causes)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, timers, causes)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, causes)
+            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, timers, causes)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {
@@ -444,8 +436,8 @@ class _Half:
         self._both = both
         self._side = side
 
-    def tell(self, notice: Any) -> None:
-        self._both.take_notice(self._side, notice)
+    def on_event(self, event: Any) -> None:
+        self._both.on_arm_event(self._side, event)
 
     def destroy(self) -> None:
         """Nothing of its own."""
