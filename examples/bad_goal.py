@@ -15,7 +15,7 @@ JOINT, BAD_GOAL = "yumi_joint_2_r", 4.0  # it goes from -2.5 to 0.76 rad
 class BadGoal(Node):
     def __init__(self) -> None:
         super().__init__("bad_goal")
-        self.position = None
+        self.positions = None
         self.refusals = []
         self.create_subscription(JointState, "r/joint_states", self.take_state, 10)
         self.create_subscription(Log, "/rosout", self.take_log, 100)
@@ -24,7 +24,7 @@ class BadGoal(Node):
         self.stop_egm = self.create_client(Trigger, "yumi_robot_manager/stop_egm")
 
     def take_state(self, message: JointState) -> None:
-        self.position = message.position[message.name.index(JOINT)]
+        self.positions = message.position
 
     def take_log(self, line: Log) -> None:
         if line.msg.startswith("Goal refused"):
@@ -41,16 +41,17 @@ class BadGoal(Node):
         if not self.start_egm.wait_for_service(timeout_sec=10.0):
             raise RuntimeError("There is no service yumi_robot_manager/start_egm; start the driver with `yumi up`.")
         print(self.call(self.start_egm))
-        while self.position is None:
+        while self.positions is None:
             rclpy.spin_once(self, timeout_sec=0.1)
-        start, end = self.position, self.get_clock().now().nanoseconds + 10e9
+        start, end = self.positions, self.get_clock().now().nanoseconds + 10e9
         while not self.refusals:
             self.goals.publish(JointState(name=[JOINT], position=[BAD_GOAL]))
             rclpy.spin_once(self, timeout_sec=0.1)
             if self.get_clock().now().nanoseconds > end:
                 raise RuntimeError("The driver did not refuse the goal within 10 s.")
         print(self.refusals[0])
-        print(f"the joint moved by {abs(self.position - start):.4f} rad")
+        moved = max(abs(now - before) for now, before in zip(self.positions, start, strict=True))
+        print(f"the arm moved by {moved:.4f} rad")
 
 
 def main() -> None:

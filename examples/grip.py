@@ -30,15 +30,15 @@ def main() -> None:
         if not client.wait_for_server(timeout_sec=10.0):
             raise RuntimeError(f"The {side} gripper has no action gripper_cmd; start the driver with `yumi up`.")
 
-    for position in (0.025, 0.0):  # each finger from the middle [m]: open, closed
+    for word, position in (("open", 0.025), ("closed", 0.0)):  # each finger from the middle [m]
         results = {side: send(node, client, position) for side, client in clients.items()}
         for side, future in results.items():
             rclpy.spin_until_future_complete(node, future)
             result = future.result().result
             if future.result().status != GoalStatus.STATUS_SUCCEEDED:
                 raise RuntimeError(f"The {side} gripper did not do it; the driver's log says why.")
-            word = "holding" if result.stalled and result.effort > 0.0 else "at"
-            print(f"{side} gripper: {word} {result.position * 2e3:.1f} mm between the fingers")
+            ended = ("holding" if result.effort > 0.0 else "stalled") if result.stalled else word
+            print(f"{side} gripper: {ended}, {result.position * 2e3:.1f} mm between the fingers")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ import sys
 from math import radians
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
@@ -17,13 +18,18 @@ class MoveOneJoint(Node):
     def __init__(self) -> None:
         super().__init__("move_one_joint")
         self.positions = {}
+        self.egm = DiagnosticStatus(level=DiagnosticStatus.STALE)
         self.create_subscription(JointState, "r/joint_states", self.take_state, 10)
+        self.create_subscription(DiagnosticStatus, "r/egm_state", self.take_egm_state, 10)
         self.goals = self.create_publisher(JointState, "r/joint_commands", 10)
         self.start_egm = self.create_client(Trigger, "yumi_robot_manager/start_egm")
         self.stop_egm = self.create_client(Trigger, "yumi_robot_manager/stop_egm")
 
     def take_state(self, message: JointState) -> None:
         self.positions = dict(zip(message.name, message.position, strict=True))
+
+    def take_egm_state(self, message: DiagnosticStatus) -> None:
+        self.egm = message
 
     def call(self, client) -> str:
         future = client.call_async(Trigger.Request())
@@ -40,6 +46,8 @@ class MoveOneJoint(Node):
         end = self.get_clock().now().nanoseconds + 10e9
         while abs(self.positions[JOINT] - goal) > TOLERANCE:
             rclpy.spin_once(self, timeout_sec=0.1)
+            if self.egm.level != DiagnosticStatus.OK:
+                raise RuntimeError(f"The arm was stopped ({self.egm.message}); the driver's log says why.")
             if self.get_clock().now().nanoseconds > end:
                 raise RuntimeError(f"{JOINT} is not at its goal after 10 s; the driver's log says why.")
         return abs(self.positions[JOINT] - goal)
@@ -48,7 +56,8 @@ class MoveOneJoint(Node):
         if not self.start_egm.wait_for_service(timeout_sec=10.0):
             raise RuntimeError("There is no service yumi_robot_manager/start_egm; start the driver with `yumi up`.")
         print(self.call(self.start_egm))
-        while JOINT not in self.positions or not self.goals.get_subscription_count():
+        is_listening = self.goals.get_subscription_count
+        while JOINT not in self.positions or self.egm.level != DiagnosticStatus.OK or not is_listening():
             rclpy.spin_once(self, timeout_sec=0.1)
         start = self.positions[JOINT]
         for goal in (start + STEP, start):

@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 EXPECTED = {
     "move_one_joint.py": "EGM has ended on both arms",
     "bad_goal.py": "Goal refused: yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°.",
-    "grip.py": "left gripper: holding 20.0 mm between the fingers",
+    "grip.py": "left gripper: holding, 20.0 mm between the fingers",
     "recover.py": "left arm RUN_EGM_ROUTINE, right arm IDLE",
 }
 QUICK = """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from math import radians
+from math import copysign, radians
 from typing import Any
 
 import pytest
@@ -25,7 +25,7 @@ from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.process.child import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.ros.move_and_grab import MoveAndGrab
+from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
@@ -183,6 +183,15 @@ def happen(robot: Robot, fault: Fault) -> None:
     fault_command.main([fault.value.name, "--rws-port", str(robot.rws_port)], standalone_mode=False)
 
 
+@pytest.fixture
+def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The goals of the application are 2° from where the right arm stands, and 15° from where the left one does."""
+    manager.start_egm()
+    for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
+        position = ArmClient(spinner, side).wait_for_state(5.0)
+        monkeypatch.setitem(GOALS, side, goal_near(position, -copysign(radians(change), position[6])))
+
+
 def run_application(listener: Listener, person: Person) -> MoveAndGrab:
     application = MoveAndGrab(listener, lambda: None, person)
     try:
@@ -192,6 +201,18 @@ def run_application(listener: Listener, person: Person) -> MoveAndGrab:
     return application
 
 
+def move_left_arm(listener: Listener, person: Person) -> None:
+    """The application's motion of the left arm alone: opening and closing the grippers takes seconds."""
+    application = MoveAndGrab(listener, lambda: None, person)
+    try:
+        application._despite_stops(application._start_egm)
+        application._despite_stops(partial(application._move, Side.LEFT))
+        assert application._arms[Side.LEFT].error() < radians(0.1)
+    finally:
+        application.close()
+
+
+@pytest.mark.usefixtures("short_task")
 def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver: Command, rws: RwsClient) -> None:
     listener, person = Listener({"move the left arm": rws.stop_rapid}), Person()
     application = run_application(listener, person)
@@ -203,23 +224,24 @@ def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver:
     assert driver.exit_code is None
 
 
+@pytest.mark.usefixtures("short_task")
 def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms_it(
     driver: Command, robot: Robot
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.EMERGENCY_STOP)})
     person = Person(lambda: None, partial(happen, robot, Fault.EMERGENCY_STOP_RESET))
-    application = run_application(listener, person)
+    move_left_arm(listener, person)
     assert "10013 Emergency stop: an emergency stop was pressed" in person.asked[0]
     assert "cannot be confirmed yet" in person.asked[1]
-    assert application.reports[Side.LEFT].final_error < radians(0.1)
 
 
+@pytest.mark.usefixtures("short_task")
 def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
     driver: Command, robot: Robot, manager: RobotManagerClient, spinner: Spinner
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})
     with pytest.raises(RobotNotReady, match="50204 Motion supervision: an arm has collided") as end:
-        run_application(listener, Person(says_yes=False))
+        move_left_arm(listener, Person(says_yes=False))
     state = manager.wait_for_state(lambda state: state.stop, 5.0, "The stop")
     assert state.stop == end.value.stop
     assert state.rapid_execution == "stopped"

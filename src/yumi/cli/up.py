@@ -1,4 +1,4 @@
-"""The driver as a program: connect, bring the robot to ready, serve ROS until it is asked to end."""
+"""``yumi up``: the driver as a program. It connects, brings the robot to ready, and serves ROS until it must end."""
 
 from __future__ import annotations
 
@@ -12,15 +12,28 @@ from functools import partial
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
+from typing import Any
 
+import click
+
+from yumi.cli.options import (
+    SCALE,
+    demand_ros,
+    end_flag,
+    limit_discovery,
+    robot_options,
+    settings_of,
+    until_stdin_closes_option,
+)
 from yumi.clock import SystemClock
 from yumi.control.requests import Event, HoldArm
 from yumi.driver.control_process import FastLines
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import Settings
+from yumi.driver.settings import Settings, read_controllers
 from yumi.driver.watchdog import RobotConnection
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
+from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
 from yumi.process.single_instance import Only
 from yumi.process.supervision import start_thread
@@ -35,6 +48,58 @@ END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
 _GLANCE = 0.05  # [s]
+
+
+@click.command()
+@robot_options("Address of the controller; 127.0.0.1 for a virtual one on this machine.")
+@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
+@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@click.option(
+    "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
+)
+@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
+@click.option(
+    "--bringup/--no-bringup",
+    default=None,
+    help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
+    "connects and only reads until start_egm, set_mode or recover is called.",
+)
+@click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
+@until_stdin_closes_option
+def up(
+    config: Path | None,
+    controllers: Path | None,
+    record: Path | None,
+    network: bool,
+    until_stdin_closes: bool,
+    **options: Any,
+) -> None:
+    """Run the driver: bring the robot to ready and serve ROS 2.
+
+    It says what it will do to the robot before it does it.
+
+    \b
+    Examples:
+      yumi up --robot 192.168.125.1
+      yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
+      yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
+      ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
+    """
+    demand_ros()
+    click.echo(limit_discovery(is_open=network))
+    settings = settings_of(config, options)
+    chosen = {side: read_controllers(side, controllers) for side in Side}
+    address = f"{settings.robot.address}:{settings.robot.rws_port}"
+    is_over = end_flag(until_stdin_closes)
+    end_by_force(is_over)
+
+    def report_ready(reason: str) -> None:
+        if reason:
+            click.echo(f"{DRIVER_RUNNING}{reason} When that is done, call recover.")
+        else:
+            click.echo(f"{DRIVER_READY}serving the robot at {address}")
+
+    run_driver(settings, chosen, is_over, report_ready, record)
 
 
 def run_driver(
