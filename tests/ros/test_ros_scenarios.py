@@ -26,7 +26,8 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+# Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 NO_JUMP = 1.001 * LATE_CYCLE  # a late cycle moves by a quarter more
 NOTICED = 2.0  # [s]; 0.2 is what is wanted, and less than a machine with other work can be held to

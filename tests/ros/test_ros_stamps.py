@@ -5,7 +5,7 @@ import pytest
 from yumi.clock import ManualClock
 
 pytestmark = pytest.mark.ros
-topics = pytest.importorskip("yumi.ros.topics")
+messages = pytest.importorskip("yumi.ros.messages")
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -34,7 +34,7 @@ def ros_clock(clock: ManualClock) -> RosClock:
 
 
 def test_stamp_is_the_ros_time_of_a_moment_past(clock: ManualClock, ros_clock: RosClock) -> None:
-    stamps = topics.Stamps(ros_clock.now, clock.now)
+    stamps = messages.Stamps(ros_clock.now, clock.now)
     clock.advance(2.0)
     assert stamps.at(1.5) == EPOCH + 1_500_000_000
 
@@ -42,7 +42,7 @@ def test_stamp_is_the_ros_time_of_a_moment_past(clock: ManualClock, ros_clock: R
 def test_stamps_keep_their_distance_when_reading_the_clocks_is_interrupted(
     clock: ManualClock, ros_clock: RosClock
 ) -> None:
-    stamps = topics.Stamps(ros_clock.now, clock.now)
+    stamps = messages.Stamps(ros_clock.now, clock.now)
     first = stamps.at(0.0)
     clock.advance(0.004)
     ros_clock.interruption = 0.003
@@ -50,7 +50,7 @@ def test_stamps_keep_their_distance_when_reading_the_clocks_is_interrupted(
 
 
 def test_stamps_follow_a_clock_that_was_set(clock: ManualClock, ros_clock: RosClock) -> None:
-    stamps = topics.Stamps(ros_clock.now, clock.now)
+    stamps = messages.Stamps(ros_clock.now, clock.now)
     first = stamps.at(0.0)
     ros_clock.offset += 10**9
     assert stamps.at(0.0) - first == 10**9

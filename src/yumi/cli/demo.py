@@ -6,8 +6,8 @@ import json
 import os
 import sys
 import termios
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from math import degrees, radians
 from pathlib import Path
@@ -40,7 +40,7 @@ OBJECT_WIDTH = 0.020
 
 _READY_TIMEOUT = 60.0
 _REAL = (
-    "Look at the robot: is what stopped it gone, is nobody and nothing in its way, is what an arm touched freed? "
+    "Look at the robot: is what stopped it gone, is its way free of people and things, is what an arm touched freed? "
     "The motors are switched on and the motion goes on to the same goals."
 )
 _VIRTUAL = "This robot is virtual: nothing can be hit. The motion goes on to the same goals."
@@ -91,17 +91,36 @@ def run_demo(
         if is_cancelled():
             raise Cancelled
 
+    def check_driver() -> None:
+        check()
+        if driver.exit_code is not None:
+            raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+    def ask(sentence: str) -> bool:
+        return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
+
+    def show_announcement(line: str) -> None:
+        """Of the driver's log, a person at the terminal must see what the driver will do to the robot."""
+        _, announces, steps = line.partition(ANNOUNCEMENT)
+        if announces:
+            progress.note(f"{ANNOUNCEMENT}{steps}")
+
     plan.logs.mkdir(parents=True, exist_ok=True)
-    with _driver(plan, progress, check) as driver:
-
-        def check_driver() -> None:
-            check()
-            if driver.exit_code is not None:
-                raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
-
-        def ask(sentence: str) -> bool:
-            return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
-
+    with ExitStack() as stack:
+        where: tuple[str, ...] = ("--robot", plan.robot or "")
+        if not plan.robot:
+            progress.step("start the virtual controller")
+            ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+            arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+            controller = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
+            address = stack.enter_context(controller).wait_until_ready(_READY_TIMEOUT, check)
+            progress.note(address)
+            host, _, rws_port = address.removeprefix("http://").partition(":")
+            where = ("--robot", host, "--rws-port", rws_port, *ports)
+        progress.step("start the driver")
+        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        driver = stack.enter_context(command)
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
         return _run_application(progress, check_driver, ask)
 
 
@@ -162,39 +181,6 @@ def _run_application(
         application.close()
         close_ros()
     return application.reports
-
-
-@contextmanager
-def _driver(plan: DemoPlan, progress: Progress, check: Callable[[], None]) -> Iterator[Command]:
-    with ExitStack() as stack:
-        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack, check)
-        progress.step("start the driver")
-        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
-        driver = stack.enter_context(command)
-
-        def show_announcement(line: str) -> None:
-            """Of the driver's log, a person at the terminal must see what the driver will do to the robot."""
-            _, announces, steps = line.partition(ANNOUNCEMENT)
-            if announces:
-                progress.note(f"{ANNOUNCEMENT}{steps}")
-
-        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
-        yield driver
-
-
-def _start_controller(
-    plan: DemoPlan, progress: Progress, stack: ExitStack, check: Callable[[], None]
-) -> tuple[str, ...]:
-    """Start the virtual controller on ports nobody uses; returns the driver's options to find it."""
-    progress.step("start the virtual controller")
-    left, right = free_port(), free_port()
-    ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
-    arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
-    command = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
-    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT, check)
-    progress.note(address)
-    host, _, rws_port = address.removeprefix("http://").partition(":")
-    return ("--robot", host, "--rws-port", rws_port, *ports)
 
 
 _POLL = 0.1  # [s]
@@ -307,7 +293,7 @@ def demo(
     logs: Path,
     **where: str | int | None,
 ) -> None:
-    """Run the dual-arm move-and-grab task, on a virtual YuMi unless told otherwise.
+    """Run the dual-arm move-and-grab task, on a virtual YuMi unless --robot names a real one.
 
     After a stop it says what happened and goes on only when a person types yes; without a terminal, or with --yes, it
     ends.

@@ -54,7 +54,7 @@ class _Commands(click.Group):
             for rule in context.meta[_ROS_ARGUMENTS]:
                 if _NAMES_ALL_NODES.match(rule):  # rcl puts it in the place of r and l; a launch file does so, too
                     raise SettingsError(
-                        f"{rule!r} would merge both arms, whose nodes are told apart by the namespaces r and l; start "
+                        f"{rule!r} would merge both arms, whose nodes differ only in the namespaces r and l; start "
                         "without it, and give each robot a ROS_DOMAIN_ID of its own."
                     )
             return super().invoke(context)

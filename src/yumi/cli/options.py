@@ -128,7 +128,7 @@ def _password(file: Path | None, is_asked: bool) -> str | None:
 
 
 def limit_discovery(*, is_open: bool = False) -> str:
-    """Let only this machine see the ROS 2 nodes of this process and its children, unless told otherwise.
+    """Let only this machine see the ROS 2 nodes of this process and its children, unless the network is opened.
 
     Args:
         is_open: whether the whole subnet sees them; ROS's own variables win over it.

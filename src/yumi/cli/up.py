@@ -41,13 +41,13 @@ from yumi.recording.recorder import Records
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
-TELL_CONTROLLER = 3.0
-"""A driver that is to end gives up telling the controller after this time [s]: the network may be dead."""
+END_REQUESTS = 3.0
+"""A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
 END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
-_GLANCE = 0.05  # [s]
+_POLL = 0.05  # [s]
 
 
 @click.command()
@@ -114,10 +114,10 @@ def run_driver(
     Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
 
     Args:
-        settings: where the robot is, and how it shall move.
+        settings: where the robot is, and how it moves.
         controllers: what runs on each arm.
-        is_over: set when it shall end.
-        on_ready: called when ROS is served and the robot was brought to ready; told why it is not, or nothing.
+        is_over: set when it must end.
+        on_ready: called when ROS is served and the robot was brought to ready, with the reason why it is not, or "".
         record: file for every cycle of both arms.
 
     Raises:
@@ -135,7 +135,12 @@ def run_driver(
 
     with brisk_threads(), ExitStack() as stack:
         stack.callback(release_process)
-        for only in (_only_in_ros_domain(), only_at_robot(settings)):
+        only_in_ros_domain = Only(
+            f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
+            "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its "
+            "own ROS_DOMAIN_ID.",
+        )
+        for only in (only_in_ros_domain, only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
         parts = make_parts(
@@ -176,25 +181,17 @@ def run_driver(
         is_over.wait()
 
 
-def _only_in_ros_domain() -> Only:
-    return Only(
-        f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
-        "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its own "
-        "ROS_DOMAIN_ID.",
-    )
-
-
 @contextmanager
 def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> Iterator[None]:
     """Once ``is_over``, what is being done to the robot ends at its next step, and the controller is soon given up."""
     has_ended = Flag()
 
     def watch() -> None:
-        while not is_over.wait(_GLANCE):
+        while not is_over.wait(_POLL):
             if has_ended.is_set():
                 return
         manager.give_way()
-        if not has_ended.wait(TELL_CONTROLLER):
+        if not has_ended.wait(END_REQUESTS):
             client.abandon()
 
     thread = Thread(target=watch, name="end-in-time", daemon=True)
@@ -207,9 +204,9 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
 
 
 def _end_motion(
-    manager: RobotManager, fast_lines: FastLines, connection: RobotConnection, say: Callable[[str], None]
+    manager: RobotManager, fast_lines: FastLines, connection: RobotConnection, log: Callable[[str], None]
 ) -> None:
-    """Hold the arms, whatever the network does, and have the controller end EGM, if it can be told."""
+    """Hold the arms, whatever the network does, and have the controller end EGM, if it answers."""
     for side in Side:
         if fast_lines.snapshot(side).is_commanded:
             with suppress(YumiError):  # a fast line that is gone: the other arm is held all the same
@@ -218,7 +215,7 @@ def _end_motion(
         if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()
     except YumiError as error:
-        say(f"The robot could not be told to end EGM: {error}")
+        log(f"EGM could not be ended on the robot: {error}")
 
 
 def end_by_force(is_over: Flag) -> None:

@@ -27,6 +27,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
+from yumi.clock import Clock
 from yumi.control.commands import UNKNOWN, check_position
 from yumi.control.controller import ControllerInfo, HardwareInfo, InterfaceInfo, State
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
@@ -49,6 +50,44 @@ _NS = 1_000_000_000
 def stamp(nanoseconds: int) -> Time:
     """A ROS time stamp."""
     return Time(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS)
+
+
+_SLEW = 1e-3  # the system's clock is slewed by at most half of this
+_CLOCK_SET_NS = 50_000_000
+
+
+class Stamps:
+    """Turns times of the machine's monotonic clock into ROS time, without jitter when the reading is interrupted.
+
+    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
+    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
+
+    Args:
+        ros_now: the ROS time [ns].
+        now: the monotonic time [s].
+    """
+
+    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
+        self._ros_now = ros_now
+        self._now = now
+        self._difference: int | None = None
+        self._read = 0.0
+
+    @classmethod
+    def of(cls, node: Any, clock: Clock) -> Stamps:
+        """Those of a node's clock, for times of the machine's clock."""
+        ros_clock = node.get_clock()
+        return cls(lambda: int(ros_clock.now().nanoseconds), clock.now)
+
+    def at(self, time: float) -> int:
+        """The ROS time [ns] of the monotonic ``time`` [s]."""
+        now = self._now()
+        difference = self._ros_now() - int(now * 1e9)
+        last = difference if self._difference is None else self._difference
+        if abs(difference - last) < _CLOCK_SET_NS:
+            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
+        self._difference, self._read = difference, now
+        return int(time * 1e9) + difference
 
 
 def joint_state(names: Iterable[str], position: Iterable[float], velocity: Iterable[float], time_ns: int) -> JointState:
@@ -548,7 +587,7 @@ class RefusalLog:
 
     Args:
         log: a node's logger.
-        now: tells the time [s].
+        now: the time [s].
     """
 
     def __init__(self, log: Any, now: Callable[[], float]) -> None:

@@ -42,6 +42,7 @@ from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     LATCHED,
     RefusalLog,
+    Stamps,
     goal_of,
     goal_speeds_of,
     joint_state,
@@ -237,37 +238,7 @@ STALE = 0.25
 """The position of an arm whose last state is older is not known [s]."""
 
 _DEPTH = 10
-_SLEW = 1e-3  # the system's clock is slewed by at most half of this
-_CLOCK_SET_NS = 50_000_000
 _POLL = 0.1  # [s] within which a publisher's thread ends
-
-
-class Stamps:
-    """Turns times of the machine's monotonic clock into ROS time, without jitter when the reading is interrupted.
-
-    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
-    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
-
-    Args:
-        ros_now: the ROS time [ns].
-        now: the monotonic time [s].
-    """
-
-    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
-        self._ros_now = ros_now
-        self._now = now
-        self._difference: int | None = None
-        self._read = 0.0
-
-    def at(self, time: float) -> int:
-        """The ROS time [ns] of the monotonic ``time`` [s]."""
-        now = self._now()
-        difference = self._ros_now() - int(now * 1e9)
-        last = difference if self._difference is None else self._difference
-        if abs(difference - last) < _CLOCK_SET_NS:
-            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
-        self._difference, self._read = difference, now
-        return int(time * 1e9) + difference
 
 
 class JointStatePublisher:
@@ -284,8 +255,7 @@ class JointStatePublisher:
 
     def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        ros_clock = node.get_clock()
-        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
         self._boxes = boxes
         self._is_over = Event()
@@ -342,8 +312,7 @@ class MergedJointStates:
         timers: TimerThread,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        ros_clock = node.get_clock()
-        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._stamps = Stamps.of(node, clock)
         self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
@@ -355,12 +324,12 @@ class MergedJointStates:
         velocity: list[float] = []
         oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
-            letter = boxes.states.peek()
-            if letter is not None and now - letter[1][0] < STALE:
-                oldest = min(oldest, letter[1][0])
+            newest = boxes.states.peek()
+            if newest is not None and now - newest[1][0] < STALE:
+                oldest = min(oldest, newest[1][0])
                 names += joint_names(side)
-                position += letter[1][1 : 1 + JOINT_COUNT]
-                velocity += letter[1][1 + JOINT_COUNT :]
+                position += newest[1][1 : 1 + JOINT_COUNT]
+                velocity += newest[1][1 + JOINT_COUNT :]
         for side, (place, speed) in self._fingers().items():
             names += finger_names(side)
             position += (place, place)

@@ -42,7 +42,7 @@ from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
-from yumi.ros.messages import LATCHED, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.messages import LATCHED, Stamps, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
@@ -187,6 +187,7 @@ class TrajectoryAction:
         self._causes = causes
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
+        self._stamps = Stamps.of(node, clock)
         self._name = name
         self._feedback = feedback
         self._sides = tuple(feedback)
@@ -367,8 +368,7 @@ class TrajectoryAction:
             return
         self._seen = {side: number for side, (number, _) in news.items()}
         feedbacks = {side: feedback for side, (_, feedback) in news.items()}
-        now = int(self._ros_clock.now().nanoseconds)
-        time_ns = now - int((self._clock.now() - min(each.time for each in feedbacks.values())) * 1e9)
+        time_ns = self._stamps.at(min(each.time for each in feedbacks.values()))
         self._states.publish(state_message(feedbacks, time_ns))
         if self._skews is not None:
             self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
