@@ -60,75 +60,14 @@ MakeInterface = Callable[[Any, Side, str], ControllerInterface]
 """Makes what a controller of some kind offers besides parameters, from its node, the arm and its name."""
 
 
-class ControllerNode:
-    """The node of one controller.
-
-    Args:
-        side: the arm, whose namespace the node is in.
-        info: the controller.
-        arguments: ROS arguments of this node alone, e.g. parameter files.
-        rate: of the controller manager [Hz].
-    """
-
-    def __init__(self, side: Side, info: ControllerInfo, arguments: Sequence[str], rate: int) -> None:
-        self._side = side
-        self._name = info.name
-        self._interface: ControllerInterface | None = None
-        self.node: Any = rclpy.create_node(
-            info.name,
-            namespace=side.value,
-            cli_args=["--ros-args", *arguments] if arguments else None,
-            use_global_arguments=False,
-        )
-        self._rate = rate
-
-    def take_parameters(self, line: Line, presets: Presets) -> None:
-        """Declare the parameters, give the controller those that its files set, and pass on what is set later.
-
-        Args:
-            line: where the controller runs.
-            presets: what holds where its own files say nothing.
-
-        Raises:
-            CommandRefused: a value in a file is not allowed.
-            RobotNotReady: the control process is gone.
-        """
-        declare_common(self.node, self._rate)
-        infos: tuple[ParameterInfo, ...] = line.ask(ListParameters(self._side, self._name)).parameters
-
-        def change(values: Values) -> None:
-            line.ask(SetParameters(self._side, self._name, values))
-
-        changed = declare(self.node, infos, presets)
-        if changed:
-            change(changed)
-        pass_on_changes(self.node, (info.parameter.name for info in infos), change)
-
-    def offer(self, make: MakeInterface) -> None:
-        """Add what the controller's kind has besides parameters."""
-        self._interface = make(self.node, self._side, self._name)
-
-    def on_event(self, event: object) -> None:
-        """Pass an event of the controller on to its topics and actions; without those it is logged."""
-        if self._interface is not None:
-            self._interface.on_event(event)
-        elif not isinstance(event, FastLineEnded):
-            self.node.get_logger().info(str(event))
-
-    def destroy(self) -> None:
-        if self._interface is not None:
-            self._interface.destroy()
-        self.node.destroy_node()
-
-
 class ControllerNodes:
-    """The nodes of one arm's controllers; they come with loading and go with unloading.
+    """The nodes of one arm's controllers, with their parameters; they come with loading and go with unloading.
 
     Args:
         side: which arm.
         line: where the controllers run.
         executor: what spins the nodes.
-        interfaces: what controllers of a kind offer besides parameters.
+        interfaces: what controllers of a type offer besides parameters.
         rate: of the controller manager [Hz].
     """
 
@@ -138,9 +77,9 @@ class ControllerNodes:
         self._side = side
         self._line = line
         self._executor = executor
-        self._interfaces = interfaces
+        self._make_interface = interfaces
         self._rate = rate
-        self._nodes: dict[str, ControllerNode] = {}
+        self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
 
     def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
         """Make the node of a loaded controller.
@@ -148,46 +87,67 @@ class ControllerNodes:
         Args:
             info: the controller.
             arguments: ROS arguments of its node, e.g. parameter files.
-            presets: what ``controllers.yaml`` says of a controller that is not loaded from the start.
+            presets: the entries of ``controllers.yaml`` for a controller that is not loaded from the start.
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
             RobotNotReady: the control process is gone.
         """
-        node = ControllerNode(self._side, info, arguments, self._rate)
+        name = info.name
+
+        def change(values: Values) -> None:
+            self._line.ask(SetParameters(self._side, name, values))
+
+        node: Any = rclpy.create_node(
+            name,
+            namespace=self._side.value,
+            cli_args=["--ros-args", *arguments] if arguments else None,
+            use_global_arguments=False,
+        )
         try:
-            node.take_parameters(self._line, presets or {})
-            if info.kind in self._interfaces:
-                node.offer(self._interfaces[info.kind])
+            # The controller gets what its parameter files set now, and what is set on the node later.
+            declare_common(node, self._rate)
+            infos: tuple[ParameterInfo, ...] = self._line.ask(ListParameters(self._side, name)).parameters
+            changed = declare(node, infos, presets or {})
+            if changed:
+                change(changed)
+            pass_on_changes(node, (each.parameter.name for each in infos), change)
+            make = self._make_interface.get(info.kind)
+            self._nodes[name] = (node, make(node, self._side, name) if make else None)
         except Exception:
-            node.destroy()
+            node.destroy_node()
             raise
-        self._nodes[info.name] = node
-        self._executor.add_node(node.node)
+        self._executor.add_node(node)
 
     def remove(self, name: str) -> None:
         """Destroy the node of an unloaded controller."""
-        node = self._nodes.pop(name, None)
-        if node is not None:
-            self._executor.remove_node(node.node)
-            node.destroy()
+        if name in self._nodes:
+            self._executor.remove_node(self._nodes[name][0])
+            self._destroy(name)
 
     def on_event(self, name: str, event: object) -> None:
-        """Pass an event of one controller on; from any thread."""
-        node = self._nodes.get(name)
-        if node is not None:
-            node.on_event(event)
+        """Pass an event of one controller on to its topics and actions, else log it; from any thread."""
+        node, interface = self._nodes.get(name, (None, None))
+        if interface is not None:
+            interface.on_event(event)
+        elif node is not None and not isinstance(event, FastLineEnded):
+            node.get_logger().info(str(event))
 
     def on_event_of_all(self, event: object) -> None:
         """Pass on what concerns all controllers; from any thread."""
-        for node in tuple(self._nodes.values()):
-            node.on_event(event)
+        for name in tuple(self._nodes):
+            self.on_event(name, event)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""
-        for node in self._nodes.values():
-            node.destroy()
-        self._nodes.clear()
+        for name in tuple(self._nodes):
+            self._destroy(name)
+
+    def _destroy(self, name: str) -> None:
+        node, interface = self._nodes.pop(name)
+        if interface is not None:
+            interface.destroy()
+        node.destroy_node()
 
 
 _SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
@@ -248,8 +208,10 @@ class ArmControllers:
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         self._line.ask(LoadController(self._side, name, kind))
+        settings = self._known.get(name)
+        presets = settings.entries if settings is not None and settings.kind == kind else {}
         try:
-            self._nodes.add(self._info(name), arguments, self._presets(name, kind))
+            self._nodes.add(self._info(name), arguments, presets)
         except Exception:
             self._line.ask(UnloadController(self._side, name))
             raise
@@ -305,10 +267,6 @@ class ArmControllers:
             self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
         for info in controllers:
             self.unload(info.name)
-
-    def _presets(self, name: str, kind: str) -> Presets:
-        settings = self._known.get(name)
-        return settings.entries if settings is not None and settings.kind == kind else {}
 
     def _info(self, name: str) -> ControllerInfo:
         controllers = self.list()
