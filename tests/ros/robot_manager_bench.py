@@ -86,8 +86,8 @@ class RobotManagerRig:
         self.speed = SpeedSetting()
         SpeedScaleInterface(self.node, self.speed)
         self.actions = RobotManagerActions(*offered)
-        self.ticker = TimerThread(SystemClock(), print)
-        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.ticker)
+        self.timers = TimerThread(SystemClock(), print)
+        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.timers)
         self.client = Client()
         self._executor = MultiThreadedExecutor(num_threads=THREADS)
         self._executor.add_node(self.node)
@@ -95,7 +95,7 @@ class RobotManagerRig:
         self._thread = Thread(target=self._spin, name="robot-manager-rig")
         self._thread.start()
         self._begin_all_threads()
-        self.ticker.start()
+        self.timers.start()
 
     def begin(self) -> None:
         """A test begins: both arms active, nothing refused, no calls."""
@@ -114,7 +114,7 @@ class RobotManagerRig:
         self.manager.robot = replace(self.manager.robot, **fields)
 
     def close(self) -> None:
-        self.ticker.stop()
+        self.timers.stop()
         self._is_over.set()
         self._thread.join()
         self._executor.shutdown()

@@ -134,14 +134,14 @@ def hands(ros: None) -> Iterator[Hand]:
     nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
     streams = {side: rclpy.create_node("yumi_topics", namespace=side.value) for side in Side}
     parts = GripperParts(robot.grippers, robot, SETTINGS)
-    ticker = TimerThread(SystemClock(), print)
-    hands = Grippers(parts, nodes, streams, lambda _: None, ticker, lambda side: refusals[0] if refusals else None)
+    timers = TimerThread(SystemClock(), print)
+    hands = Grippers(parts, nodes, streams, lambda _: None, timers, lambda side: refusals[0] if refusals else None)
     client = Client(executor)
     for node in (*nodes.values(), *streams.values()):
         executor.add_node(node)
-    ticker.start()
+    timers.start()
     yield Hand(client, robot, refusals)
-    ticker.stop()
+    timers.stop()
     client.close()
     hands.destroy()
     for node in (*nodes.values(), *streams.values()):

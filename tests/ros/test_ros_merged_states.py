@@ -23,12 +23,12 @@ class Node:
 
     def __init__(self, clock: ManualClock) -> None:
         self.published: list[Any] = []
-        self.ticker = TimerThread(clock, pytest.fail)
+        self.timers = TimerThread(clock, pytest.fail)
         self._clock = clock
 
     def tick(self) -> None:
         self._clock.advance(PERIOD)
-        self.ticker.tick()
+        self.timers.tick()
 
     def create_publisher(self, *_: Any) -> Any:
         return SimpleNamespace(publish=self.published.append)
@@ -46,7 +46,7 @@ def states() -> dict[Side, MemoryMailbox]:
 def node(clock: ManualClock, states: dict[Side, MemoryMailbox]) -> Node:
     node = Node(clock)
     boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.ticker)
+    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.timers)
     return node
 
 

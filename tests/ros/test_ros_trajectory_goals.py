@@ -31,8 +31,8 @@ class Lone:
         self.requests: list[Request] = []
         self.node: Any = rclpy.create_node("lone")
         boxes = {Side.RIGHT: MemoryMailbox()}
-        ticker = TimerThread(SystemClock(), print)
-        self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS, ticker)
+        timers = TimerThread(SystemClock(), print)
+        self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS, timers)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)
