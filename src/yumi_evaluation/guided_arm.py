@@ -14,9 +14,9 @@ from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import Cycle
+from yumi.control.events import Event
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.loop import ArmLine
-from yumi.control.requests import Event
+from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Snapshot, peek_snapshot
 from yumi.driver.arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
@@ -115,7 +115,7 @@ class GuidedArm:
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
+        self.line = ArmLoop(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

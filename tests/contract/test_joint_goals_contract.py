@@ -14,8 +14,8 @@ from yumi.control.commands import MemoryMailbox
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import Guard
-from yumi.control.requests import ControllerNotice
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
@@ -79,7 +79,7 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         return run_cycle(self._arm, self.manager, self._guard, len(self.cycles) * CYCLE, self._stations)
 
     def next_notices(self) -> list[object]:
-        return [notice for _, notice in self.manager.take_notices()]
+        return [notice for _, notice in self.manager.take_reports()]
 
 
 class VirtualArmUnderGoals(ArmUnderGoals):
@@ -100,7 +100,7 @@ class VirtualArmUnderGoals(ArmUnderGoals):
 
     def next_notices(self) -> list[object]:
         events, self._loop.events = self._loop.events, []
-        return [event.notice for event in events if isinstance(event, ControllerNotice)]
+        return [event.report for event in events if isinstance(event, ControllerReport)]
 
 
 @pytest.fixture(params=["perfect arm", "virtual arm"])

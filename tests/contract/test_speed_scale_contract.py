@@ -23,8 +23,8 @@ from yumi.control.controllers.joint_trajectory import (
 )
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.requests import ControllerNotice
 from yumi.control.shared_state import peek_feedback
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
@@ -93,7 +93,7 @@ class ScaledArm:
 
     @property
     def notices(self) -> list[object]:
-        return [event.notice for event in self.arm.events if isinstance(event, ControllerNotice)]
+        return [event.report for event in self.arm.events if isinstance(event, ControllerReport)]
 
     def run_to_notice(self, limit: float) -> object:
         """The next thing a controller tells."""

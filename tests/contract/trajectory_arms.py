@@ -15,9 +15,9 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
+from yumi.control.events import ControllerReport, Event
 from yumi.control.limiter import Guard
-from yumi.control.loop import ArmLine
-from yumi.control.requests import ControllerNotice, Event
+from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
 from yumi.control.trajectory import ArmPlan
 from yumi.driver.arm import PerfectArm
@@ -33,7 +33,7 @@ class Loop(Protocol):
     """Cycles of one arm."""
 
     manager: ControllerManager
-    line: ArmLine
+    line: ArmLoop
     clock: ManualClock
     cycles: list[Cycle]
     events: list[Event]
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLine(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryMailbox())
+        self.line = ArmLoop(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryMailbox())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 
@@ -79,7 +79,7 @@ class TrajectoryArm:
 
     @property
     def ended(self) -> list[TrajectoryEnded]:
-        notices = (event.notice for event in self.loop.events if isinstance(event, ControllerNotice))
+        notices = (event.report for event in self.loop.events if isinstance(event, ControllerReport))
         return [notice for notice in notices if isinstance(notice, TrajectoryEnded)]
 
     @property

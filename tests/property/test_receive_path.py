@@ -21,9 +21,9 @@ from soak import RECEIVE_EXAMPLES
 from yumi.control.commands import MemoryMailbox, put_speeds
 from yumi.control.controller import State
 from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.events import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
 from yumi.control.limiter import FOLLOWING, LATE_CYCLE
 from yumi.control.motion import EGM_GAIN
-from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
 from yumi.control.shared_state import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MotorState, RobotMessage

@@ -7,7 +7,7 @@ import pytest
 from controller_states import moved
 from yumi.control.commands import GoalKind, put_goal
 from yumi.control.limiter import SpeedScale
-from yumi.driver.control_process import ArmBoxes
+from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
@@ -27,8 +27,8 @@ SIDE = Side.LEFT
 )
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
-    boxes = ArmBoxes()
-    place = Place(name, SIDE, boxes, ArmBoxes(), YUMI_LIMITS, CYCLE, SpeedScale(boxes.speed_scale))
+    boxes = ArmBuffers()
+    place = Place(name, SIDE, boxes, ArmBuffers(), YUMI_LIMITS, CYCLE, SpeedScale(boxes.speed_scale))
     arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)

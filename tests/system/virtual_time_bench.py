@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.control.commands import MemoryMailbox, put_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.loop import ArmLine, RequestDesk
-from yumi.control.requests import Done, Event, Refusal, Request
+from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import Snapshot, peek_snapshot
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import EgmArm
@@ -24,7 +25,6 @@ from yumi.driver.state_machine import EgmMotionSettings, GripperRoutines
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links
-from yumi.errors import CommandRefused
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
@@ -33,6 +33,9 @@ from yumi.virtual.mechanics.gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class DriverArm:
@@ -52,7 +55,7 @@ class DriverArm:
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
         stations = StationClock()
-        self.line = ArmLine(
+        self.line = ArmLoop(
             side,
             EgmArm(link, session, stations),
             manager,
@@ -84,28 +87,24 @@ class DriverArm:
         put_goal(self.goals, self.snapshot.session, goal)
 
 
-class MemoryFastLines:
-    """Both arms of the fast line, in this process."""
+class MemoryControl:
+    """The control process of both arms, in this process."""
 
     def __init__(self, arms: Mapping[Side, DriverArm], clock: ManualClock) -> None:
         self._arms = arms
-        self._desk = RequestDesk({side: arm.line for side, arm in arms.items()})
-        self._clock = clock
+        self._commands = Commands({side: arm.line for side, arm in arms.items()}, clock.now)
 
     def check(self) -> None:
-        """They run."""
+        """It runs."""
 
-    def revive(self) -> tuple[Side, ...]:
-        return ()
+    def revive(self) -> bool:
+        return False
 
     def snapshot(self, side: Side) -> Snapshot:
         return self._arms[side].snapshot
 
-    def ask(self, request: Request) -> Done:
-        reply = self._desk.serve(request, self._clock.now())
-        if isinstance(reply, Refusal):
-            raise CommandRefused(reply.sentence)
-        return reply
+    def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return serve(self._commands, command, *args, **kwargs)
 
 
 class System(ManualClock):
@@ -156,7 +155,7 @@ class System(ManualClock):
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
-        self.fast_lines = MemoryFastLines(self.arms, self)
+        self.fast_lines = MemoryControl(self.arms, self)
         boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
         speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)

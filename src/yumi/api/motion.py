@@ -23,21 +23,16 @@ from yumi.clock import Clock
 from yumi.control.commands import Mailbox, check_position, put_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
-from yumi.control.motion import STANDING
-from yumi.control.requests import (
-    ControllerNotice,
-    Done,
+from yumi.control.events import (
+    ControllerReport,
     Event,
-    ListControllers,
-    Order,
-    Request,
     RobotStoppedFollowing,
-    SendOrders,
     SessionLost,
     SessionStarted,
-    SwitchControllers,
     is_fault,
 )
+from yumi.control.loop import CommandPort, Commands, ControllerCommand
+from yumi.control.motion import STANDING
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.control.trajectory import (
     ArmPlan,
@@ -143,8 +138,8 @@ class MotionBook:
 
     def tell(self, event: Event) -> None:
         """Take in what the fast line tells."""
-        if isinstance(event, ControllerNotice):
-            self._settle(event.notice)
+        if isinstance(event, ControllerReport):
+            self._settle(event.report)
             return
         if not is_fault(event):
             log.info(_for_script(str(event)))
@@ -218,31 +213,28 @@ TimedPosition = Sequence[Any]
 """A time since the begin [s], the joint positions then [rad], and, if wanted, velocities [rad/s] and accelerations."""
 
 
-class FastLine(Protocol):
-    """What is needed of the fast line."""
+class ArmControl(CommandPort, Protocol):
+    """What is needed of the control process."""
 
     def snapshot(self, side: Side) -> Snapshot:
         """What is known of an arm."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
 
 
 class Guidance:
     """Orders for the arms of one robot.
 
     Args:
-        fast_line: where the controllers live.
+        control: the control process.
         goals: where each arm's stream of goals goes.
         book: of the motions under way.
         arms: those that are guided.
         limits: what a trajectory may ask of the joints.
-        clock: of the trajectories' begins, which the fast line shares.
+        clock: of the trajectories' begins, which the control process shares.
     """
 
     def __init__(
         self,
-        fast_line: FastLine,
+        control: ArmControl,
         goals: Mapping[Side, Mailbox],
         book: MotionBook,
         arms: tuple[Side, ...],
@@ -252,7 +244,7 @@ class Guidance:
         self.arms = arms
         self._limits = limits
         self._clock = clock
-        self._fast_line = fast_line
+        self._control = control
         self._goals = goals
         self._book = book
         self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
@@ -265,7 +257,7 @@ class Guidance:
         """
         if side not in self.arms:
             raise RobotNotReady(f"The {side.word} arm is not guided; name it in connect(arms=...).")
-        return self._fast_line.snapshot(side)
+        return self._control.snapshot(side)
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
@@ -289,11 +281,11 @@ class Guidance:
         speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
         self._lead(checked)
         motions = {side: self._book.begin(side) for side in checked}
-        orders = [
-            Order(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
+        commands = [
+            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
             for side, goal in checked.items()
         ]
-        return self._send(orders, tuple(motions.values()))
+        return self._send(commands, tuple(motions.values()))
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
@@ -311,15 +303,15 @@ class Guidance:
         most = max(map(len, trajectories.values()))
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._book.begin(side) for side in plans}
-        orders = [
-            Order(
+        commands = [
+            ControllerCommand(
                 side,
                 TRAJECTORY_CONTROLLER,
                 FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
             )
             for side, plan in plans.items()
         ]
-        return self._send(orders, tuple(motions.values()))
+        return self._send(commands, tuple(motions.values()))
 
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """Have arms come to rest, as fast as their joints may; those that do not follow stand already.
@@ -327,10 +319,11 @@ class Guidance:
         Returns:
             The motions to standstill.
         """
-        moving = [side for side in sides if self._fast_line.snapshot(side).is_commanded]
+        moving = [side for side in sides if self._control.snapshot(side).is_commanded]
         self._activate(moving, GOAL_CONTROLLER)
         motions = tuple(self._book.begin(side) for side in moving)
-        return self._send([Order(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions)
+        commands = [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions]
+        return self._send(commands, motions)
 
     def stream(self, side: Side, goal: Position) -> None:
         """Let an arm follow a stream of goals, of which this is the next.
@@ -345,7 +338,7 @@ class Guidance:
         if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
             self._check_follows(side)
             self._take_over(side, STREAM_CONTROLLER)
-            snapshot = self._fast_line.snapshot(side)
+            snapshot = self._control.snapshot(side)
             self._streaming[side] = (snapshot.session, snapshot.activation)
         put_goal(self._goals[side], snapshot.session, checked)
 
@@ -381,17 +374,17 @@ class Guidance:
             commanding = self._commanding(side)
             if commanding != (name,):
                 self._streaming.pop(side, None)
-                self._fast_line.ask(SwitchControllers(side, activate=(name,), deactivate=commanding))
+                self._control.call(Commands.switch_controllers, side, (name,), commanding)
 
     def _commanding(self, side: Side) -> tuple[str, ...]:
-        infos = self._fast_line.ask(ListControllers(side)).controllers
+        infos = self._control.call(Commands.list_controllers, side)
         return tuple(info.name for info in infos if info.claimed)
 
-    def _send(self, orders: Sequence[Order], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
-        if not orders:
+    def _send(self, commands: Sequence[ControllerCommand], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
+        if not commands:
             return ()
         try:
-            self._fast_line.ask(SendOrders(tuple(orders)))
+            self._control.call(Commands.send_commands, *commands)
         except YumiError:
             self._book.forget(motions)
             raise

@@ -20,9 +20,9 @@ from typing import TypeVar
 from yumi.api.gripper import Gripper
 from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, Guidance, Motion, MotionBook, Position, TimedPosition, wait_for
 from yumi.clock import SystemClock
+from yumi.control.events import Event
 from yumi.control.limiter import FULL
 from yumi.control.motion import STANDING, slower
-from yumi.control.requests import Event
 from yumi.control.shared_state import Snapshot
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.gripper import Gripper as GripperGripper
@@ -288,7 +288,7 @@ class Connection:
             YumiError: a step failed; the message says which and what to do.
         """
         try:
-            self._fast_lines.check()
+            self._control.check()
         except RobotNotReady:
             self.close()
             self.open(confirm)
@@ -338,7 +338,7 @@ class Connection:
         parts = make_parts(
             settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
         )
-        self._fast_lines, self.manager, self.grippers = parts.fast_lines, parts.manager, parts.grippers
+        self._control, self.manager, self.grippers = parts.control, parts.manager, parts.grippers
         is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
         self._gripper_setup = GripperSetup(
             parts.grippers,
@@ -356,8 +356,8 @@ class Connection:
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
-        parts.fast_lines.start()
-        stack.callback(parts.fast_lines.stop)
+        parts.control.start()
+        stack.callback(parts.control.stop)
         stack.callback(parts.signals.close)
         try:
             parts.signals.keep_open()
@@ -367,9 +367,9 @@ class Connection:
         self._book.explain = self.manager.watch.explain
         self.manager.start()
         stack.callback(self.manager.stop)
-        goals = {side: boxes.goals for side, boxes in parts.fast_lines.boxes.items()}
+        goals = {side: boxes.goals for side, boxes in parts.control.buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.guidance = Guidance(parts.fast_lines, goals, self._book, self._arms, limits, SystemClock())
+        self.guidance = Guidance(parts.control, goals, self._book, self._arms, limits, SystemClock())
 
     def _on_event(self, event: Event) -> None:
         self.manager.note(event)

@@ -26,8 +26,9 @@ from yumi.cli.options import (
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
-from yumi.control.requests import Event, HoldArm
-from yumi.driver.control_process import FastLines
+from yumi.control.events import Event
+from yumi.control.loop import Commands
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import Settings, read_controllers
 from yumi.driver.watchdog import RobotConnection
@@ -158,22 +159,22 @@ def run_driver(
         grippers = GripperParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
-        fast_lines, manager, plan, rate = parts.fast_lines, parts.manager, parts.plan, settings.ros.merged_rate
-        ros = RosDriver(fast_lines, plan.controllers, manager, grippers, rate, clock, plan.limits)
+        control, manager, plan, rate = parts.control, parts.manager, parts.plan, settings.ros.merged_rate
+        ros = RosDriver(control, plan.controllers, manager, grippers, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.info)
+        records = Records(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
         manager.watch.reports.report = ros.log
-        fast_lines.start()
-        stack.callback(fast_lines.stop)
+        control.start()
+        stack.callback(control.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, fast_lines, connection, ros.info)
+        stack.callback(_end_motion, manager, control, connection, ros.info)
         connected = connection.connect()
         ros.start()
         ros.info(connected)
-        ros.info(fast_lines.started_as)
+        ros.info(control.started_as)
         ros.info(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
         reason = ros.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
@@ -204,13 +205,13 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
 
 
 def _end_motion(
-    manager: RobotManager, fast_lines: FastLines, connection: RobotConnection, log: Callable[[str], None]
+    manager: RobotManager, control: ControlProcess, connection: RobotConnection, log: Callable[[str], None]
 ) -> None:
     """Hold the arms, whatever the network does, and have the controller end EGM, if it answers."""
     for side in Side:
-        if fast_lines.snapshot(side).is_commanded:
-            with suppress(YumiError):  # a fast line that is gone: the other arm is held all the same
-                fast_lines.ask(HoldArm(side))
+        if control.snapshot(side).is_commanded:
+            with suppress(YumiError):  # a control process that has ended: EGM is ended all the same
+                control.call(Commands.hold, side)
     try:
         if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()

@@ -77,7 +77,7 @@ class Controller(ABC):
         Raises:
             CommandRefused: it would not, and why.
         """
-        raise CommandRefused(f"A controller of type {self.kind} takes no orders.")
+        raise CommandRefused(f"A controller of type {self.kind} takes no commands.")
 
     def receive(self, message: object, state: ArmState | None) -> None:
         """Take an order between two cycles: a trajectory, a cancel. Only while active.
@@ -91,7 +91,7 @@ class Controller(ABC):
         """
         self.check(message, state)
 
-    def take_notices(self) -> Sequence[object]:
+    def take_reports(self) -> Sequence[object]:
         """What it has to tell since the last call, picklable and frozen; asked after each reply, cheap when empty."""
         return ()
 

@@ -22,6 +22,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import IntEnum
 from sys import intern
 
 from yumi.control.commands import GoalKind
@@ -36,7 +37,6 @@ from yumi.control.controller import (
     Transition,
     allowed,
 )
-from yumi.control.requests import Strictness
 from yumi.control.statistics import ADMIT, BEGIN, DECODE, SEND, UPDATE, RunningStatistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
@@ -46,6 +46,18 @@ INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
 
 _ALLOWED = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE)
+
+
+class Strictness(IntEnum):
+    """What becomes of a switch that names controllers which cannot do what is asked; the numbers are ROS's.
+
+    BEST_EFFORT leaves those out, STRICT refuses the whole switch. AUTO and FORCE_AUTO are BEST_EFFORT, as upstream.
+    """
+
+    BEST_EFFORT = 1
+    STRICT = 2
+    AUTO = 3
+    FORCE_AUTO = 4
 
 
 class HardwareComponent:
@@ -225,15 +237,15 @@ class LoadedController:
                 f"Controller {self.name!r} is {self.state.value} and cannot {transition.value}; it can {choices}."
             )
 
-    def check_order(self, message: object, state: ArmState | None) -> None:
-        """Whether it would take an order now.
+    def check_command(self, message: object, state: ArmState | None) -> None:
+        """Whether it would take a command now.
 
         Raises:
             CommandRefused: it is not active, or it refuses.
         """
         if self.state is not State.ACTIVE:
             raise CommandRefused(
-                f"Controller {self.name!r} is {self.state.value} and takes no orders; activate it first."
+                f"Controller {self.name!r} is {self.state.value} and takes no commands; activate it first."
             )
         self.controller.check(message, state)
 
@@ -497,7 +509,7 @@ class ControllerManager:
         self._component = HardwareComponent(component, joint_names)
         self._now = now
         self._loaded: dict[str, LoadedController] = {}
-        self._notices: list[tuple[str, object]] = []
+        self._reports: list[tuple[str, object]] = []
         self._prepare()
 
     @property
@@ -644,7 +656,7 @@ class ControllerManager:
         Raises:
             CommandRefused: it would not, and why.
         """
-        find(self._loaded, name).check_order(message, state)
+        find(self._loaded, name).check_command(message, state)
 
     def receive(self, name: str, message: object, state: ArmState | None) -> None:
         """Have an active controller take an order.
@@ -687,17 +699,17 @@ class ControllerManager:
         elif self._commanding:
             self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
 
-    def take_notices(self) -> Sequence[tuple[str, object]]:
+    def take_reports(self) -> Sequence[tuple[str, object]]:
         """What the controllers have to tell since the last call: their name and the notice."""
         for loaded in self._active:
             try:
-                for notice in loaded.controller.take_notices():
-                    self._notices.append((loaded.name, notice))
+                for report in loaded.controller.take_reports():
+                    self._reports.append((loaded.name, report))
             except Exception as error:
                 self._fail(loaded, error)
-        if not self._notices:
+        if not self._reports:
             return ()
-        notices, self._notices = self._notices, []
+        notices, self._reports = self._reports, []
         return notices
 
     @property
@@ -771,7 +783,7 @@ class ControllerManager:
         for loaded in leaving:
             try:
                 loaded.deactivate()
-                self._notices += [(loaded.name, notice) for notice in loaded.controller.take_notices()]
+                self._reports += [(loaded.name, report) for report in loaded.controller.take_reports()]
             except Exception as error:
                 self.failures.append(f"Controller {loaded.name!r} failed while it was deactivated: {_words(error)}.")
 

@@ -11,18 +11,17 @@ How an arm follows its trajectory, as it lies in a mailbox: what is desired, wha
 from __future__ import annotations
 
 import ctypes
-import multiprocessing
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isnan, nan
-from multiprocessing.context import SpawnContext
 from multiprocessing.sharedctypes import RawArray
 from typing import NamedTuple, Protocol
 
 from yumi.control.commands import GoalKind, Mailbox, Values
 from yumi.errors import MissingPrerequisite
+from yumi.process.pipe import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, joints
 
 _SCALARS = 25
@@ -215,9 +214,6 @@ def _from_values(values: Values) -> Snapshot:
         cycle_time=cycle_time,
     )
 
-
-PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
-"""How processes are made: spawned, since a fork would copy threads and locks of ROS."""
 
 _LOOKS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _HEAD = 2  # begun, finished: equal and not 0 when the letter is whole

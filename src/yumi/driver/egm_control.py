@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
-from yumi.control.requests import (
-    Done,
+from yumi.control.events import (
     Event,
     FeedbackDoubted,
-    HoldArm,
-    Request,
     RobotDoesNotFollow,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
-    SwitchControllers,
 )
+from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import MachineState
@@ -29,20 +26,17 @@ FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
 
-class FastLines(Protocol):
-    """What is needed of the fast lines."""
+class ArmControl(CommandPort, Protocol):
+    """What is needed of the control process."""
 
     def check(self) -> None:
-        """See that they run; raises RobotNotReady."""
+        """See that it runs; raises RobotNotReady."""
 
-    def revive(self) -> Sequence[Side]:
-        """Start again what has ended; tells which arms."""
+    def revive(self) -> bool:
+        """Start it again if it has ended; returns whether it had."""
 
     def snapshot(self, side: Side) -> Snapshot:
         """What is known of an arm."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
 
 
 class ArmGuidance:
@@ -50,7 +44,7 @@ class ArmGuidance:
 
     Args:
         bringup: what is done over RWS.
-        fast_lines: where the controllers live.
+        control: the control process.
         clock: where waiting time comes from.
         leading: name of the controller that commands an arm after EGM has started, unless another one did before EGM
             ended by itself.
@@ -60,10 +54,10 @@ class ArmGuidance:
         wanted: the arms that shall be guided, whether or not they are.
     """
 
-    def __init__(self, bringup: Bringup, fast_lines: FastLines, clock: Clock, leading: str, watchdog: Watchdog) -> None:
+    def __init__(self, bringup: Bringup, control: ArmControl, clock: Clock, leading: str, watchdog: Watchdog) -> None:
         self.wanted: tuple[Side, ...] = ()
         self._bringup = bringup
-        self._fast_lines = fast_lines
+        self._control = control
         self._clock = clock
         self._leading = leading
         self._watchdog = watchdog
@@ -89,7 +83,7 @@ class ArmGuidance:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        self._fast_lines.check()
+        self._control.check()
         ours = arms if self.wanted else ()
         problems = self._problems(arms)
         for side, problem in problems.items():
@@ -119,7 +113,7 @@ class ArmGuidance:
         try:
             self.hold()
         finally:
-            self._bringup.stop_egm()  # whatever became of the fast line
+            self._bringup.stop_egm()  # whatever became of the control process
             self._watchdog.disarm()
 
     def end_if_begun(self) -> None:
@@ -134,7 +128,7 @@ class ArmGuidance:
         """Deactivate whatever commands the arms: they come to rest and hold, their goals are dropped."""
         for side in Side:
             if self._snapshot(side).is_commanded:
-                self._fast_lines.ask(HoldArm(side))
+                self._control.call(Commands.hold, side)
 
     def _start_egm(self, arms: tuple[Side, ...]) -> None:
         """An arm that EGM guides goes on where only the other one has to begin."""
@@ -161,12 +155,12 @@ class ArmGuidance:
         names = self._fallen.get(side, leading)
         self._bringup.report(f"activate {', '.join(names)} on the {side.word} arm")
         try:
-            self._fast_lines.ask(SwitchControllers(side, activate=names))
+            self._control.call(Commands.switch_controllers, side, names)
         except CommandRefused as error:
             if names == leading:
                 raise
             self._bringup.report(f"activate {self._leading} instead: {error}")
-            self._fast_lines.ask(SwitchControllers(side, activate=leading))
+            self._control.call(Commands.switch_controllers, side, leading)
 
     def _why_not_guided(self, arms: tuple[Side, ...]) -> str:
         silent = [side for side in arms if not self._snapshot(side).is_streaming]
@@ -189,4 +183,4 @@ class ArmGuidance:
         return {side: it for side, it in problems.items() if it is not Problem.NONE and self._snapshot(side).is_running}
 
     def _snapshot(self, side: Side) -> Snapshot:
-        return self._fast_lines.snapshot(side)
+        return self._control.snapshot(side)

@@ -17,7 +17,7 @@ from typing import Protocol
 
 from yumi.clock import GLANCE, Clock
 from yumi.driver.bringup import Bringup
-from yumi.driver.egm_control import ArmGuidance, FastLines
+from yumi.driver.egm_control import ArmControl, ArmGuidance
 from yumi.driver.state import Report
 from yumi.driver.stops import StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
@@ -42,18 +42,18 @@ class Recovery:
     Args:
         bringup: what is done over RWS.
         guidance: EGM and controllers.
-        fast_lines: where the controllers live.
+        control: the control process.
         clock: where waiting time comes from.
         stops: what stopped the robot.
     """
 
     def __init__(
-        self, bringup: Bringup, guidance: ArmGuidance, fast_lines: FastLines, clock: Clock, stops: StopLog
+        self, bringup: Bringup, guidance: ArmGuidance, control: ArmControl, clock: Clock, stops: StopLog
     ) -> None:
         self._bringup = bringup
         self._client = bringup.client
         self._guidance = guidance
-        self._fast_lines = fast_lines
+        self._control = control
         self._clock = clock
         self._stops = stops
 
@@ -110,8 +110,8 @@ class Recovery:
             RobotNotReady: somebody has to do something at the robot first; the message says what stopped it and what.
         """
         self._stops.check_confirmed(self._client, confirmed)
-        for side in self._fast_lines.revive():
-            self._bringup.report(f"start the fast-line process of the {side.word} arm again")
+        if self._control.revive():
+            self._bringup.report("start the control process again")
         why = self._why_stopped()
         self._bringup.report(why)
         try:

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
+from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
 from yumi.driver.bringup import STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import ArmGuidance, FastLines
+from yumi.driver.egm_control import ArmControl, ArmGuidance
 from yumi.driver.gripper import Gripper
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotWatch
 from yumi.driver.panel import ControllerData
@@ -39,7 +39,7 @@ class RobotManager:
 
     Args:
         bringup: what is done over RWS.
-        fast_lines: where the controllers live.
+        control: the control process.
         clock: where waiting time comes from.
         leading: name of the controller that commands an arm after EGM has started.
         arms: the arms that are guided unless told otherwise; the others stand still.
@@ -59,7 +59,7 @@ class RobotManager:
     def __init__(
         self,
         bringup: Bringup,
-        fast_lines: FastLines,
+        control: ArmControl,
         clock: Clock,
         leading: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
@@ -67,18 +67,18 @@ class RobotManager:
         stops: StopLog | None = None,
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
     ) -> None:
-        self.watchdog = Watchdog(bringup.client, fast_lines.check, watchdog)
+        self.watchdog = Watchdog(bringup.client, control.check, watchdog)
         self._stop_log = stops or StopLog(clock)
-        self.watch = RobotWatch(bringup.client, fast_lines, clock, self._stop_log)
+        self.watch = RobotWatch(bringup.client, control, clock, self._stop_log)
         self.speed = self.watch.speed = bringup.speed
         self._bringup = bringup
         self._cabinet = bringup.cabinet
         self._data = ControllerData(bringup.client, bringup.cabinet)
         self._routines = RapidRoutines(bringup.client, bringup.cabinet, bringup.machines, clock)
-        self._guidance = ArmGuidance(bringup, fast_lines, clock, leading, self.watchdog)
-        self._recovery = Recovery(bringup, self._guidance, fast_lines, clock, self._stop_log)
+        self._guidance = ArmGuidance(bringup, control, clock, leading, self.watchdog)
+        self._recovery = Recovery(bringup, self._guidance, control, clock, self._stop_log)
         self.automatic_recovery = AutomaticRecovery(self, self._report, recovery)
-        self._fast_lines = fast_lines
+        self._control = control
         self._arms = arms
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._lock = Lock()  # one at a time; the robot has one state
@@ -136,7 +136,7 @@ class RobotManager:
         Raises:
             RobotNotReady: it cannot; the message says why.
         """
-        self._fast_lines.check()
+        self._control.check()
         if self._guidance.are_guided(self._arms):
             return "ready, EGM runs"
         state = self.state()
@@ -264,7 +264,7 @@ class RobotManager:
     @property
     def has_lost_egm(self) -> bool:
         """Whether EGM was to run, and does not."""
-        snapshots = {side: self._fast_lines.snapshot(side) for side in self._guidance.wanted}
+        snapshots = {side: self._control.snapshot(side) for side in self._guidance.wanted}
         self._lost_link.difference_update(side for side, each in snapshots.items() if each.is_commanded)
         return any(not each.is_running or side in self._lost_link for side, each in snapshots.items())
 
@@ -282,7 +282,7 @@ class RobotManager:
             if not self.has_lost_egm:
                 return None
             state, _ = log.look(client)
-            lost = [side for side in self._guidance.wanted if not self._fast_lines.snapshot(side).is_commanded]
+            lost = [side for side in self._guidance.wanted if not self._control.snapshot(side).is_commanded]
             is_running = state is ControllerState.MOTORS_ON and self._cabinet.is_running
             is_link = is_running and log.cause is None and self._lost_link.issuperset(lost)
             if not log.is_without_person or not (log.cause is not None or is_link):

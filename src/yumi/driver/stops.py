@@ -22,8 +22,8 @@ from threading import RLock
 from typing import Protocol
 
 from yumi.clock import Clock
-from yumi.control.requests import Event as ArmEvent
-from yumi.control.requests import RobotStoppedFollowing
+from yumi.control.events import Event as ArmEvent
+from yumi.control.events import RobotStoppedFollowing
 from yumi.driver.panel import STOPPED_FOR_GOOD
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.rws.replies import Event

@@ -29,13 +29,14 @@ from rclpy.executors import Executor
 
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
-from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
+from yumi.control.events import ControllerReport, ControlProcessEnded, Event, is_fault
+from yumi.control.loop import CommandPort
 from yumi.control.statistics import Statistics
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, Side
-from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, Line, MakeInterface
+from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     ACTIVITY,
@@ -317,7 +318,7 @@ class ArmManager:
 
     Args:
         side: which arm.
-        line: where the controllers run.
+        control: where the controllers are commanded.
         known: the controllers of ``controllers.yaml``, loaded or not.
         executor: what spins this node and those of the controllers.
         interfaces: what controllers of a type offer besides parameters.
@@ -328,7 +329,7 @@ class ArmManager:
     def __init__(
         self,
         side: Side,
-        line: Line,
+        control: CommandPort,
         known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
@@ -342,9 +343,9 @@ class ArmManager:
         self._clock = self.node.get_clock()
         self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
         self._parameters = ManagerParameters(self.node, RATE)
-        self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
-        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, known, self._log)
-        self._hardware = ArmHardware(side, line)
+        self._nodes = ControllerNodes(side, control, executor, interfaces, RATE)
+        self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
+        self._hardware = ArmHardware(side, control)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
         self._has_changed = self.node.create_guard_condition(self._publish_activity, MutuallyExclusiveCallbackGroup())
         executor.add_node(self.node)
@@ -359,10 +360,10 @@ class ArmManager:
             event: what happened.
             explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
         """
-        if isinstance(event, ControllerNotice):
-            self._nodes.on_event(event.controller, event.notice)
+        if isinstance(event, ControllerReport):
+            self._nodes.on_event(event.controller, event.report)
             return
-        if isinstance(event, FastLineEnded):
+        if isinstance(event, ControlProcessEnded):
             self._nodes.on_event_of_all(event)
         if not is_fault(event):
             self._log.info(str(event))

@@ -9,29 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as Overdue
+from functools import partial
 from typing import Any, Protocol
 
 import rclpy
 from rclpy.executors import Executor
 
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
-from yumi.control.requests import (
-    CleanupController,
-    ConfigureController,
-    Done,
-    FastLineEnded,
-    ListControllerKinds,
-    ListControllers,
-    ListHardware,
-    ListParameters,
-    LoadController,
-    Request,
-    SetHardwareState,
-    SetParameters,
-    Strictness,
-    SwitchControllers,
-    UnloadController,
-)
+from yumi.control.controller_manager import Strictness
+from yumi.control.events import ControlProcessEnded
+from yumi.control.loop import CommandPort, Commands
 from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.joints import Side
@@ -39,18 +26,11 @@ from yumi.ros.parameters import ManagerParameters, Presets, declare, declare_com
 from yumi.settings import Values
 
 
-class Line(Protocol):
-    """The control process, as far as the nodes of an arm use it."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
-
-
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
 
     def on_event(self, event: Any) -> None:
-        """An event of the controller, see :meth:`yumi.control.controller.Controller.take_notices`."""
+        """An event of the controller, see :meth:`yumi.control.controller.Controller.take_reports`."""
 
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
@@ -65,17 +45,17 @@ class ControllerNodes:
 
     Args:
         side: which arm.
-        line: where the controllers run.
+        control: where the controllers are commanded.
         executor: what spins the nodes.
         interfaces: what controllers of a type offer besides parameters.
         rate: of the controller manager [Hz].
     """
 
     def __init__(
-        self, side: Side, line: Line, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
+        self, side: Side, control: CommandPort, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
     ) -> None:
         self._side = side
-        self._line = line
+        self._control = control
         self._executor = executor
         self._make_interface = interfaces
         self._rate = rate
@@ -91,12 +71,12 @@ class ControllerNodes:
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
-            RobotNotReady: the control process is gone.
+            RobotNotReady: the control process has ended.
         """
         name = info.name
 
         def change(values: Values) -> None:
-            self._line.ask(SetParameters(self._side, name, values))
+            self._control.call(Commands.set_parameters, self._side, name, values)
 
         node: Any = rclpy.create_node(
             name,
@@ -107,7 +87,7 @@ class ControllerNodes:
         try:
             # The controller gets what its parameter files set now, and what is set on the node later.
             declare_common(node, self._rate)
-            infos: tuple[ParameterInfo, ...] = self._line.ask(ListParameters(self._side, name)).parameters
+            infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
             changed = declare(node, infos, presets or {})
             if changed:
                 change(changed)
@@ -130,7 +110,7 @@ class ControllerNodes:
         node, interface = self._nodes.get(name, (None, None))
         if interface is not None:
             interface.on_event(event)
-        elif node is not None and not isinstance(event, FastLineEnded):
+        elif node is not None and not isinstance(event, ControlProcessEnded):
             node.get_logger().info(str(event))
 
     def on_event_of_all(self, event: object) -> None:
@@ -158,7 +138,7 @@ class ArmControllers:
 
     Args:
         side: which arm.
-        line: where the controllers run.
+        control: where the controllers are commanded.
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
         known: those of ``controllers.yaml``, loaded or not.
@@ -168,14 +148,14 @@ class ArmControllers:
     def __init__(
         self,
         side: Side,
-        line: Line,
+        control: CommandPort,
         nodes: ControllerNodes,
         parameters: ManagerParameters,
         known: Iterable[ControllerSettings],
         log: Any,
     ) -> None:
         self._side = side
-        self._line = line
+        self._control = control
         self._nodes = nodes
         self._parameters = parameters
         self._known = {settings.name: settings for settings in known}
@@ -185,7 +165,7 @@ class ArmControllers:
         """Make the nodes of the controllers that were loaded from the start.
 
         Raises:
-            YumiError: the control process is gone.
+            YumiError: the control process has ended.
         """
         for settings in self._known.values():
             self._parameters.note_type(settings.name, settings.kind)
@@ -194,11 +174,11 @@ class ArmControllers:
 
     def list(self) -> tuple[ControllerInfo, ...]:
         """All loaded controllers."""
-        return self._line.ask(ListControllers(self._side)).controllers
+        return self._control.call(Commands.list_controllers, self._side)
 
     def kinds(self) -> tuple[str, ...]:
         """The types that can be loaded."""
-        return self._line.ask(ListControllerKinds(self._side)).kinds
+        return self._control.call(Commands.list_controller_kinds, self._side)
 
     def load(self, name: str) -> None:
         """Load the controller of the type that the parameter ``<name>.type`` says, with its parameter files.
@@ -207,27 +187,27 @@ class ArmControllers:
             YumiError: no or an unknown type, the name is taken, or a value in a file is not allowed.
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
-        self._line.ask(LoadController(self._side, name, kind))
+        self._control.call(Commands.load_controller, self._side, name, kind)
         settings = self._known.get(name)
         presets = settings.entries if settings is not None and settings.kind == kind else {}
         try:
             self._nodes.add(self._info(name), arguments, presets)
         except Exception:
-            self._line.ask(UnloadController(self._side, name))
+            self._control.call(Commands.unload_controller, self._side, name)
             raise
 
     def configure(self, name: str) -> None:
         """Make a controller inactive; an inactive one is cleaned up first."""
-        self._line.ask(ConfigureController(self._side, name))
+        self._control.call(Commands.configure_controller, self._side, name)
 
     def cleanup(self, name: str) -> None:
         """Make an inactive controller unconfigured; an unconfigured one stays as it is."""
         if self._info(name).state is not State.UNCONFIGURED:
-            self._line.ask(CleanupController(self._side, name))
+            self._control.call(Commands.clean_up_controller, self._side, name)
 
     def unload(self, name: str) -> None:
         """Forget a controller that is not active, and its node."""
-        self._line.ask(UnloadController(self._side, name))
+        self._control.call(Commands.unload_controller, self._side, name)
         self._nodes.remove(name)
 
     def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int, timeout: float) -> str:
@@ -244,12 +224,14 @@ class ArmControllers:
             YumiError: a rule forbids it; nothing was changed.
         """
         chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
-        request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
         thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
-        waiting = thread.submit(self._line.ask, request)
+        switch = partial(
+            self._control.call, Commands.switch_controllers, self._side, tuple(activate), tuple(deactivate), chosen
+        )
+        waiting = thread.submit(switch)
         thread.shutdown(wait=False)  # it ends with the answer
         try:
-            return waiting.result(timeout).sentence
+            return waiting.result(timeout)
         except Overdue as error:
             raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
 
@@ -264,7 +246,7 @@ class ArmControllers:
         if active and not is_forced:
             raise CommandRefused(f"Controllers are active: {', '.join(active)}; deactivate them first, or force it.")
         if active:
-            self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
+            self._control.call(Commands.switch_controllers, self._side, (), active)
         for info in controllers:
             self.unload(info.name)
 
@@ -293,21 +275,20 @@ class ArmHardware:
 
     Args:
         side: which arm.
-        line: where it is.
+        control: where it is commanded.
     """
 
-    def __init__(self, side: Side, line: Line) -> None:
+    def __init__(self, side: Side, control: CommandPort) -> None:
         self._side = side
-        self._line = line
+        self._control = control
 
     def info(self) -> HardwareInfo:
         """The component with its interfaces.
 
         Raises:
-            YumiError: the control process is gone.
+            YumiError: the control process has ended.
         """
-        (info,) = self._line.ask(ListHardware(self._side)).hardware
-        return info
+        return self._control.call(Commands.hardware, self._side)
 
     @property
     def state(self) -> State:
@@ -323,4 +304,4 @@ class ArmHardware:
         Raises:
             YumiError: there is no such component, or it does not go to that state.
         """
-        self._line.ask(SetHardwareState(self._side, name, target))
+        self._control.call(Commands.set_hardware_state, self._side, name, target)

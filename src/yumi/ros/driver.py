@@ -31,9 +31,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.controller import State
-from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.control_process import FastLines
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, ControllerSettings
@@ -61,7 +61,7 @@ class RosDriver:
     """All nodes of the driver in one process.
 
     Args:
-        fast_lines: the control of both arms.
+        control: the control process.
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both grippers, with their signals and settings.
@@ -75,7 +75,7 @@ class RosDriver:
 
     def __init__(
         self,
-        fast_lines: FastLines,
+        control: ControlProcess,
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: GripperParts,
@@ -85,7 +85,7 @@ class RosDriver:
     ) -> None:
         self._manager = manager
         self._gripper_parts = grippers
-        self._hardware = {side: ArmHardware(side, fast_lines) for side in Side}
+        self._hardware = {side: ArmHardware(side, control) for side in Side}
         try:
             # A node for topics alone has no parameter services: its executor finds work sooner.
             self._streams = {side: _topics_node(side.value) for side in Side}
@@ -106,20 +106,20 @@ class RosDriver:
 
         self._trajectories = TrajectoryControllers(
             dual,
-            {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
-            {side: boxes.dual_trajectory for side, boxes in fast_lines.boxes.items()},
-            fast_lines.ask,
+            {side: boxes.trajectory for side, boxes in control.buffers.items()},
+            {side: boxes.dual_trajectory for side, boxes in control.buffers.items()},
+            control,
             clock,
             limits,
             self._timers,
             manager.watch,
         )
-        forwarding = forward_interfaces(self._streams, fast_lines, clock.now)
+        forwarding = forward_interfaces(self._streams, control, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
         self._arms = {
             side: ArmManager(
                 side,
-                fast_lines,
+                control,
                 own,
                 self._executors.add_multi_threaded(f"services-{side.value}"),
                 interfaces,
@@ -143,7 +143,7 @@ class RosDriver:
 
         self._commands: list[CommandTopic] = []
         for side, node in self._streams.items():
-            boxes, snapshot = fast_lines.boxes[side], partial(fast_lines.snapshot, side)
+            boxes, snapshot = control.buffers[side], partial(control.snapshot, side)
             self._commands.append(JointCommandTopic(node, side, boxes.goals, snapshot, clock.now))
             self._commands.append(JointVelocityTopic(node, side, boxes.speeds, snapshot, clock.now))
         for topic in self._commands:
@@ -157,7 +157,7 @@ class RosDriver:
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", self._stream, *self._streams.values())
 
-        robot, boxes_of = manager.watch.state, fast_lines.boxes
+        robot, boxes_of = manager.watch.state, control.buffers
         self._states = [JointStatePublisher(arm.node, side, boxes_of[side], clock) for side, arm in self._arms.items()]
         timers = (self._timers, *slow_timers.values())
         self._threads: tuple[Any, ...] = (*timers, *self._states, self._grippers, self._executors)
@@ -168,7 +168,7 @@ class RosDriver:
         modules = {side: grippers.settings.modules(side) for side in Side}
         self._descriptions = publish_descriptions(self._node, limits, modules)
         self._health = HealthTopics(
-            self._node, self._streams, fast_lines.snapshot, robot, self._grippers.statuses, self._timers
+            self._node, self._streams, control.snapshot, robot, self._grippers.statuses, self._timers
         )
 
     def start(self) -> None:

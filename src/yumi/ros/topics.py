@@ -29,9 +29,9 @@ from std_msgs.msg import Float64MultiArray, String
 from yumi.clock import Clock
 from yumi.control.commands import GoalKind, Mailbox, put_goal, put_speeds
 from yumi.control.controllers.forward_command import FORWARDERS
-from yumi.control.requests import ListControllers
+from yumi.control.loop import Commands
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
-from yumi.driver.control_process import ArmBoxes, FastLines
+from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import robot_description
@@ -253,7 +253,7 @@ class JointStatePublisher:
         clock: the clock of the states' times.
     """
 
-    def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
+    def __init__(self, node: Any, side: Side, boxes: ArmBuffers, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
@@ -274,7 +274,7 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._boxes.bell.acquire(timeout=_POLL):
+            if not self._boxes.cycle_done.acquire(timeout=_POLL):
                 continue
             for number, values in self._boxes.states.since(last):
                 last = number
@@ -305,7 +305,7 @@ class MergedJointStates:
     def __init__(
         self,
         node: Any,
-        boxes: Mapping[Side, ArmBoxes],
+        boxes: Mapping[Side, ArmBuffers],
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
@@ -408,27 +408,27 @@ class DescriptionWait:
 
 
 def forward_interfaces(
-    nodes: Mapping[Side, Any], fast_lines: FastLines, now: Callable[[], float]
+    nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
 ) -> Mapping[str, MakeInterface]:
     """What forward controllers offer, by their type.
 
     Args:
         nodes: each arm's node for topics alone, whose executor has no services.
-        fast_lines: where the controllers run.
+        control: where the controllers run.
         now: the time on the machine's monotonic clock [s].
     """
 
     def active(side: Side) -> frozenset[str]:
-        infos = fast_lines.ask(ListControllers(side)).controllers
+        infos = control.call(Commands.list_controllers, side)
         return frozenset(info.name for info in infos if info.claimed)
 
     def make(_: Any, side: Side, name: str) -> ForwardTopic:
-        boxes = fast_lines.boxes[side]
+        boxes = control.buffers[side]
         return ForwardTopic(
             nodes[side],
             side,
             (boxes.forward_positions, boxes.forward_speeds),
-            partial(fast_lines.snapshot, side),
+            partial(control.snapshot, side),
             now,
             name,
             partial(active, side),

@@ -34,10 +34,11 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
+from yumi.control.events import ControlProcessEnded
+from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
-from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
-from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, time_to_start
+from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -118,7 +119,6 @@ def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoi
 
 _FEEDBACK_PERIOD = 0.02  # [s]
 _CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
-Ask = Callable[[Request], Done]
 
 
 class Causes(Protocol):
@@ -166,7 +166,7 @@ class TrajectoryAction:
         node: the controller's node.
         name: the controller's name on each arm.
         feedback: by arm, in the order of the joints; where the controllers write their feedback.
-        ask: has a request served by the control process.
+        control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
         timers: publish feedback fifty times a second.
@@ -178,7 +178,7 @@ class TrajectoryAction:
         node: Any,
         name: str,
         feedback: Mapping[Side, Mailbox],
-        ask: Ask,
+        control: CommandPort,
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
@@ -191,7 +191,7 @@ class TrajectoryAction:
         self._name = name
         self._feedback = feedback
         self._sides = tuple(feedback)
-        self._ask = ask
+        self._control = control
         self._clock = clock
         self._limits = limits
         self._numbers = count(1)
@@ -224,7 +224,7 @@ class TrajectoryAction:
 
     def on_arm_event(self, side: Side, event: object) -> None:
         """An event of one arm's controller; from any thread."""
-        if isinstance(event, FastLineEnded):
+        if isinstance(event, ControlProcessEnded):
             self._end_open_goals()
         if not isinstance(event, TrajectoryEnded):
             return
@@ -265,9 +265,11 @@ class TrajectoryAction:
         """Have every arm accept its part of a trajectory, or none.
 
         Raises:
-            YumiError: the trajectory has a fault, a controller refuses it, or the control process is gone.
+            YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
         """
-        self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
+        self._control.call(
+            Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
+        )  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
         number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
         orders = {
@@ -277,7 +279,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._order(orders)
+            self._command(orders)
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
@@ -285,23 +287,23 @@ class TrajectoryAction:
         self._query.note(number, plans)
 
     def _start(self, message: Any) -> float | None:
-        """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
-        now, stamped = self._clock.now(), stamp_of(message)
-        if stamped:
-            return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
-        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
+        """When the trajectory starts, on the monotonic clock; None is at once."""
+        stamped = stamp_of(message)
+        if not stamped:
+            return None
+        return self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
 
-    def _order(self, orders: Mapping[Side, object]) -> None:
-        self._ask(SendOrders(self._orders(orders)))
+    def _command(self, messages: Mapping[Side, object]) -> None:
+        self._control.call(Commands.send_commands, *self._commands(messages))
 
-    def _orders(self, orders: Mapping[Side, object]) -> tuple[Order, ...]:
-        return tuple(Order(side, self._name, order) for side, order in orders.items())
+    def _commands(self, messages: Mapping[Side, object]) -> tuple[ControllerCommand, ...]:
+        return tuple(ControllerCommand(side, self._name, message) for side, message in messages.items())
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)
         if found is None:
             return CancelResponse.REJECT  # it has just ended
-        self._try(lambda: self._order({side: CancelTrajectory(found[0]) for side in self._sides}))
+        self._try(lambda: self._command({side: CancelTrajectory(found[0]) for side in self._sides}))
         return CancelResponse.ACCEPT
 
     def _find(self, handle: Any) -> tuple[int, _OpenGoal] | None:
@@ -352,7 +354,7 @@ class TrajectoryAction:
         self._try(lambda: self._send(message, own, None))
 
     def _scale(self, message: Any) -> None:
-        self._try(lambda: self._order({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
+        self._try(lambda: self._command({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
 
     def _try(self, carry: Callable[[], object]) -> None:
         try:
@@ -392,7 +394,7 @@ class TrajectoryControllers:
         dual_node: for the action of both arms.
         single: where each arm's trajectory controller writes its feedback.
         dual: the same of the dual-arm controllers.
-        ask: has a request served by the control process.
+        control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
         timers: publish feedback.
@@ -407,16 +409,16 @@ class TrajectoryControllers:
         dual_node: Any,
         single: Mapping[Side, Mailbox],
         dual: Mapping[Side, Mailbox],
-        ask: Ask,
+        control: CommandPort,
         clock: Clock,
         limits: JointLimits,
         timers: TimerThread,
         causes: Causes | None = None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, timers, causes)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, timers, causes)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, timers, causes)
+            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, timers, causes)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {

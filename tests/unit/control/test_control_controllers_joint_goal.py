@@ -42,7 +42,7 @@ class GuidedArm:
         if not self.stuck:
             self.state = self.state._replace(position=command.position, velocity=command.velocity)
         self.state = self.state._replace(planned=command.position)
-        self.notices += self.controller.take_notices()
+        self.notices += self.controller.take_reports()
         return command
 
     def run(self, seconds: float) -> None:
@@ -177,7 +177,7 @@ def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands
     arm.order(JointGoal(goal, 1))
     assert arm.controller.update(arm.state) is None
     while arm.controller.update(arm.state) is None:
-        assert arm.controller.take_notices() == ()
+        assert arm.controller.take_reports() == ()
     arm.run(1.0)
     assert arm.state.position == goal
     assert arm.notices == [REACHED]
@@ -209,7 +209,7 @@ def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: GuidedA
 def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.controller.deactivate()
-    assert arm.controller.take_notices() == [
+    assert arm.controller.take_reports() == [
         GoalEnded(1, GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
     ]
     arm.controller.activate(arm.state)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from yumi.control.shared_state import SharedHistory, SharedMailbox
-from yumi.driver.control_process import ChildProcess, PipeClosed, PipeEnd
+from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 
 ROUNDS = 20_000
 

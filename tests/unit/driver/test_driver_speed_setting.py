@@ -20,12 +20,12 @@ class Arms:
     """What a setting tells the arms; EGM runs on those in ``guided``."""
 
     def __init__(self, value: float = 1.0) -> None:
-        self.boxes = {side: MemoryMailbox() for side in Side}
+        self.buffers = {side: MemoryMailbox() for side in Side}
         self.guided: set[Side] = set()
-        self.setting = SpeedSetting(value, self.boxes, self.guided.__contains__)
+        self.setting = SpeedSetting(value, self.buffers, self.guided.__contains__)
 
     def told(self) -> list[float]:
-        letters = [box.peek() for box in self.boxes.values()]
+        letters = [box.peek() for box in self.buffers.values()]
         return [letter[1][0] for letter in letters if letter is not None]
 
 
@@ -59,7 +59,7 @@ def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_s
         "speed_scale is 1, but EGM was started with 0.1, which the robot's own limit (MaxSpeedDeviation) keeps until "
         "EGM is started again: stop_egm, then start_egm."
     )
-    told = {side: box.peek() for side, box in arms.boxes.items()}
+    told = {side: box.peek() for side, box in arms.buffers.items()}
     assert told[Side.RIGHT] is not None
     assert told[Side.RIGHT][1] == (0.1,)
     assert arms.setting.in_force == 0.1

@@ -17,11 +17,11 @@ from typing import NoReturn
 
 import pytest
 
-from yumi.control.shared_state import PROCESSES, new_bell, shared_numbers
-from yumi.driver.control_process import ChildProcess, PipeEnd
+from yumi.control.shared_state import new_bell, shared_numbers
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import child as command_module
 from yumi.process.child import DRIVER_READY, Command
+from yumi.process.pipe import PROCESSES, ChildProcess, PipeEnd
 from yumi.rws.http import HttpLink, HttpRequest, Listener
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)

@@ -172,7 +172,7 @@ class JointGoalController(Controller):
             self._watch(state)
         return ArmCommand(*self._setpoint.scaled(pace)[:2])
 
-    def take_notices(self) -> Sequence[object]:
+    def take_reports(self) -> Sequence[object]:
         if not self._notices:
             return ()
         notices, self._notices = self._notices, []

@@ -7,9 +7,7 @@ from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
-from yumi.control.limiter import Guard
-from yumi.control.loop import ArmLine
-from yumi.control.requests import (
+from yumi.control.events import (
     ControllerFailed,
     RobotFollows,
     RobotStoppedFollowing,
@@ -17,6 +15,8 @@ from yumi.control.requests import (
     SessionResumed,
     SessionStarted,
 )
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import Snapshot, peek_snapshot
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
@@ -77,62 +77,62 @@ def snapshots() -> MemoryMailbox:
 
 
 @pytest.fixture
-def line(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLine:
+def loop(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLoop:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
+    return ArmLoop(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
 
 
 def feed(
-    line: ArmLine, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True, now: float = 1.0
+    loop: ArmLoop, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True, now: float = 1.0
 ) -> None:
     arm.next = ArmState(now, 0.004, session, position, ZERO, position, is_running)
-    line.run(now)
+    loop.run(now)
 
 
-def test_line_does_nothing_without_a_datagram(line: ArmLine, arm: ScriptedArm) -> None:
-    assert line.run(0.0) is None
+def test_loop_does_nothing_without_a_datagram(loop: ArmLoop, arm: ScriptedArm) -> None:
+    assert loop.run(0.0) is None
     assert arm.told == []
-    assert line.state is None
+    assert loop.state is None
 
 
-def test_line_answers_the_first_datagram_with_the_measured_position(
-    line: ArmLine, arm: ScriptedArm, middle: Joints
+def test_loop_answers_the_first_datagram_with_the_measured_position(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
+    feed(loop, arm, middle)
     assert arm.told == [ArmCommand(middle)]
-    assert line.take_events() == [SessionStarted(Side.LEFT, 1), RobotFollows(Side.LEFT)]
+    assert loop.take_events() == [SessionStarted(Side.LEFT, 1), RobotFollows(Side.LEFT)]
 
 
-def test_line_publishes_a_snapshot_after_each_reply(
-    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+def test_loop_publishes_a_snapshot_after_each_reply(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
+    feed(loop, arm, middle)
     snapshot = peek_snapshot(snapshots)
     assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
     assert snapshot.reference is None
 
 
-def test_line_shows_a_switch_in_the_snapshot_at_once(
-    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+def test_loop_shows_a_switch_in_the_snapshot_at_once(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
-    line.switch(["pusher"], [], 1.001)
+    feed(loop, arm, middle)
+    Commands({Side.LEFT: loop}, lambda: 1.001).switch_controllers(Side.LEFT, ["pusher"])
     assert peek_snapshot(snapshots).is_commanded
-    line.switch([], ["pusher"], 1.002)
+    Commands({Side.LEFT: loop}, lambda: 1.002).switch_controllers(Side.LEFT, [], ["pusher"])
     assert not peek_snapshot(snapshots).is_commanded
 
 
-def test_line_deactivates_controllers_when_the_robot_falls_silent(
-    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+def test_loop_deactivates_controllers_when_the_robot_falls_silent(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
-    line.manager.switch(["pusher"], [], line.state)
-    line.take_events()
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
     arm.lost = 0.062
-    line.watch_silence(1.062)
-    (event,) = line.take_events()
+    loop.watch_silence(1.062)
+    (event,) = loop.take_events()
     assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
     assert str(event) == (
         "Left arm: EGM feedback lost, the robot has been silent for 62 ms; pusher deactivated. "
@@ -143,78 +143,78 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
     )
 
 
-def test_line_tells_that_a_session_goes_on_after_a_silence(line: ArmLine, arm: ScriptedArm, middle: Joints) -> None:
-    feed(line, arm, middle)
+def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:
+    feed(loop, arm, middle)
     arm.lost = 0.1
-    line.watch_silence(1.1)
-    line.take_events()
-    feed(line, arm, middle)
-    events = line.take_events()
+    loop.watch_silence(1.1)
+    loop.take_events()
+    feed(loop, arm, middle)
+    events = loop.take_events()
     assert events == [SessionResumed(Side.LEFT, 1), RobotFollows(Side.LEFT)]
     assert str(events[0]) == "Left arm: EGM feedback is back, session 1 goes on and the arm holds."
 
 
-def test_line_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
-    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox
+def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox
 ) -> None:
     arm.foreign = 7
-    line.watch_silence(1.0)
+    loop.watch_silence(1.0)
     assert peek_snapshot(snapshots).foreign == 7
 
 
-def test_line_bears_an_interruption_and_goes_on(
-    line: ArmLine, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+def test_loop_bears_an_interruption_and_goes_on(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
-    line.switch(["pusher"], [], 1.0)
-    line.take_events()
+    feed(loop, arm, middle)
+    Commands({Side.LEFT: loop}, lambda: 1.0).switch_controllers(Side.LEFT, ["pusher"])
+    loop.take_events()
     arm.age = 0.021
     for now in (1.021, 1.03, 1.04):
-        line.watch_silence(now)
+        loop.watch_silence(now)
     snapshot = peek_snapshot(snapshots)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.interruptions) == (False, True, 1)
-    feed(line, arm, middle)
+    feed(loop, arm, middle)
     assert peek_snapshot(snapshots).is_streaming
     assert peek_snapshot(snapshots).is_commanded
-    assert line.take_events() == ()
+    assert loop.take_events() == ()
 
 
-def test_line_deactivates_controllers_when_the_robot_stops_following(
-    line: ArmLine, arm: ScriptedArm, middle: Joints
+def test_loop_deactivates_controllers_when_the_robot_stops_following(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
 ) -> None:
-    feed(line, arm, middle)
-    line.manager.switch(["pusher"], [], line.state)
-    line.take_events()
-    feed(line, arm, middle, is_running=False)
-    assert line.take_events() == [RobotStoppedFollowing(Side.LEFT, ("pusher",))]
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
+    feed(loop, arm, middle, is_running=False)
+    assert loop.take_events() == [RobotStoppedFollowing(Side.LEFT, ("pusher",))]
 
 
-def test_line_begins_a_new_session_without_controllers_and_without_a_jump(
-    line: ArmLine, arm: ScriptedArm, middle: Joints
+def test_loop_begins_a_new_session_without_controllers_and_without_a_jump(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
 ) -> None:
-    feed(line, arm, ZERO)
-    line.manager.switch(["pusher"], [], line.state)
-    feed(line, arm, middle, session=2, now=20.0)
-    feed(line, arm, middle, session=2, now=20.004)
+    feed(loop, arm, ZERO)
+    loop.manager.switch(["pusher"], [], loop.state)
+    feed(loop, arm, middle, session=2, now=20.0)
+    feed(loop, arm, middle, session=2, now=20.004)
     assert arm.told[1:] == [ArmCommand(middle), ArmCommand(middle)]
 
 
-def test_line_holds_and_tells_when_a_controller_fails(line: ArmLine, arm: ScriptedArm, middle: Joints) -> None:
-    feed(line, arm, middle)
-    line.manager.switch(["pusher"], [], line.state)
-    line.take_events()
+def test_loop_holds_and_tells_when_a_controller_fails(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
     Pusher.fault = True
     try:
-        feed(line, arm, middle)
+        feed(loop, arm, middle)
     finally:
         Pusher.fault = False
-    (event,) = line.take_events()
+    (event,) = loop.take_events()
     assert isinstance(event, ControllerFailed)
     assert "Left arm: Controller 'pusher' failed with RuntimeError: broken" in str(event)
     assert arm.told[-1] == ArmCommand(middle)
 
 
-def test_line_is_not_still_while_a_command_leads_the_robot() -> None:
+def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
     """What is measured is behind what was commanded, and a command stays in force when nobody answers any more."""
     loop = EgmLoop()
     loop.begin()
