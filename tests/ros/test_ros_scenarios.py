@@ -108,13 +108,13 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
 ) -> None:
     manager = stage.application.manager
     with stage.scene(str(scenario)):
-        noticed = stage.strike(scenario)
+        noticed = stage.inject(scenario)
         request.node.user_properties.append(("noticed_s", round(noticed, 3)))
-        if scenario.mended:
+        if scenario.repaired_by:
             with pytest.raises(RobotNotReady, match=scenario.refused):
                 manager.recover()
             stage.until_heard(f"yumi: robot: {scenario.says}")  # in /diagnostics
-            stage.mend()
+            stage.repair()
         assert scenario.recovered in recover_by_person(manager, needs_person=scenario.fault in PERSONS_STOPS)
         stage.reach_new_goals()
     assert noticed < NOTICED
@@ -122,9 +122,9 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
 
 def test_short_silence_of_the_network_needs_nobody(stage: Stage) -> None:
     with stage.scene(SHORT):
-        ear, before = stage.application.ear, dict(stage.application.ear.interruptions)
+        listener, before = stage.application.listener, dict(stage.application.listener.interruptions)
         stage.happen(Fault.EGM_SILENCE, duration=0.05)
-        stage.until(lambda: all(ear.interruptions[side] > before[side] for side in Side), "The interruption")
+        stage.until(lambda: all(listener.interruptions[side] > before[side] for side in Side), "The interruption")
         stage.reach_new_goals()
 
 
