@@ -271,12 +271,7 @@ class ArmControllers:
 
 
 class ArmHardware:
-    """The component of one arm.
-
-    Args:
-        side: which arm.
-        control: where it is commanded.
-    """
+    """The component of one arm."""
 
     def __init__(self, side: Side, control: CommandPort) -> None:
         self._side = side

@@ -100,6 +100,13 @@ def joint_state(names: Iterable[str], position: Iterable[float], velocity: Itera
     return message
 
 
+_COUNTERS = (
+    *("cycles", "missed", "lost", "late", "stale", "repeated", "malformed", "foreign", "refused"),
+    *("position_limited", "slowed", "interruptions", "implausible"),
+)
+"""Of a snapshot, in the values of ``egm_state``."""
+
+
 def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
     """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``."""
     level, sentence = DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
@@ -117,29 +124,14 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
             f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
             "check robot.address and the controller's UDPUC device"
         )
-    values: Mapping[str, object] = {
+    values: dict[str, object] = {
         "session": snapshot.session,
         "streaming": snapshot.is_streaming,
         "running": snapshot.is_running,
         "commanded": snapshot.is_commanded,
-        "cycles": snapshot.cycles,
-        "missed": snapshot.missed,
-        "lost": snapshot.lost,
-        "late": snapshot.late,
-        "stale": snapshot.stale,
-        "repeated": snapshot.repeated,
-        "malformed": snapshot.malformed,
-        "foreign": snapshot.foreign,
-        "refused": snapshot.refused,
-        "position_limited": snapshot.position_limited,
-        "slowed": snapshot.slowed,
-        "interruptions": snapshot.interruptions,
-        "implausible": snapshot.implausible,
+        **{name: getattr(snapshot, name) for name in _COUNTERS},
         "problem": snapshot.problem.name.lower(),
-        "jitter": snapshot.jitter,
-        "worst_jitter": snapshot.worst_jitter,
-        "drift_ppm": snapshot.drift_ppm,
-        "cycle_time": snapshot.cycle_time,
+        **{name: getattr(snapshot, name) for name in ("jitter", "worst_jitter", "drift_ppm", "cycle_time")},
     }
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return DiagnosticStatus(

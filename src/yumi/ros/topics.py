@@ -245,12 +245,6 @@ class JointStatePublisher:
     """Publishes ``joint_states`` of one arm after each control cycle.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
-
-    Args:
-        node: the arm's controller manager node.
-        side: which arm.
-        boxes: the state shared by the control process.
-        clock: the clock of the states' times.
     """
 
     def __init__(self, node: Any, side: Side, boxes: ArmBuffers, clock: Clock) -> None:
@@ -358,13 +352,7 @@ def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side,
 
 
 class DescriptionWait:
-    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing.
-
-    Args:
-        node: the controller manager's node.
-        side: the arm.
-        on_description: called once.
-    """
+    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing."""
 
     def __init__(self, node: Any, side: Side, on_description: Callable[[], None]) -> None:
         self._log = node.get_logger()
@@ -410,13 +398,7 @@ class DescriptionWait:
 def forward_interfaces(
     nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
 ) -> Mapping[str, MakeInterface]:
-    """What forward controllers offer, by their type.
-
-    Args:
-        nodes: each arm's node for topics alone, whose executor has no services.
-        control: where the controllers run.
-        now: the time on the machine's monotonic clock [s].
-    """
+    """What forward controllers offer, by their type."""
 
     def active(side: Side) -> frozenset[str]:
         infos = control.call(Commands.list_controllers, side)

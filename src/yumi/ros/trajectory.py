@@ -56,11 +56,6 @@ class TrajectoryQuery:
 
     ``success`` is false when the controller is inactive or, with the present values, when nothing is followed or the
     time is before the first point, to which the controller plans the way itself, or after the last.
-
-    Args:
-        node: the controller's node.
-        feedback: by arm; where the controllers write their feedback.
-        clock: the machine's clock.
     """
 
     def __init__(self, node: Any, feedback: Mapping[Side, Mailbox], clock: Clock) -> None:
@@ -389,16 +384,6 @@ DUAL_ARM = "dual_arm_trajectory_controller"
 
 class TrajectoryControllers:
     """Makes the actions of each arm's trajectory controllers and of both.
-
-    Args:
-        dual_node: for the action of both arms.
-        single: where each arm's trajectory controller writes its feedback.
-        dual: the same of the dual-arm controllers.
-        control: where the controllers are commanded.
-        clock: the machine's clock.
-        limits: what the joints may do.
-        timers: publish feedback.
-        causes: knows what stopped the robot.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
