@@ -76,10 +76,10 @@ class TrajectoryQuery:
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
-        feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
+        newest = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
         now = self._clock.now()
-        if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
+        if len(feedbacks) < len(newest) or any(now - each.time > _FRESH for each in feedbacks.values()):
             response.message = "The controller is not active; activate it first."
             return response
         stamp = request.time.sec * 1_000_000_000 + request.time.nanosec
@@ -87,7 +87,13 @@ class TrajectoryQuery:
         setpoints = self._sample(feedbacks, time)
         response.success = bool(setpoints)
         response.message = "" if setpoints else "No trajectory is followed at that time; ask for a time within one."
-        return _filled(response, feedbacks, setpoints)
+        present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
+        rows = (setpoints or present).values()
+        response.name = [name for side in feedbacks for name in joint_names(side)]
+        response.position = [value for row in rows for value in row.position]
+        response.velocity = [value for row in rows for value in row.velocity]
+        response.acceleration = [value for row in rows for value in row.acceleration]
+        return response
 
     def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
         number, plans = self._followed
@@ -100,16 +106,6 @@ class TrajectoryQuery:
                 return {}
             setpoints[side] = Walk(spline).setpoint(moment)
         return setpoints
-
-
-def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoint]) -> Any:
-    present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
-    rows = (setpoints or present).values()
-    response.name = [name for side in feedbacks for name in joint_names(side)]
-    response.position = [value for row in rows for value in row.position]
-    response.velocity = [value for row in rows for value in row.velocity]
-    response.acceleration = [value for row in rows for value in row.acceleration]
-    return response
 
 
 _FEEDBACK_PERIOD = 0.02  # [s]
@@ -203,10 +199,10 @@ class TrajectoryAction:
             cancel_callback=self._cancel,
             callback_group=group,
         )
-        orders = MutuallyExclusiveCallbackGroup()
-        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=orders)
+        commands = MutuallyExclusiveCallbackGroup()
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=commands)
         node.create_subscription(
-            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=orders
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=commands
         )
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
@@ -266,27 +262,22 @@ class TrajectoryAction:
             Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
         )  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
-        number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
-        orders = {
+        number, stamped, start = next(self._numbers), stamp_of(message), None  # None is at once
+        if stamped:  # on the monotonic clock as it is now: to plan a long trajectory takes time
+            start = self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
+        commands = {
             side: FollowTrajectory(replace(plans[side], start=start), number, tolerances[side]) for side in self._sides
         }
         if goal is not None:
             with self._lock:
                 self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._command(orders)
+            self._command(commands)
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
             raise
         self._query.note(number, plans)
-
-    def _start(self, message: Any) -> float | None:
-        """When the trajectory starts, on the monotonic clock; None is at once."""
-        stamped = stamp_of(message)
-        if not stamped:
-            return None
-        return self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
 
     def _command(self, messages: Mapping[Side, object]) -> None:
         self._control.call(Commands.send_commands, *self._commands(messages))
@@ -351,17 +342,17 @@ class TrajectoryAction:
     def _scale(self, message: Any) -> None:
         self._try(lambda: self._command({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
 
-    def _try(self, carry: Callable[[], object]) -> None:
+    def _try(self, call: Callable[[], object]) -> None:
         try:
-            carry()
+            call()
         except YumiError as error:
             self._log.warning(str(error), throttle_duration_sec=1.0)
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
-        news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
-        if len(news) < len(letters):
+        newest = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        news = {side: each for side, each in newest.items() if each and each[0] != self._seen[side]}
+        if len(news) < len(newest):
             return
         self._seen = {side: number for side, (number, _) in news.items()}
         feedbacks = {side: feedback for side, (_, feedback) in news.items()}
@@ -369,9 +360,6 @@ class TrajectoryAction:
         self._states.publish(state_message(feedbacks, time_ns))
         if self._skews is not None:
             self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
-        self._give_feedback(feedbacks, time_ns)
-
-    def _give_feedback(self, feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> None:
         numbers = {feedback.goal for feedback in feedbacks.values()}
         goal = self._open.get(numbers.pop()) if len(numbers) == 1 else None
         if goal is not None and goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
