@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controllers.joint_trajectory import (
     DualArmTrajectoryController,
     FollowTrajectory,
@@ -15,7 +15,7 @@ from yumi.control.controllers.joint_trajectory import (
 )
 from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi_evaluation.guided_arm import GuidedArm
@@ -34,9 +34,9 @@ class DualArms:
     """
 
     def __init__(self) -> None:
-        self.scales = {side: MemoryMailbox() for side in Side}
+        self.scales = {side: MemoryBuffer() for side in Side}
         self._halves: dict[Side, DualArmTrajectoryController] = {}
-        self._feedback = {side: MemoryMailbox() for side in Side}
+        self._feedback = {side: MemoryBuffer() for side in Side}
         self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
         self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}
         for arm in self.arms.values():
@@ -56,7 +56,7 @@ class DualArms:
         return {side: arm.snapshot.position for side, arm in self.arms.items()}
 
     def feedback(self, side: Side) -> TrajectoryFeedback:
-        letter = peek_feedback(self._feedback[side])
+        letter = self._feedback[side].read()
         assert letter is not None
         return letter[1]
 

@@ -13,10 +13,10 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.control.commands import put_goal
+from yumi.control.commands import write_goal
 from yumi.control.events import Event
 from yumi.control.loop import Commands
-from yumi.control.shared_state import peek_snapshot
+from yumi.control.shared_state import read_snapshot
 from yumi.driver.control_process import ControlProcess, WakeMode
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import EgmPlan, build_arms, plan_egm
@@ -80,7 +80,7 @@ class GuidedLine:
         self.control.stop()
 
     def _guide(self, side: Side) -> None:
-        snapshot = peek_snapshot(self.control.buffers[side].snapshots)
+        snapshot = read_snapshot(self.control.buffers[side].snapshots)
         if not snapshot.is_running or snapshot.is_commanded:
             return
         try:
@@ -88,7 +88,7 @@ class GuidedLine:
         except CommandRefused as refusal:  # the robot fell silent in this moment; it will be looked at again
             print(refusal, file=sys.stderr, flush=True)
         else:
-            put_goal(self.control.buffers[side].goals, snapshot.session, self._goal)
+            write_goal(self.control.buffers[side].goals, snapshot.session, self._goal)
 
     def _tell(self, event: Event) -> None:
         print(event, file=sys.stderr, flush=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_trajectory import (
     FollowTrajectory,
@@ -18,7 +18,7 @@ from yumi.control.cycle import Cycle
 from yumi.control.events import ControllerReport, Event
 from yumi.control.limiter import Guard
 from yumi.control.loop import ArmLoop
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLoop(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryMailbox())
+        self.line = ArmLoop(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 
@@ -70,7 +70,7 @@ class TrajectoryArm:
     """
 
     def __init__(self, loop: Callable[[JointTrajectoryController], Loop], parameters: Values) -> None:
-        self._feedback = MemoryMailbox()
+        self._feedback = MemoryBuffer()
         self.loop = loop(JointTrajectoryController(SIDE, self._feedback))
         self.set(parameters)
         self.run(0.05)
@@ -96,7 +96,7 @@ class TrajectoryArm:
 
     @property
     def feedback(self) -> TrajectoryFeedback:
-        letter = peek_feedback(self._feedback)
+        letter = self._feedback.read()
         assert letter is not None
         return letter[1]
 

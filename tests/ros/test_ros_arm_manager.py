@@ -27,7 +27,7 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.events import ControllerFailed, ControllerReport
@@ -86,7 +86,7 @@ class MemoryLine:
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
         arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
-        loop = ArmLoop(Side.RIGHT, arm, manager, guard, MemoryMailbox())
+        loop = ArmLoop(Side.RIGHT, arm, manager, guard, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 
     def _make(self, _: str) -> Watcher:

@@ -15,7 +15,7 @@ from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.events import ControlProcessEnded
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.executors import TimerThread
@@ -30,7 +30,7 @@ class Lone:
     def __init__(self) -> None:
         self.commands: list[object] = []
         self.node: Any = rclpy.create_node("lone")
-        boxes = {Side.RIGHT: MemoryMailbox()}
+        boxes = {Side.RIGHT: MemoryBuffer()}
         timers = TimerThread(SystemClock(), print)
         self.action = TrajectoryAction(self.node, "lone", boxes, self, SystemClock(), YUMI_LIMITS, timers)
         self._executor = MultiThreadedExecutor(4)

@@ -14,12 +14,12 @@ from queue import Queue
 import pytest
 
 from yumi.clock import SystemClock, wait_until
-from yumi.control.commands import put_goal
+from yumi.control.commands import write_goal
 from yumi.control.controller import State
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.events import ControlProcessEnded, Event, SessionLost
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.trajectory import MOST_POINTS, JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
@@ -93,7 +93,7 @@ def robot(ports: Mapping[Side, int]) -> Iterator[Robot]:
 def snapshot(control: ControlProcess) -> Snapshot:
     """After a cycle: the snapshot is written before it is done."""
     assert control.buffers[RIGHT].cycle_done.acquire(timeout=5.0)
-    return peek_snapshot(control.buffers[RIGHT].snapshots)
+    return read_snapshot(control.buffers[RIGHT].snapshots)
 
 
 def test_control_process_answers_with_the_measured_position_then_follows_goals(
@@ -102,7 +102,7 @@ def test_control_process_answers_with_the_measured_position_then_follows_goals(
     assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
     assert snapshot(control).is_running
     control.call(Commands.switch_controllers, RIGHT, (POSITION,))
-    put_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
+    write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
     reply = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.004))
     assert reply.position is not None
     assert 0.0 < (reply.position[0] or 0.0) < 0.2
@@ -146,7 +146,7 @@ def test_control_process_loads_what_it_knows_and_lists_its_parameters(control: C
     (info,) = (info for info in control.call(Commands.list_parameters, RIGHT, "second") if info.parameter.name == "p")
     assert (info.value, info.parameter.highest) == (0.5, 2.0)
     assert control.call(Commands.list_controllers, RIGHT)[-1].state is State.INACTIVE
-    assert peek_snapshot(control.buffers[RIGHT].snapshots).activity > 0
+    assert read_snapshot(control.buffers[RIGHT].snapshots).activity > 0
 
 
 def test_control_process_leads_the_hardware_of_an_arm(control: ControlProcess) -> None:
@@ -179,7 +179,7 @@ def test_control_process_tells_that_the_robot_is_lost_within_100_ms(
         continue
     assert event.side is RIGHT
     assert event.silence < 0.1
-    assert not peek_snapshot(control.buffers[RIGHT].snapshots).is_streaming
+    assert not read_snapshot(control.buffers[RIGHT].snapshots).is_streaming
 
 
 def test_control_process_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import moved
-from yumi.control.commands import GoalKind, put_goal
+from yumi.control.commands import GoalKind, write_goal
 from yumi.control.limiter import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import read_controllers
@@ -36,6 +36,6 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
     assert arm.snapshot.goal_kind is GoalKind.NONE
     arm.cycle()
     assert arm.snapshot.goal_kind is kind
-    put_goal(getattr(boxes, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
+    write_goal(getattr(boxes, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
     arm.run(0.2)
     assert arm.robot.arm.planned[6] > start[6] + 0.02

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from math import nan
 from pathlib import Path
 from queue import Queue
 
@@ -14,7 +15,7 @@ import pytest
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import SystemClock
-from yumi.control.commands import put_goal
+from yumi.control.commands import SessionGoal, write_goal
 from yumi.control.cycle import Cycle
 from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
@@ -28,7 +29,7 @@ from yumi.egm.udp import free_port
 from yumi.process.pipe import ChildProcess, PipeEnd
 from yumi.recording.mcap import Recording, read_recording
 from yumi.recording.recorder import Records
-from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Joints, Side, joints
+from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time
 
@@ -47,7 +48,7 @@ def stop_rapid(system: System) -> None:
 
 def break_controller(system: System) -> None:
     arm = system.arms[RIGHT]
-    arm.goals.put((float(arm.snapshot.session),))  # a goal without positions
+    arm.goals.write(SessionGoal(arm.snapshot.session, nan, (), ZERO))  # type: ignore[arg-type]  # without positions
 
 
 @pytest.fixture
@@ -133,7 +134,7 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
         control.call(Commands.switch_controllers, RIGHT, (POSITION,))
-        put_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
+        write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
         for seqno in range(1, 6):
             robot.exchange(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
     while not is_fault(event := events.get(timeout=5.0)):

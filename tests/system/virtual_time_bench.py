@@ -7,14 +7,14 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import Guard, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup
@@ -42,9 +42,9 @@ class DriverArm:
     """One arm of the fast line on a wire in memory."""
 
     def __init__(self, side: Side, link: MemoryLink) -> None:
-        self.goals = MemoryMailbox()
-        self.speed_scale = MemoryMailbox()
-        self.snapshots = MemoryMailbox()
+        self.goals = MemoryBuffer()
+        self.speed_scale = MemoryBuffer()
+        self.snapshots = MemoryBuffer()
         self.admitted: list[Joints] = []
         self.measured: list[Joints] = []
         self.events: list[Event] = []
@@ -78,13 +78,13 @@ class DriverArm:
 
     @property
     def snapshot(self) -> Snapshot:
-        return peek_snapshot(self.snapshots)
+        return read_snapshot(self.snapshots)
 
     def activate(self) -> None:
         self.line.manager.switch([CONTROLLER], [], self.line.state)
 
     def go(self, goal: Joints) -> None:
-        put_goal(self.goals, self.snapshot.session, goal)
+        write_goal(self.goals, self.snapshot.session, goal)
 
 
 class MemoryControl:
@@ -155,11 +155,11 @@ class System(ManualClock):
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
-        self.fast_lines = MemoryControl(self.arms, self)
+        self.control = MemoryControl(self.arms, self)
         boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
-        speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
+        speed = SpeedSetting(1.0, boxes, lambda side: self.control.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
-        self.manager = RobotManager(self.bringup, self.fast_lines, self)
+        self.manager = RobotManager(self.bringup, self.control, self)
         self.manager.grippers = tuple(self.grippers.values())
 
     def wait(self, seconds: float) -> None:

@@ -20,7 +20,7 @@ from typing import Any, Protocol, SupportsFloat
 
 from yumi.api.joints import in_chain_order
 from yumi.clock import Clock
-from yumi.control.commands import Mailbox, check_position, put_goal
+from yumi.control.commands import GoalBuffer, check_position, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.control.events import (
@@ -235,7 +235,7 @@ class Guidance:
     def __init__(
         self,
         control: ArmControl,
-        goals: Mapping[Side, Mailbox],
+        goals: Mapping[Side, GoalBuffer],
         book: MotionBook,
         arms: tuple[Side, ...],
         limits: JointLimits,
@@ -340,7 +340,7 @@ class Guidance:
             self._take_over(side, STREAM_CONTROLLER)
             snapshot = self._control.snapshot(side)
             self._streaming[side] = (snapshot.session, snapshot.activation)
-        put_goal(self._goals[side], snapshot.session, checked)
+        write_goal(self._goals[side], snapshot.session, checked)
 
     def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...]) -> ArmPlan:
         return plan_trajectory(JointTrajectory(joint_names(side), points), (side,), self._limits)[side]

@@ -23,7 +23,7 @@ from yumi.settings import Parameter, Value, Values
 class Controller(ABC):
     """One controller of one arm.
 
-    The controller manager calls everything here, between two cycles or inside one, always from the fast line.
+    The controller manager calls everything here, between two cycles or inside one, always in the control process.
 
     Attributes:
         kind: the type string of ros2_control, ``package/Class``.

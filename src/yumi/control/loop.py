@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import dist, inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
@@ -27,7 +27,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Guard, SpeedScale
-from yumi.control.shared_state import CAUSES, Problem, Snapshot, put_snapshot
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StationClock
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
@@ -67,7 +67,7 @@ class ArmLoop:
         arm: ArmPort,
         manager: ControllerManager,
         guard: Guard,
-        snapshots: Mailbox,
+        snapshots: Buffer[Snapshot],
         recorder: FlightRecorder | None = None,
         stations: StationClock | None = None,
         period: float = CYCLE,
@@ -238,8 +238,7 @@ class ArmLoop:
         """Write the snapshot of the arm as it is at ``now``."""
         wire, guard, last = self._arm.wire_counters(), self._guard.counters, self._last
         reference = self.manager.reference
-        put_snapshot(
-            self._snapshots,
+        self._snapshots.write(
             Snapshot(
                 time=now,
                 session=wire.session,

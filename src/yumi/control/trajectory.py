@@ -1,7 +1,7 @@
 """Trajectories as they are asked for, checked, and as one arm can follow them.
 
 Everything that can be checked without the arm is checked here, by whoever takes the trajectory from the outside; the
-splines are calculated here, too, so that nothing of it costs the fast line time.
+splines are calculated here, too, so that nothing of it costs the control loop time.
 
 Splines through the points of a trajectory: coefficients once, a few multiplications in each cycle.
 

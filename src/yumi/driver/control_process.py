@@ -20,20 +20,20 @@ from threading import Lock
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.clock import Clock, SystemClock
-from yumi.control.commands import GOAL_SIZE
+from yumi.control.commands import SessionGoal
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, name_the_arm, serve
 from yumi.control.shared_state import (
-    FEEDBACK_SIZE,
-    SNAPSHOT_SIZE,
-    Bell,
+    CycleEvent,
+    Factor,
+    JointStates,
+    SharedBuffer,
     SharedHistory,
-    SharedMailbox,
     Snapshot,
-    new_bell,
-    peek_snapshot,
-    put_snapshot,
+    TrajectoryFeedback,
+    new_event,
+    read_snapshot,
     shared_numbers,
 )
 from yumi.egm.udp import HasFileno, Poller
@@ -41,7 +41,7 @@ from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.process.realtime import AwakeProcessors, prepare_process
 from yumi.process.supervision import Failures, SupervisedThread
-from yumi.robot.joints import JOINT_COUNT, Side
+from yumi.robot.joints import Side
 
 POLL_PERIOD = 0.010
 """How often the robot's timeout is checked when nothing arrives [s]."""
@@ -91,18 +91,18 @@ class ArmBuffers:
     """
 
     def __init__(self) -> None:
-        self.states = SharedHistory(1 + 2 * JOINT_COUNT, _STATES)
-        self.snapshots = SharedMailbox(SNAPSHOT_SIZE)
-        self.goals = SharedMailbox(GOAL_SIZE)
-        self.speeds = SharedMailbox(GOAL_SIZE)
-        self.forward_positions = SharedMailbox(GOAL_SIZE)
-        self.forward_speeds = SharedMailbox(GOAL_SIZE)
-        self.trajectory = SharedMailbox(FEEDBACK_SIZE)
-        self.dual_trajectory = SharedMailbox(FEEDBACK_SIZE)
-        self.point_goals = SharedMailbox(GOAL_SIZE)
-        self.speed_scale = SharedMailbox(1)
+        self.states = SharedHistory(JointStates, _STATES)
+        self.snapshots = SharedBuffer(Snapshot)
+        self.goals = SharedBuffer(SessionGoal)
+        self.speeds = SharedBuffer(SessionGoal)
+        self.forward_positions = SharedBuffer(SessionGoal)
+        self.forward_speeds = SharedBuffer(SessionGoal)
+        self.trajectory = SharedBuffer(TrajectoryFeedback)
+        self.dual_trajectory = SharedBuffer(TrajectoryFeedback)
+        self.point_goals = SharedBuffer(SessionGoal)
+        self.speed_scale = SharedBuffer(Factor)
         self.flight = shared_numbers(FLIGHT_SIZE)
-        self.cycle_done: Bell = new_bell()
+        self.cycle_done = new_event()
 
 
 class ConnectedArm(NamedTuple):
@@ -185,7 +185,7 @@ class ControlServer:
         self,
         pipe: PipeEnd,
         arms: Mapping[Side, ConnectedArm],
-        cycle_done: Mapping[Side, Bell],
+        cycle_done: Mapping[Side, CycleEvent],
         clock: Clock,
         processors: AwakeProcessors | None = None,
     ) -> None:
@@ -389,7 +389,7 @@ class ControlProcess:
             return False
         self._join()
         for buffers in self.buffers.values():
-            put_snapshot(buffers.snapshots, Snapshot())  # what its predecessor knew is history
+            buffers.snapshots.write(Snapshot())  # what its predecessor knew is history
         self._child, self._reader = self._new_child()
         self._begin()
         return True
@@ -398,7 +398,7 @@ class ControlProcess:
         """What is known of an arm; nothing when the process is gone, nothing of its motion when it stands still."""
         if not self._is_alive:
             return Snapshot()
-        snapshot = peek_snapshot(self.buffers[side].snapshots)
+        snapshot = read_snapshot(self.buffers[side].snapshots)
         if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE:
             return replace(snapshot, is_streaming=False, is_running=False, activation=0)
         return snapshot

@@ -122,7 +122,7 @@ class RobotManager:
         return self.watch.state() if self.watch.is_running else self.watch.look()
 
     def note(self, event: Event) -> None:
-        """Take note of what a fast line tells."""
+        """Take note of what the control process reports."""
         self._guidance.note(event)
         if isinstance(event, SessionLost) and event.deactivated:
             self._lost_link.add(event.side)

@@ -4,13 +4,13 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, hands, robot-watch, watchdog, fast-line-events (two),
+                                            joint-states-l, hands, robot-watch, watchdog, control-events,
                                             automatic-recovery (recovery.automatic), all of them supervised
-                                            (links/supervision.py);
+                                            (process/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
-                     process 2, 3  the fast lines: one arm's cycles each, one thread
+                     process 2     the control process: the cycles of both arms, one thread
 
 The controllers an arm starts with: loaded, given their parameters and led to their initial states.
 """

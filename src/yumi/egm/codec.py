@@ -1,11 +1,11 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
-Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The fast line has
-a leaner codec, see :mod:`yumi.egm.codec`.
+Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop
+has a leaner codec, :class:`JointCodec`.
 
 The parts of EGM's messages between protobuf and SI values: joints, poses, clocks, forces, data of the program.
 
-The fast line's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
+The control loop's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
 
 It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
 behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always has

@@ -145,7 +145,7 @@ class RobotMessage:
 
 
 class JointReport(NamedTuple):
-    """What the fast line reads of a seven-axis arm's :class:`RobotMessage`; a tuple, since that is made fastest.
+    """What the control loop reads of a seven-axis arm's :class:`RobotMessage`; a tuple, since that is made fastest.
 
     Attributes:
         seqno: counts datagrams; a session starts at 0.

@@ -27,16 +27,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from yumi.clock import Clock
-from yumi.control.commands import GoalKind, Mailbox, put_goal, put_speeds
+from yumi.control.commands import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.loop import Commands
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
 from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import robot_description
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, Side, finger_names, joint_names
+from yumi.robot.joints import ZERO, JointLimits, Joints, Side, finger_names, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
@@ -81,7 +81,7 @@ class CommandTopic(ABC):
         self,
         node: Any,
         side: Side,
-        box: Mailbox,
+        box: GoalBuffer,
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float] = lambda: nan,
     ) -> None:
@@ -165,7 +165,7 @@ class JointCommandTopic(CommandTopic):
             raise CommandRefused(f"Goal refused: the {self._side.word} arm has no reference yet; send the goal again.")
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
         goal = goal_of(message, self._side, base)
-        put_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
+        write_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
         self._goal = goal
 
 
@@ -176,7 +176,7 @@ class JointVelocityTopic(CommandTopic):
     kind, taker = GoalKind.VELOCITY, "velocity controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        put_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
+        write_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
 
 
 class ForwardTopic(CommandTopic):
@@ -199,7 +199,7 @@ class ForwardTopic(CommandTopic):
         self,
         node: Any,
         side: Side,
-        boxes: tuple[Mailbox, Mailbox],
+        boxes: tuple[GoalBuffer, GoalBuffer],
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float],
         controller: str,
@@ -218,9 +218,9 @@ class ForwardTopic(CommandTopic):
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         self._check_active(snapshot.activation)
         if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
-            put_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
+            write_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
         else:
-            put_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
+            write_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
 
     def on_event(self, event: object) -> None:
         """A forward controller has no events."""
@@ -270,16 +270,15 @@ class JointStatePublisher:
         while not self._is_over.is_set():
             if not self._boxes.cycle_done.acquire(timeout=_POLL):
                 continue
-            for number, values in self._boxes.states.since(last):
+            for number, state in self._boxes.states.since(last):
                 last = number
                 try:
-                    self._publish(values)
+                    self._publish(state)
                 except Exception as error:  # of the middleware, such as after the clock was set: the next one may go
                     self._failures.note(f"Publishing {self._topic}", error)
 
-    def _publish(self, values: tuple[float, ...]) -> None:
-        time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]
-        self._publisher.publish(joint_state(self._names, position, velocity, self._stamps.at(time)))
+    def _publish(self, state: JointStates) -> None:
+        self._publisher.publish(joint_state(self._names, state.position, state.velocity, self._stamps.at(state.time)))
 
 
 class MergedJointStates:
@@ -318,12 +317,12 @@ class MergedJointStates:
         velocity: list[float] = []
         oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
-            newest = boxes.states.peek()
-            if newest is not None and now - newest[1][0] < STALE:
-                oldest = min(oldest, newest[1][0])
+            newest = boxes.states.read()
+            if newest is not None and now - newest[1].time < STALE:
+                oldest = min(oldest, newest[1].time)
                 names += joint_names(side)
-                position += newest[1][1 : 1 + JOINT_COUNT]
-                velocity += newest[1][1 + JOINT_COUNT :]
+                position += newest[1].position
+                velocity += newest[1].velocity
         for side, (place, speed) in self._fingers().items():
             names += finger_names(side)
             position += (place, place)

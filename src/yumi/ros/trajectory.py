@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     DualArmTrajectoryController,
@@ -37,7 +37,7 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
@@ -58,7 +58,7 @@ class TrajectoryQuery:
     time is before the first point, to which the controller plans the way itself, or after the last.
     """
 
-    def __init__(self, node: Any, feedback: Mapping[Side, Mailbox], clock: Clock) -> None:
+    def __init__(self, node: Any, feedback: Mapping[Side, Buffer[TrajectoryFeedback]], clock: Clock) -> None:
         self._ros_clock = node.get_clock()
         self._feedback = feedback
         self._clock = clock
@@ -76,7 +76,7 @@ class TrajectoryQuery:
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        newest = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        newest = {side: box.read() for side, box in self._feedback.items()}
         feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
         now = self._clock.now()
         if len(feedbacks) < len(newest) or any(now - each.time > _FRESH for each in feedbacks.values()):
@@ -168,7 +168,7 @@ class TrajectoryAction:
         self,
         node: Any,
         name: str,
-        feedback: Mapping[Side, Mailbox],
+        feedback: Mapping[Side, Buffer[TrajectoryFeedback]],
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,
@@ -350,7 +350,7 @@ class TrajectoryAction:
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        newest = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        newest = {side: box.read() for side, box in self._feedback.items()}
         news = {side: each for side, each in newest.items() if each and each[0] != self._seen[side]}
         if len(news) < len(newest):
             return
@@ -380,8 +380,8 @@ class TrajectoryControllers:
     def __init__(
         self,
         dual_node: Any,
-        single: Mapping[Side, Mailbox],
-        dual: Mapping[Side, Mailbox],
+        single: Mapping[Side, Buffer[TrajectoryFeedback]],
+        dual: Mapping[Side, Buffer[TrajectoryFeedback]],
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance, MotionBook
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import ControllerInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
 from yumi.control.events import (
@@ -77,7 +77,7 @@ class FakeRobot:
 
     def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
         self.control = FakeControl()
-        self.goals = {side: MemoryMailbox() for side in Side}
+        self.goals = {side: MemoryBuffer() for side in Side}
         self.book = MotionBook()
         self.guidance = Guidance(self.control, self.goals, self.book, arms, YUMI_LIMITS, ManualClock(100.0))
 

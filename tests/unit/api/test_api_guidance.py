@@ -8,7 +8,7 @@ import pytest
 from fake_robot import FakeRobot, Switch
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
-from yumi.control.commands import UNKNOWN, Goal, peek_goal
+from yumi.control.commands import UNKNOWN, Goal, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import (
@@ -208,7 +208,7 @@ def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None
     for _ in range(3):
         robot.guidance.stream(Side.RIGHT, RIGHT)
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
-    assert peek_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:

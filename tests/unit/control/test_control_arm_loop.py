@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
@@ -17,7 +17,7 @@ from yumi.control.events import (
 )
 from yumi.control.limiter import Guard
 from yumi.control.loop import ArmLoop, Commands
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 
@@ -72,12 +72,12 @@ def arm() -> ScriptedArm:
 
 
 @pytest.fixture
-def snapshots() -> MemoryMailbox:
-    return MemoryMailbox()
+def snapshots() -> MemoryBuffer:
+    return MemoryBuffer()
 
 
 @pytest.fixture
-def loop(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLoop:
+def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
@@ -106,26 +106,26 @@ def test_loop_answers_the_first_datagram_with_the_measured_position(
 
 
 def test_loop_publishes_a_snapshot_after_each_reply(
-    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
 ) -> None:
     feed(loop, arm, middle)
-    snapshot = peek_snapshot(snapshots)
+    snapshot = read_snapshot(snapshots)
     assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
     assert snapshot.reference is None
 
 
 def test_loop_shows_a_switch_in_the_snapshot_at_once(
-    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
 ) -> None:
     feed(loop, arm, middle)
     Commands({Side.LEFT: loop}, lambda: 1.001).switch_controllers(Side.LEFT, ["pusher"])
-    assert peek_snapshot(snapshots).is_commanded
+    assert read_snapshot(snapshots).is_commanded
     Commands({Side.LEFT: loop}, lambda: 1.002).switch_controllers(Side.LEFT, [], ["pusher"])
-    assert not peek_snapshot(snapshots).is_commanded
+    assert not read_snapshot(snapshots).is_commanded
 
 
 def test_loop_deactivates_controllers_when_the_robot_falls_silent(
-    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
 ) -> None:
     feed(loop, arm, middle)
     loop.manager.switch(["pusher"], [], loop.state)
@@ -138,7 +138,7 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
         "Left arm: EGM feedback lost, the robot has been silent for 62 ms; pusher deactivated. "
         "Call start_egm when the controller is back."
     )
-    assert peek_snapshot(snapshots) == Snapshot(
+    assert read_snapshot(snapshots) == Snapshot(
         time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
     )
 
@@ -155,15 +155,15 @@ def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: S
 
 
 def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
-    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer
 ) -> None:
     arm.foreign = 7
     loop.watch_silence(1.0)
-    assert peek_snapshot(snapshots).foreign == 7
+    assert read_snapshot(snapshots).foreign == 7
 
 
 def test_loop_bears_an_interruption_and_goes_on(
-    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryMailbox, middle: Joints
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
 ) -> None:
     feed(loop, arm, middle)
     Commands({Side.LEFT: loop}, lambda: 1.0).switch_controllers(Side.LEFT, ["pusher"])
@@ -171,11 +171,11 @@ def test_loop_bears_an_interruption_and_goes_on(
     arm.age = 0.021
     for now in (1.021, 1.03, 1.04):
         loop.watch_silence(now)
-    snapshot = peek_snapshot(snapshots)
+    snapshot = read_snapshot(snapshots)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.interruptions) == (False, True, 1)
     feed(loop, arm, middle)
-    assert peek_snapshot(snapshots).is_streaming
-    assert peek_snapshot(snapshots).is_commanded
+    assert read_snapshot(snapshots).is_streaming
+    assert read_snapshot(snapshots).is_commanded
     assert loop.take_events() == ()
 
 

@@ -7,7 +7,7 @@ from math import nan, radians
 
 import pytest
 
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
@@ -25,7 +25,7 @@ class GuidedArm:
     """A controller and an arm that is one cycle behind what it is told; ``stuck`` holds it fast."""
 
     def __init__(self) -> None:
-        self.goals = MemoryMailbox()
+        self.goals = MemoryBuffer()
         self.controller = JointGoalController(self.goals)
         self.told: list[ArmCommand] = []
         self.notices: list[object] = []
@@ -218,19 +218,19 @@ def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm)
 
 def test_goal_controller_takes_goals_from_its_mailbox(arm: GuidedArm) -> None:
     goal = moved(HOME, 5.0)
-    put_goal(arm.goals, 1, goal)
+    write_goal(arm.goals, 1, goal)
     arm.run(2.0)
     assert arm.state.position == goal
 
 
 def test_goal_controller_ignores_goals_of_another_session(arm: GuidedArm) -> None:
-    put_goal(arm.goals, 2, moved(HOME, 5.0))
+    write_goal(arm.goals, 2, moved(HOME, 5.0))
     arm.run(1.0)
     assert arm.state.position == HOME
 
 
 def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: GuidedArm) -> None:
-    put_goal(arm.goals, 1, (4.0, *HOME[1:]))
+    write_goal(arm.goals, 1, (4.0, *HOME[1:]))
     arm.run(0.1)
     assert arm.notices == [
         GoalEnded(0, GoalOutcome.ABORTED, "Goal refused: axis 1 is 229.2°; its range is -168.5° to 168.5°.")

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.events import FeedbackDoubted
 from yumi.control.loop import name_the_arm
-from yumi.control.shared_state import Problem, Snapshot, peek_snapshot, put_snapshot
+from yumi.control.shared_state import Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side
 
 LEFT: Joints = (0.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
@@ -25,7 +25,7 @@ def test_doubted_position_that_is_the_other_arms_is_reported_as_such(position: J
 
 
 def test_snapshot_passes_the_problem_on() -> None:
-    box = MemoryMailbox()
+    box = MemoryBuffer()
     told = Snapshot(implausible=3, problem=Problem.NOT_FOLLOWING, interruptions=2, drift_ppm=1.5)
-    put_snapshot(box, told)
-    assert peek_snapshot(box) == told
+    box.write(told)
+    assert read_snapshot(box) == told

@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.events import ControllerReport
 from yumi.control.limiter import Guard
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.arm import PerfectArm
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
@@ -24,7 +24,7 @@ class Arms:
 
     def __init__(self) -> None:
         self.doubles = {side: Double() for side in Side}
-        self.buffers = {side: MemoryMailbox() for side in Side}
+        self.buffers = {side: MemoryBuffer() for side in Side}
         self.loops = {side: self._loop(side) for side in Side}
         self.commands = Commands(self.loops, lambda: 5.0)
 
@@ -44,7 +44,7 @@ class Arms:
         return str(refused.value)
 
     def snapshot(self, side: Side) -> Snapshot:
-        return peek_snapshot(self.buffers[side])
+        return read_snapshot(self.buffers[side])
 
     def state(self, side: Side, name: str) -> State:
         return next(info.state for info in self.call(Commands.list_controllers, side) if info.name == name)

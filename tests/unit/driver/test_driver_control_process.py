@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event
-from yumi.control.shared_state import Snapshot, put_snapshot
+from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
 from yumi.driver.control_process import STALE, ControlProcess
 from yumi.process.pipe import PipeClosed
@@ -94,7 +94,7 @@ def test_process_that_stands_still_does_not_count_as_running(
     age: float, is_known: bool, control: ControlProcess
 ) -> None:
     made = Snapshot(time.monotonic() - age, session=3, is_streaming=True, is_running=True, activation=7)
-    put_snapshot(control.buffers[LEFT].snapshots, made)
+    control.buffers[LEFT].snapshots.write(made)
     snapshot = control.snapshot(LEFT)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3
     assert snapshot.session == 3

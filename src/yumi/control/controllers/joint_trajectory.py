@@ -22,11 +22,11 @@ from enum import Enum, auto
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, stop
-from yumi.control.shared_state import Skew, TrajectoryFeedback, put_feedback
+from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
     ArmPlan,
     Pieces,
@@ -417,7 +417,7 @@ class JointTrajectoryController(Controller):
     def __init__(
         self,
         side: Side,
-        feedback: Mailbox,
+        feedback: Buffer[TrajectoryFeedback],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
     ) -> None:
@@ -660,11 +660,10 @@ class JointTrajectoryController(Controller):
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
             velocity = _scaled(velocity, self._pace)
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
-        put_feedback(
-            self._feedback,
+        self._feedback.write(
             TrajectoryFeedback(
-                number, state.time, time, self._pace, skew, desired, velocity, state.position, state.velocity
-            ),
+                number, state.time, time, self._pace, *skew, desired, velocity, state.position, state.velocity
+            )
         )
 
 
@@ -692,7 +691,7 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def __init__(
         self,
         side: Side,
-        feedback: Mailbox,
+        feedback: Buffer[TrajectoryFeedback],
         halves: dict[Side, DualArmTrajectoryController],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
