@@ -232,7 +232,7 @@ def test_refused_parameter_changes_nothing_and_says_why(
         ("joints", ParameterType.PARAMETER_STRING_ARRAY, "Which joints.", "only while the controller is unconfigured"),
     ],
 )
-def test_parameter_tells_type_unit_and_rule(
+def test_parameter_reports_type_unit_and_rule(
     watcher: Watcher, manager: Manager, name: str, type_: int, description: str, constraints: str
 ) -> None:
     request = DescribeParameters.Request(names=[name])

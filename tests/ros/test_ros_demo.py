@@ -70,7 +70,7 @@ def test_yes_that_was_typed_before_the_question_confirms_nothing(terminal: Calla
     assert screen_on(io.StringIO()).confirm("It stands.", lambda: terminal("no")) is False
 
 
-def test_nobody_is_asked_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_question_is_asked_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
     assert screen_on(io.StringIO()).confirm("It stands.", lambda: None) is False
 

@@ -164,7 +164,7 @@ def test_gripper_refuses_what_it_cannot_do(client: Client, position: float, effo
     action.destroy()
 
 
-def test_fingers_are_told_while_they_move_and_egm_runs(egm_running: Client) -> None:
+def test_fingers_are_reported_while_they_move_and_egm_runs(egm_running: Client) -> None:
     """Twenty times a second; a slow machine may miss some of them."""
     states: list[Any] = []
     egm_running.node.create_subscription(JointState, "r/gripper/joint_states", states.append, 100)
@@ -186,7 +186,7 @@ def grip(client: Client, side: Side, position: float) -> Any:
     return ended.result()
 
 
-def test_vacuum_that_the_hand_does_not_have_is_refused(client: Client) -> None:
+def test_vacuum_that_the_gripper_does_not_have_is_refused(client: Client) -> None:
     answer = client.call(SetBool, "r/gripper/vacuum_1", SetBool.Request(data=True))
     assert (answer.success, answer.message) == (
         False,

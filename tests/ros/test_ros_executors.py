@@ -47,7 +47,7 @@ def family(ros: None) -> Iterator[Family]:
     family.close()
 
 
-def test_a_failed_callback_is_told_though_no_other_one_comes(family: Family) -> None:
+def test_a_failed_callback_is_reported_though_no_other_one_comes(family: Family) -> None:
     may_fail = Event()
 
     def fail() -> None:
@@ -76,7 +76,7 @@ def test_a_family_that_waits_keeps_no_other_one_waiting(family: Family) -> None:
     other.close()
 
 
-def test_a_callback_that_always_fails_is_told_less_and_less(family: Family) -> None:
+def test_a_callback_that_always_fails_is_reported_less_and_less(family: Family) -> None:
     count, has_failed = 200, Event()
     calls: list[None] = []
 

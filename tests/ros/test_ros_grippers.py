@@ -204,7 +204,7 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
         (JointState(position=[nan]), "position nan m is out of range"),
     ],
 )
-def test_goal_that_no_hand_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
+def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
     assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
     hand.client.until(hand.client.hears(sentence))
     assert hand.robot.reading(Side.LEFT).position == TRAVEL
@@ -235,7 +235,7 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
     assert hand.robot.reading(Side.LEFT).position > 0.02
 
 
-def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
+def test_gripper_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.trigger("jog_close").message == "The fingers close until stop is called."
     hand.robot.wait(1.0)
     assert hand.trigger("stop").success
@@ -244,7 +244,7 @@ def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.robot.reading(Side.LEFT).position == 0.0
 
 
-def test_object_that_is_lost_is_told_and_the_hand_goes_on(hand: Hand) -> None:
+def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> None:
     states = hand.hear(JointState, "joint_states")
     hand.virtual.workpiece = Workpiece(0.02)
     assert hand.result(hand.command(0.0, 9.0)).result.effort == 9.0
@@ -292,7 +292,7 @@ def test_vacuum_picks_an_object_and_loses_it(hand: Hand) -> None:
     assert hand.switch("blow_1", is_on=False).success
 
 
-def test_vacuum_that_the_hand_does_not_have_is_refused(hand: Hand) -> None:
+def test_vacuum_that_the_gripper_does_not_have_is_refused(hand: Hand) -> None:
     answer = hand.switch("vacuum_2", is_on=True)
     assert not answer.success
     assert answer.message == (

@@ -30,7 +30,7 @@ def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:
 
 
 @pytest.mark.parametrize(("state", "number"), [(state, number) for number, state in enumerate(State, start=1)])
-def test_state_is_told_by_id_and_label_and_found_by_either(state: State, number: int) -> None:
+def test_state_is_reported_by_id_and_label_and_found_by_either(state: State, number: int) -> None:
     told = messages.lifecycle_state(state)
     assert (told.id, told.label) == (number, state.value)
     assert messages.state_of(told) is state
@@ -46,7 +46,7 @@ def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
 
 
 @pytest.mark.parametrize("state", list(State))
-def test_controller_tells_what_it_requires_only_once_it_is_configured(state: State) -> None:
+def test_controller_reports_what_it_requires_only_once_it_is_configured(state: State) -> None:
     info = ControllerInfo("one", "tests/One", state, ("a/position",), (), ("a/velocity",))
     told = messages.controller_state(info, 248)
     wanted = ["a/position"] if state in {State.INACTIVE, State.ACTIVE} else []

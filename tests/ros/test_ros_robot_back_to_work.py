@@ -102,7 +102,7 @@ def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotMan
     assert told == "ready"
 
 
-def test_one_arm_is_guided_alone_and_then_both_and_then_none(manager: RobotManagerClient) -> None:
+def test_one_arm_is_under_egm_alone_and_then_both_and_then_none(manager: RobotManagerClient) -> None:
     steps: list[str] = []
     manager.set_mode(Mode.EGM_LEFT, steps.append)
     state = manager.wait_for_state(lambda state: state.left_egm == "running", 5.0, "EGM on the left arm")
@@ -236,7 +236,7 @@ def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms
 
 
 @pytest.mark.usefixtures("short_task")
-def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
+def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
     driver: Command, robot: Robot, manager: RobotManagerClient, spinner: Spinner
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})

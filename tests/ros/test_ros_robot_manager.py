@@ -87,7 +87,7 @@ def parameter_of(rig: RobotManagerRig) -> float:
     return float(rig.client.call(GetParameters, "yumi_robot_manager/get_parameters", request).values[0].double_value)
 
 
-def test_speed_scale_is_set_by_a_service_and_told_by_the_parameter(rig: RobotManagerRig) -> None:
+def test_speed_scale_is_set_by_a_service_and_reported_by_the_parameter(rig: RobotManagerRig) -> None:
     assert parameter_of(rig) == rig.speed.value
     answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.25)
     assert answer.success
@@ -146,7 +146,7 @@ def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotMana
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_set_mode_tells_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
+def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
     status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")

@@ -120,7 +120,7 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
     assert noticed < NOTICED
 
 
-def test_short_silence_of_the_network_needs_nobody(stage: Stage) -> None:
+def test_short_silence_of_the_network_needs_no_person(stage: Stage) -> None:
     with stage.scene(SHORT):
         listener, before = stage.application.listener, dict(stage.application.listener.interruptions)
         stage.happen(Fault.EGM_SILENCE, duration=0.05)
@@ -148,7 +148,7 @@ def test_robot_is_recovered_as_soon_as_web_services_answer_again(stage: Stage) -
         stage.reach_new_goals()
 
 
-def test_object_that_is_lost_is_told_and_the_hand_grips_again(stage: Stage) -> None:
+def test_object_that_is_lost_is_reported_and_the_gripper_grips_again(stage: Stage) -> None:
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(LOST):
         gripper.begin(TRAVEL)()
@@ -183,7 +183,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
     ],
     ids=["speed-ratio", "start-signal"],
 )
-def test_what_another_program_changes_is_told(
+def test_what_another_program_changes_is_reported(
     stage: Stage, change: Callable[[RwsClient], None], says: str, request: pytest.FixtureRequest
 ) -> None:
     stage.application.manager.stop_egm()
@@ -195,7 +195,7 @@ def test_what_another_program_changes_is_told(
     assert noticed < NOTICED
 
 
-def test_hands_grip_while_the_arms_move(stage: Stage) -> None:
+def test_grippers_grip_while_the_arms_move(stage: Stage) -> None:
     with stage.scene(ALONE) as goals:
         stage.reach(goals)
     with stage.scene(BESIDE) as goals:
