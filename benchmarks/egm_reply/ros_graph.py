@@ -117,7 +117,7 @@ def main() -> None:
     absent = AbsentRobot()
     grippers = GripperParts(dict.fromkeys(Side, absent), absent, settings.gripper)
     rate = settings.ros.merged_rate
-    driver = RosDriver(line.lines, plan.controllers, absent, grippers, rate, SystemClock(), plan.limits)
+    driver = RosDriver(line.control, plan.controllers, absent, grippers, rate, SystemClock(), plan.limits)
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None

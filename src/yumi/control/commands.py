@@ -16,7 +16,7 @@ V = TypeVar("V")
 
 
 class Buffer(Protocol[V]):
-    """The latest value of one kind; one side writes, any side reads, nobody waits."""
+    """The latest value of one kind; one side writes, any side reads, neither waits."""
 
     def write(self, value: V) -> None:
         """Replace the value."""
@@ -54,7 +54,7 @@ class GoalKind(IntFlag):
 
 
 class Goal(NamedTuple):
-    """What the joints shall do.
+    """What the joints are to do.
 
     Attributes:
         position: positions [rad], (7,); NaN in a goal of speeds.

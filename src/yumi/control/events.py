@@ -15,7 +15,7 @@ class SessionStarted:
 
     Attributes:
         session: its number.
-        deactivated: controllers that commanded the arm in the session before, which nobody has seen end.
+        deactivated: controllers that commanded the arm in the session before, whose end was not seen.
     """
 
     side: Side
@@ -136,7 +136,7 @@ class FeedbackDoubted:
 
 @dataclass(frozen=True, slots=True)
 class RobotDoesNotFollow:
-    """The robot plans to stand although it is told to move.
+    """The robot plans to stand although it is commanded to move.
 
     Attributes:
         deactivated: controllers that commanded the arm until then.
@@ -194,7 +194,7 @@ class ControllerReport:
 
 @dataclass(frozen=True, slots=True)
 class CycleFailed:
-    """A cycle could not be completed; told at most every few seconds."""
+    """A cycle could not be completed; reported at most every few seconds."""
 
     side: Side
     sentence: str

@@ -55,7 +55,7 @@ class ArmLoop:
         manager: its controllers.
         guard: what its commands must pass.
         snapshots: where the outside world looks.
-        recorder: what remembers the cycles; without one it has its own, which nobody reads.
+        recorder: what remembers the cycles; without one it has its own.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
@@ -105,9 +105,9 @@ class ArmLoop:
 
     @property
     def is_still(self) -> bool:
-        """Whether the arm stands and is told to, or cannot be heard any more.
+        """Whether the arm stands and is commanded to, or is not heard any more.
 
-        What is measured alone would not tell: it is behind the command, and the last command stays in force.
+        The measured position alone does not show it: it is behind the command, and the last command stays in force.
         """
         if self._last is None:
             return True
@@ -290,11 +290,11 @@ class ControllerCommand:
 class Commands:
     """Everything that can be asked of the control loop, served between two cycles: each method is one command.
 
-    Whoever commands from another process names the method, see :class:`CommandPort`.
+    Another process names the method, see :class:`CommandPort`.
 
     Args:
         arms: the arms of the loop.
-        now: tells the time [s].
+        now: the time [s].
     """
 
     def __init__(self, arms: Mapping[Side, ArmLoop], now: Callable[[], float]) -> None:

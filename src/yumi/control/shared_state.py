@@ -29,7 +29,7 @@ from yumi.robot.joints import JOINT_COUNT, ZERO, Joints
 class Problem(IntEnum):
     """Why an arm holds whatever it is asked to do.
 
-    NOT_FOLLOWING: the robot plans to stand although it is told to move.
+    NOT_FOLLOWING: the robot plans to stand although it is commanded to move.
     IMPLAUSIBLE: it reports positions that the arm cannot have reached.
     """
 
@@ -340,7 +340,7 @@ class Skew(NamedTuple):
 
     Attributes:
         start: between their first cycles [s].
-        worst: largest difference of where they were told to be on it [s].
+        worst: largest difference of where they were commanded to be on it [s].
     """
 
     start: float = 0.0
@@ -351,7 +351,7 @@ class TrajectoryFeedback(NamedTuple):
     """One look at an arm that a trajectory controller commands.
 
     Attributes:
-        goal: number of the order it follows, 0 while it holds.
+        goal: number of the command it follows, 0 while it holds.
         time: of the state, on the machine's monotonic clock [s].
         progress: the desired time on the trajectory [s].
         scale: how fast time goes by on the trajectory.

@@ -1,4 +1,4 @@
-"""The setting ``speed_scale``: what was asked for, what each arm's control loop is told, and the robot's own limit."""
+"""The setting ``speed_scale``: what was asked for, what each arm's control loop uses, and the robot's own limit."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ LOWEST = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
 
 FIRST_CONTACT = 0.1
-"""What holds at a robot that is not on this machine, until somebody raises it."""
+"""What holds at a robot that is not on this machine, until it is raised."""
 
 
 class SpeedSetting:
     """The factor on the speed of every controller of both arms.
 
     The robot's own limit, EGM's MaxSpeedDeviation, is lowered with it when EGM starts, and cannot be changed before the
-    next start; until then an arm is told no more than what it was started with. Safe from any thread.
+    next start; until then an arm gets no more than what it was started with. Safe from any thread.
 
     Args:
         value: to begin with.

@@ -64,7 +64,7 @@ def start_controllers(
     """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
 
     Raises:
-        SettingsError: a type is unknown, a parameter not allowed or known to nobody, or a state cannot be reached.
+        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
     """
     started = tuple(_start(manager, settings) for settings in controllers)
     _check_general(controllers, started)
@@ -116,7 +116,7 @@ def _commands(manager: ControllerManager, name: str) -> bool:
 
 
 def _check_general(controllers: Sequence[ControllerSettings], started: Sequence[ControllerSettings]) -> None:
-    """What stands under a wildcard must be for somebody: another mistyped word would pass in silence."""
+    """What stands under a wildcard must be for a controller: a mistyped word would pass unseen."""
     taken = {entry.place for settings in started for entry in settings.entries.values()}
     for settings in controllers:
         for key, entry in settings.entries.items():
@@ -325,13 +325,13 @@ def make_parts(
     """The parts for the robot of ``settings``.
 
     Args:
-        settings: where it is, and how it shall move.
+        settings: where it is, and how it moves.
         controllers: what runs on each arm.
         on_event: called with what happens in the control process.
-        report: told each step of what is done to the robot.
+        report: called with each step of what is done to the robot.
         leading: the controller that commands an arm after EGM has started.
-        arms: those that are guided; the others stand still.
-        warn: told what is not as it should be; None: ``report`` is.
+        arms: those that EGM moves; the others stand still.
+        warn: called with what is not as it should be; None: ``report`` is.
         stops: what stopped the robot, where an earlier connection knows it already.
 
     Raises:

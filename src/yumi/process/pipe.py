@@ -55,7 +55,7 @@ class PipeEnd:
         rest: who reads would wait for it in between.
 
         Raises:
-            PipeClosed: nobody is left to read it.
+            PipeClosed: the reader is gone.
         """
         blocks: list[pickle.PickleBuffer] = []
         payload = io.BytesIO()
@@ -163,7 +163,7 @@ class ChildProcess:
         self._theirs.close()  # so that the pipe ends when the child does
 
     def join(self, timeout: float) -> bool:
-        """Wait for its end, at most ``timeout`` [s]; tells whether it ended."""
+        """Wait for its end, at most ``timeout`` [s]; returns whether it ended."""
         self._process.join(timeout)
         return self._process.exitcode is not None
 

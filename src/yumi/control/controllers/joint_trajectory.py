@@ -1,17 +1,9 @@
-"""The joint trajectory controller: follows splines through given points, in step with the arm's own delay.
+"""The joint trajectory controllers: follow splines through given points, in step with the arm's own delay.
 
-The arm is told where to be ``lookahead`` earlier than it shall be there, and its speed beside its position, so that the
-robot's own loop has no error left to make speed of (reference/egm.md §6.1). What is desired of the arm is therefore
-the trajectory a ``lookahead`` ago; it is what the measured position is judged by. Result codes and tolerances are
-upstream's (reference/ros2_control.md §3.2).
-
-One motion along a trajectory, and what is judged of it in every cycle: tolerances and arrival.
-
-What a trajectory controller is told, and what it tells: plain values that cross between processes.
-
-The parameters of a trajectory controller: upstream's names, and what lets an arm follow without lag.
-
-The dual-arm trajectory controller: one on each arm, both on one trajectory, starting and ending together.
+The arm is commanded to be somewhere ``lookahead`` before it is due there, and its speed beside its position, so that
+the robot's own loop has no error left to make speed of (reference/egm.md §6.1). What is desired of the arm is therefore
+the trajectory a ``lookahead`` ago; the measured position is judged by that. Parameters, result codes and tolerances
+are upstream's (reference/ros2_control.md §3.2).
 """
 
 from __future__ import annotations
@@ -74,11 +66,11 @@ class Tolerances:
 
 @dataclass(frozen=True, slots=True)
 class FollowTrajectory:
-    """An order: follow a trajectory, in place of whatever the arm does now.
+    """A command: follow a trajectory, in place of whatever the arm does now.
 
     Attributes:
         plan: the arm's part of it.
-        goal: number by which its end is told; each order has its own.
+        goal: number by which its end is reported; each command has its own.
         tolerances: what ends it.
     """
 
@@ -89,7 +81,7 @@ class FollowTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class CancelTrajectory:
-    """An order: come to rest within the limits.
+    """A command: come to rest within the limits.
 
     Attributes:
         goal: which motion; another one goes on. None ends any.
@@ -100,7 +92,7 @@ class CancelTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class ScaleSpeed:
-    """An order: let time on the trajectory go by slower or faster than outside.
+    """A command: let time on the trajectory go by slower or faster than outside.
 
     Attributes:
         factor: of the speed, 0 to 1.
@@ -132,10 +124,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryEnded:
-    """A notice: a motion has ended.
+    """A report: a motion has ended.
 
     Attributes:
-        goal: the number of its order.
+        goal: the number of its command.
         outcome: how.
         code: the result code that says so.
         sentence: the same for a person.
@@ -168,13 +160,13 @@ def trajectory_parameters(joint_names: Sequence[str]) -> tuple[Parameter, ...]:
             0.0,
             0.2,
             "s",
-            "How much earlier than due the arm is told: the delay from a command to its effect.",
+            "How much earlier than due the arm is commanded: the delay from a command to its effect.",
         ),
         Parameter("start_tolerance", 0.02, 1e-4, 0.5, _RAD, "A first point due at 0 s is at most so far from the arm."),
         Parameter("constraints.stopped_velocity_tolerance", 0.01, 0.0, 1.0, _RATE, "Speed at the goal; 0 is any."),
         Parameter("constraints.goal_time", 0.0, 0.0, 3600.0, "s", "The goal may be reached so late; 0 waits for ever."),
         Parameter(
-            "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until told otherwise."
+            "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until commanded otherwise."
         ),
         Parameter("action_monitor_rate", 20.0, 1.0, 250.0, "Hz", "How often feedback is given."),
     )
@@ -218,11 +210,11 @@ class TrajectorySettings:
 
     Attributes:
         feedforward: share of the planned speed that is sent beside the position.
-        lookahead: how much earlier than due the arm is told [s].
+        lookahead: how much earlier than due the arm is commanded [s].
         start_tolerance: how far from the arm a trajectory may begin without time to go there [rad].
-        scale: share of the speed until told otherwise.
+        scale: share of the speed until commanded otherwise.
         feedback_period: time between two feedbacks [s].
-        bounds: tolerances where an order names none.
+        bounds: tolerances where a command names none.
         deceleration: what a cancelled motion brakes with [rad/s²], (7,).
     """
 
@@ -256,7 +248,7 @@ class TrajectorySettings:
         )
 
     def bounds_with(self, wanted: Tolerances) -> Bounds:
-        """The tolerances an order wants, and the controller's own for the others."""
+        """The tolerances of a command, and the controller's own for the others."""
         own = self.bounds
         return Bounds(
             path=_chosen(wanted.path, own.path),
@@ -286,10 +278,10 @@ Violation = tuple[ResultCode, str]
 
 
 class TrajectoryGoal:
-    """A motion that somebody waits for.
+    """A motion along one trajectory.
 
     Args:
-        number: of its order.
+        number: of its command.
         names: of the joints, for sentences.
         spline: the whole way.
         bounds: what ends it.
@@ -299,7 +291,7 @@ class TrajectoryGoal:
         begin: when the way begins, on its own clock [s].
         end: when it ends, on the same clock [s].
         phase: how far it is.
-        first: when the first cycle came in which the arm was told to move [s]; 0 before.
+        first: when the first cycle came in which the arm was commanded to move [s]; 0 before.
     """
 
     def __init__(self, number: int, names: Sequence[str], spline: Spline, bounds: Bounds) -> None:
@@ -315,7 +307,7 @@ class TrajectoryGoal:
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether the arm comes to rest because somebody wants it."""
+        """Whether the arm comes to rest because it was cancelled."""
         return self.phase is Phase.CANCELED
 
     def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
@@ -341,13 +333,10 @@ class TrajectoryGoal:
                     f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
                     f"its path tolerance is {degrees(bound):.2f}°."
                 )
-        return None if pace is None or not self._watches_velocity else self._judge_speed(time, state, pace)
-
-    def _judge_speed(self, time: float, state: ArmState, pace: float) -> Violation | None:
-        desired = [pace * speed for speed in self._walk.motion(time)[1]]
-        for index, (wanted, actual, bound) in enumerate(
-            zip(desired, state.velocity, self._bounds.path_velocity, strict=True)
-        ):
+        if pace is None or not self._watches_velocity:
+            return None
+        speeds = [pace * speed for speed in self._walk.motion(time)[1]]
+        for index, (wanted, actual, bound) in enumerate(zip(speeds, state.velocity, bounds.path_velocity, strict=True)):
             if not -bound <= actual - wanted <= bound:
                 return ResultCode.PATH_TOLERANCE_VIOLATED, (
                     f"{self._names[index]} was {actual - wanted:+.3f} rad/s off the planned speed at {time:.3f} s; "
@@ -401,9 +390,9 @@ class _Brake:
 
 
 class JointTrajectoryController(Controller):
-    """Follows one trajectory at a time; a new one replaces it, from whatever the arm is told then.
+    """Follows one trajectory at a time; a new one replaces it, from whatever the arm is commanded then.
 
-    Orders come by :meth:`receive`; each motion's end is a notice.
+    Commands come by :meth:`receive`; each motion's end is a report.
 
     Args:
         side: its arm.
@@ -481,12 +470,24 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
-        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
-            return None
-        self._advance(state.dt)
+        if self._calming is not None:
+            self._rest_at(state.planned)
+            if not self._calming.is_over(state):
+                return None
+            self._calming = None
+        goal, dt, share = self._goal, state.dt, self._settings.feedforward
+        if goal is None or goal.is_cancelled:
+            self._time += dt
+        else:
+            # Time goes by for what is followed; waiting, for the begin or at the goal, takes its time.
+            if self._rate != self._scale:
+                change = _SCALING_RATE * dt
+                self._rate += max(-change, min(change, self._scale - self._rate))
+            self._time += dt * self._pace if goal.begin <= self._time < goal.end else dt
+            share *= self._pace
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
-        return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
+        return ArmCommand(self._position, velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share))
 
     def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
@@ -508,48 +509,25 @@ class JointTrajectoryController(Controller):
     def reference(self) -> Joints | None:
         return self._position
 
-    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
-        self._rest_at(state.planned)
-        is_over = calming.is_over(state)
-        if is_over:
-            self._calming = None
-        return is_over
-
     @property
     def _pace(self) -> float:
         """How fast time goes by on a trajectory."""
         return self._rate * self._speed.value
 
-    def _advance(self, dt: float) -> None:
-        """Time goes by for what is followed; braking and waiting, for the begin or at the goal, take their time."""
-        if self._goal is None or self._goal.is_cancelled:
-            self._time += dt
-            return
-        if self._rate != self._scale:
-            change = _SCALING_RATE * dt
-            self._rate += max(-change, min(change, self._scale - self._rate))
-        self._time += dt * self._pace if self._goal.begin <= self._time < self._goal.end else dt
-
-    def _fed(self, velocity: Joints) -> Joints:
-        share = self._settings.feedforward
-        if self._goal is not None and not self._goal.is_cancelled:
-            share *= self._pace
-        return velocity if share == 1.0 else _scaled(velocity, share)
-
-    def _prepared(self, order: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
+    def _prepared(self, command: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
         """The whole way, and the time on it that the newest command belongs to."""
         if state is None:
             raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
         if self._calming is not None and max(map(abs, state.velocity)) > STANDING:
             raise refused("the arm still moves from before this controller was activated; wait until it stands.")
-        if self._checked is not None and self._checked[0] is order and self._checked[1] is state:
+        if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
             return self._checked[2:]
-        plan, settings = order.plan, self._settings
+        plan, settings = command.plan, self._settings
         if plan.side is not self._side:
             raise refused(
                 f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
             )
-        if any(isnan(value) for value in order.tolerances.values):
+        if any(isnan(value) for value in command.tolerances.values):
             raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
         now = self._time_at_once(state) if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
@@ -564,22 +542,22 @@ class JointTrajectoryController(Controller):
         if now > 0.0:
             now *= self._speed.value
         spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
-        self._checked = (order, state, spline, now)
+        self._checked = (command, state, spline, now)
         return spline, now
 
-    def _follow(self, order: FollowTrajectory, spline: Spline, now: float) -> None:
+    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
         assert self._state is not None
         self._end(
             Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", is_replaced=True
         )
         if isinstance(self._source, _Brake):
             self._rate = 1.0 if self._is_braking else self._scale
-        self._goal = TrajectoryGoal(order.goal, self._names, spline, self._settings.bounds_with(order.tolerances))
+        self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
         self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
 
-    def _cancel(self, order: CancelTrajectory) -> None:
+    def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
-        if goal is None or goal.is_cancelled or order.goal not in (None, goal.number):
+        if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
         goal.phase = Phase.CANCELED
         self._brake()
@@ -624,27 +602,24 @@ class JointTrajectoryController(Controller):
         self._end(Outcome.ABORTED, code, sentence)
 
     def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
-        """The motion is over for whoever waits for it; ``is_replaced``: the arm goes on with a newer one."""
+        """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
         goal, self._goal = self._goal, None
         if goal is not None:
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, sentence, self._skew))
 
     def _brake(self) -> None:
-        """From what the arm is told now, at the speed time goes by."""
+        """From what the arm is commanded now, at the speed time goes by."""
         setpoint = self._source.setpoint(self._time)
         if self._goal is not None and not isinstance(self._source, _Brake):
             setpoint = setpoint.scaled(self._pace)
-        self._brake_from(setpoint)
-
-    @property
-    def _is_braking(self) -> bool:
-        return isinstance(self._source, _Brake) and self._time < self._source.duration
-
-    def _brake_from(self, setpoint: Setpoint) -> None:
         softer = joints([_BRAKE_SHARE * each for each in self._limits.jerk])
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
         self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
         self._time, self._position = 0.0, setpoint.position
+
+    @property
+    def _is_braking(self) -> bool:
+        return isinstance(self._source, _Brake) and self._time < self._source.duration
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
@@ -719,15 +694,15 @@ class DualArmTrajectoryController(JointTrajectoryController):
             return 0.0
         return min(0.0, state.time - other._state.time)
 
-    def _follow(self, order: FollowTrajectory, spline: Spline, now: float) -> None:
-        super()._follow(order, spline, now)
+    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
+        super()._follow(command, spline, now)
         assert self._state is not None
         self._worst_skew = self._start_skew = 0.0
-        self._followed_together = max(self._state.time, order.plan.start or -inf)
+        self._followed_together = max(self._state.time, command.plan.start or -inf)
 
-    def _cancel(self, order: CancelTrajectory) -> None:
+    def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
-        super()._cancel(order)
+        super()._cancel(command)
         other = goal and self._other(goal)
         if goal is not None and other and goal.is_cancelled and not other._is_cancelled:
             other._cancel(CancelTrajectory(goal.number))
