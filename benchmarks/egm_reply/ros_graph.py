@@ -21,6 +21,7 @@ from parent import end_with_parent
 from rclpy.executors import SingleThreadedExecutor
 
 from yumi.clock import SystemClock
+from yumi.driver.speed import SpeedSetting
 from yumi.driver.state import RobotState
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side
@@ -38,6 +39,7 @@ class AbsentRobot:
     """In the place of a robot manager, its watch or a gripper."""
 
     wanted = ()
+    speed = SpeedSetting()
 
     def __getattr__(self, name: str) -> Callable[..., NoReturn]:
         return self.refuse
