@@ -54,11 +54,14 @@ class Driven:
 
 
 @pytest.fixture
-def driven(ros: None, robot: Robot, tmp_path: Path) -> Iterator[Driven]:
+def driven(ros: None, tmp_path: Path) -> Iterator[Driven]:
+    robot = Robot(tmp_path)  # its own: a driver that cannot log out leaves its subscriptions with the controller
+    robot.start()
     with hostile_before(f"127.0.0.1:{robot.rws_port}") as server:
         driven = Driven(tmp_path, robot, server)
         yield driven
         driven.close()
+    robot.stop()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
