@@ -53,7 +53,8 @@ class SwitchedLoop(EgmLoop):
 
     def switch(self, name: str | None) -> None:
         leaving = (self.active,) if self.active else ()
-        self.line.switch((name,) if name else (), leaving, self.clock.now())
+        self.manager.switch((name,) if name else (), leaving, self.line.state)
+        self.line.publish(self.clock.now())
         self.active = name
 
     def send_goal(self, random: Random) -> None:

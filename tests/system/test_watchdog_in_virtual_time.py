@@ -163,7 +163,7 @@ def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: Mo
     assert execution(system) is ExecutionState.RUNNING
 
 
-def test_driver_whose_fast_line_died_gives_no_sign(system: MovingSystem) -> None:
+def test_driver_whose_control_process_died_gives_no_sign(system: MovingSystem) -> None:
     def check() -> None:
         raise ControllerRefused("The control process has ended.", status=0)
 

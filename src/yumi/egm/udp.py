@@ -1,9 +1,4 @@
-"""UDP sockets for EGM: our end, which listens and answers, and the robot's end, which speaks first.
-
-Waits for whichever of several sockets and pipes has something to read.
-
-Two ends of a connection inside one process: what one sends, the other receives. For virtual time and tests.
-"""
+"""UDP sockets for EGM: our end, which listens and answers, the robot's end, which sends first, and waiting for both."""
 
 from __future__ import annotations
 
@@ -32,7 +27,6 @@ class UdpServer:
     Attributes:
         foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned.
         is_pinned: whether only one sender is heard.
-        newest: the datagram handed out last.
 
     Args:
         host: local address to listen on.
@@ -45,7 +39,6 @@ class UdpServer:
 
     def __init__(self, host: str, port: int, *, remote: str | None = None) -> None:
         self.foreign = 0
-        self.newest: bytes | None = None
         self.is_pinned = False
         self._remote = remote
         self._peer: _Address | None = None
@@ -84,7 +77,7 @@ class UdpServer:
         if peer != self._peer and (self.is_pinned or not self._is_from_remote(peer)):
             self.foreign += 1
             return None
-        self._peer, self.newest = peer, datagram
+        self._peer = peer
         return datagram
 
     def receive(self) -> list[bytes]:
@@ -107,8 +100,6 @@ class UdpServer:
             peer = self._peer = self._others[0][1]
             datagrams = [each for each, sender in self._others if sender == peer]
             self._others = deque([each for each in self._others if each[1] != peer], maxlen=_WAITING)
-        if datagrams:
-            self.newest = datagrams[-1]
         return datagrams
 
     def pin(self) -> None:
@@ -268,14 +259,6 @@ class Poller:
         for descriptor, _ in ready:
             self._handlers[descriptor]()
         return bool(ready)
-
-    def doze(self, duration: float) -> bool:
-        """Sleep for ``duration`` [s], to the microsecond, or until something is readable; calls no handler.
-
-        Returns:
-            Whether something is readable.
-        """
-        return bool(select.select(tuple(self._handlers), (), (), duration)[0])
 
     def _forget(self, descriptor: int) -> None:
         self._poll.unregister(descriptor)
