@@ -153,6 +153,11 @@ class Goal:
         self.handle = sent.result()
         self._ended = self.handle.get_result_async()
 
+    def wait_for_steps(self, *steps: str) -> None:
+        """Exactly these; a result may come before the last feedback, which is another topic."""
+        self._client.until(lambda: len(self.steps) >= len(steps))
+        assert self.steps == list(steps)
+
     def end(self) -> tuple[int, Any]:
         """Status and result."""
         self._client.until(self._ended.done)

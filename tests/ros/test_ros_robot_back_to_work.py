@@ -107,7 +107,7 @@ def test_one_arm_is_under_egm_alone_and_then_both_and_then_none(manager: RobotMa
     manager.set_mode(Mode.EGM_LEFT, steps.append)
     state = manager.wait_for_state(lambda state: state.left_egm == "running", 5.0, "EGM on the left arm")
     assert state.right_egm == "off"
-    assert "start EGM on the left arm" in steps
+    manager.wait_for_state(lambda _: "start EGM on the left arm" in steps, 5.0, "The feedback of the step")
     manager.set_mode(Mode.EGM_BOTH)
     manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "running", 5.0, "EGM on both arms")
     manager.set_mode(Mode.READY)

@@ -150,7 +150,7 @@ def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRi
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
     status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
-    assert goal.steps == ["motors on", "start EGM"]
+    goal.wait_for_steps("motors on", "start EGM")
     assert rig.manager.calls == [("go_to", mode)]
     assert result.state.operating_mode == "AUTO"
 
@@ -159,7 +159,7 @@ def test_recover_says_what_it_did(rig: RobotManagerRig) -> None:
     goal = Goal(rig, Recover, "recover")
     status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "recover done")
-    assert goal.steps == ["read the event log"]
+    goal.wait_for_steps("read the event log")
 
 
 def test_action_whose_step_fails_is_aborted_with_the_reason(rig: RobotManagerRig) -> None:
