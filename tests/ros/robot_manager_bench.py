@@ -153,13 +153,8 @@ class Goal:
         self.handle = sent.result()
         self._ended = self.handle.get_result_async()
 
-    def wait_for_steps(self, *steps: str) -> None:
-        """Exactly these; a result may come before the last feedback, which is another topic."""
-        self._client.until(lambda: len(self.steps) >= len(steps))
-        assert self.steps == list(steps)
-
-    def end(self) -> tuple[int, Any]:
-        """Status and result."""
-        self._client.until(self._ended.done)
+    def end(self, step_count: int = 0) -> tuple[int, Any]:
+        """Status and result; the result may come before the last feedback, which is another topic."""
+        self._client.until(lambda: self._ended.done() and len(self.steps) >= step_count)
         self._action.destroy()
         return self._ended.result().status, self._ended.result().result

@@ -148,18 +148,18 @@ def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotMana
 @pytest.mark.parametrize("mode", list(Mode))
 def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
-    status, result = goal.end()
+    status, result = goal.end(step_count=2)
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
-    goal.wait_for_steps("motors on", "start EGM")
+    assert goal.steps == ["motors on", "start EGM"]
     assert rig.manager.calls == [("go_to", mode)]
     assert result.state.operating_mode == "AUTO"
 
 
 def test_recover_says_what_it_did(rig: RobotManagerRig) -> None:
     goal = Goal(rig, Recover, "recover")
-    status, result = goal.end()
+    status, result = goal.end(step_count=1)
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "recover done")
-    goal.wait_for_steps("read the event log")
+    assert goal.steps == ["read the event log"]
 
 
 def test_action_whose_step_fails_is_aborted_with_the_reason(rig: RobotManagerRig) -> None:
