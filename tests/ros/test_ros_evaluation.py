@@ -27,7 +27,8 @@ from yumi_evaluation.networked import (
 from yumi_evaluation.round_trips import HeardState
 from yumi_evaluation.tracking_figures import StepFigures, figures_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+# A machine that stands still for 100 ms ends EGM in the middle of a motion.
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 
 @pytest.fixture

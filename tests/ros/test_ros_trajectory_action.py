@@ -21,7 +21,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from trajectories import dual_arm_message
 from yumi.robot.joints import Side, joint_names
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+# A machine that stands still for 100 ms ends EGM in the middle of a motion.
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 SINGLE = "joint_trajectory_controller"
 DUAL = "dual_arm_trajectory_controller"
