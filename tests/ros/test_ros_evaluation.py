@@ -27,7 +27,8 @@ from yumi_evaluation.networked import (
 from yumi_evaluation.round_trips import HeardState
 from yumi_evaluation.tracking_figures import StepFigures, figures_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+# A machine that stands still for 100 ms ends EGM in the middle of a motion.
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ class BusyMachine:
 
 
 @pytest.mark.parametrize(("disturbed", "repeats"), [(0, 0), (2, 2), (4, 3)])
-def test_disturbed_runs_are_repeated_and_told(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
+def test_disturbed_runs_are_repeated_and_noted(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
     machine, told = BusyMachine(disturbed), list[str]()
     monkeypatch.setattr(wire_runs, "run_on_wire", machine.run)
     monkeypatch.setattr(wire_runs, "_bring_back", lambda node, start: None)
