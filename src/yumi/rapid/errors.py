@@ -30,7 +30,17 @@ class RapidSyntaxError(RapidError):
 
 
 class RapidReferenceError(RapidError):
-    """A name is unknown or used as what it is not; the sentence begins with module and line."""
+    """A name is unknown or used as what it is not; the sentence begins with module and line.
+
+    Attributes:
+        line, column: counted from 1, 0 where the error has no position in a file.
+    """
+
+    def __init__(self, sentence: str, *, filename: str = "", line: int = 0, column: int = 0) -> None:
+        super().__init__(sentence)
+        self.filename = filename
+        self.line = line
+        self.column = column
 
 
 class ModuleNameTaken(RapidReferenceError):

@@ -24,12 +24,13 @@ is closed.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
-from yumi.rapid.errors import ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError
+from yumi.rapid.errors import ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.parser import parse_parameters
 from yumi.rapid.types import (
     ABSENT,
@@ -44,8 +45,8 @@ from yumi.rapid.types import (
     AliasType,
     ArrayType,
     ObjectType,
-    Place,
     RecordType,
+    Reference,
     SignalType,
     Type,
     Variable,
@@ -68,7 +69,7 @@ class Call:
 
     __slots__ = ("_arguments", "name", "task")
 
-    def __init__(self, task: Task, name: str, arguments: dict[str, Place]) -> None:
+    def __init__(self, task: Task, name: str, arguments: dict[str, Reference]) -> None:
         self.task = task
         self.name = name
         self._arguments = arguments
@@ -81,16 +82,52 @@ class Call:
 
     def __setitem__(self, name: str, value: Any) -> None:
         """Write to the datum passed for a VAR, PERS or INOUT parameter."""
-        place = self._arguments[name.lower()]
-        place.value = place.type.convert(value)
+        reference = self._arguments[name.lower()]
+        reference.value = reference.type.convert(value)
 
     def get(self, name: str, default: Any = None) -> Any:
-        place = self._arguments[name.lower()]
-        return default if place is ABSENT else place.value
+        reference = self._arguments[name.lower()]
+        return default if reference is ABSENT else reference.value
 
-    def place(self, name: str) -> Place:
+    def reference(self, name: str) -> Reference:
         """The datum itself, with its name, type and value."""
         return self._arguments[name.lower()]
+
+
+@dataclass(frozen=True, slots=True)
+class Deadline:
+    r"""The end of a wait with \MaxTime and \TimeFlag.
+
+    Attributes:
+        time: task time [s], infinite without \MaxTime.
+    """
+
+    call: Call
+    time: float
+
+    @staticmethod
+    def of(call: Call) -> Deadline:
+        return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
+
+    def is_over(self) -> bool:
+        r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""
+        if self.call.task.now < self.time:
+            return False
+        if not self.call.present("TimeFlag"):
+            sentence = f"{self.call.name} has waited for {self.call['MaxTime']:g} s in vain."
+            raise RapidRuntimeError("ERR_WAIT_MAXTIME", sentence)
+        self.call["TimeFlag"] = True
+        return True
+
+    def met(self) -> None:
+        r"""What was waited for has come: clears \TimeFlag."""
+        if self.call.present("TimeFlag"):
+            self.call["TimeFlag"] = False
+
+    @property
+    def due(self) -> float | None:
+        """What to yield while waiting."""
+        return None if math.isinf(self.time) else self.time
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,14 +1,14 @@
 """The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock.
 
-What takes longer than a cycle may wait (parsing and compiling RAPID) is done in a third, which holds the lock for a
-millisecond at most.
+What takes longer than a cycle (parsing, linking and compiling RAPID) is done in a third, without the lock: the result
+is published at once.
 """
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -105,7 +105,6 @@ class Pace:
             self._due = self._clock.now()
 
 
-_SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each look at everything; 10 by default
@@ -183,7 +182,7 @@ class VirtualController:
         self._background = Background()
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # what other threads and processes take is not the program's fault
-            task.parsed = lambda text, path: self._background.submit(partial(parsed, text, path))
+            task.background = self._background.submit
         self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
         self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
 
@@ -263,21 +262,12 @@ class VirtualController:
     def _link(self, task: Task, text: str, path: str) -> None:
         """Parse and link a module that is about to be loaded; an error they will get again."""
         with suppress(RapidError):
-            self._in_slices(task.preparing(parsed(text, path)))
+            task.prepare(parsed(text, path))
 
     def _compile(self) -> None:
         """Compile the programs as they stand."""
         for task in self.world.controller.tasks.values():
-            self._in_slices(task.compiling())
-
-    def _in_slices(self, steps: Iterator[None]) -> None:
-        """Long work on the world, which stands still for a millisecond at a time."""
-        is_done = False
-        while not is_done:
-            with self._lock:
-                end = self._clock.now() + _SLICE
-                is_done = all(self._clock.now() < end for _ in steps)
-            self._clock.wait(_SLICE)
+            task.compile()
 
     def _locked(self, attach: Callable[[Channel], None]) -> Callable[[Channel], None]:
         def attach_locked(channel: Channel) -> None:

@@ -143,7 +143,7 @@ def distance(call: Call) -> float:
 
 @MATHS.function("Dim", "anytype ArrPar, num DimNo", "num")
 def dimension(call: Call) -> float:
-    type_ = resolved(call.place("ArrPar").type)
+    type_ = resolved(call.reference("ArrPar").type)
     if not isinstance(type_, ArrayType):
         raise RapidRuntimeError("ERR_NOTARR", "Dim takes an array.")
     if call["DimNo"] not in range(1, len(type_.sizes) + 1):

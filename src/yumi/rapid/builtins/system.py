@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import DATA
-from yumi.rapid.compiler import LINKED_AT_ONCE
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError
 from yumi.rapid.host import EventKind, Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.literals import format_value
-from yumi.rapid.machine import in_shares
 
 SYSTEM = Library(DATA)
 SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
@@ -102,7 +100,7 @@ def write_display(call: Call) -> None:
     text: str = call["String"]
     for name in ("Num", "Bool", "Pos", "Orient", "Dnum"):
         if call.present(name):
-            text += format_value(call.place(name).type, call[name])
+            text += format_value(call.reference(name).type, call[name])
     call.task.host.write_text(call.task.name, text)
 
 
@@ -165,7 +163,7 @@ def read_clock(call: Call) -> float:
 
 @SYSTEM.instruction("BookErrNo", "VAR errnum ErrorName")
 def book_error_number(call: Call) -> None:
-    call["ErrorName"] = call.task.book_error(call.place("ErrorName").name)
+    call["ErrorName"] = call.task.book_error(call.reference("ErrorName").name)
 
 
 @SYSTEM.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
@@ -220,11 +218,8 @@ def load(call: Call) -> Wait:
         text = task.host.read_file(path)
     except OSError as error:
         raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
-    parsed = task.parsed(text, path)
-    while not parsed.done():
-        yield None
     try:
-        yield from in_shares(task.loading(parsed.result()), task.clock, LINKED_AT_ONCE)
+        yield from task.loading(text, path)
     except RapidSyntaxError as error:
         raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
     except ProgramTooLarge as error:

@@ -77,7 +77,7 @@ class SystemInstructions:
     def read_cfg(self, call: Call) -> None:
         """ReadCfgData: one attribute of one instance, as number, text or truth value."""
         text = self._cfg_text(call["InstancePath"], call["Attribute"])
-        type_ = resolved(call.place("CfgData").type)
+        type_ = resolved(call.reference("CfgData").type)
         if is_numeric(type_):
             call["CfgData"] = _number(text, call["Attribute"])
         elif type_ == BOOL:
@@ -89,7 +89,7 @@ class SystemInstructions:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
         while call.present("InPos") and not self._station.arm.is_stationary:
             yield None
-        point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
+        point, tasks = call.reference("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
         arrival = self._sync_points.arrive(point, call.task.name)
         try:
             yield from self._until_met(call, point, arrival, tasks)
