@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,9 +37,9 @@ ATTRIBUTES = frozenset(("SYSMODULE", "NOVIEW", "NOSTEPIN", "VIEWONLY", "READONLY
 class NotAllowed(Exception):
     """The grammar takes it, but RAPID does not."""
 
-    def __init__(self, sentence: str, position: Token) -> None:
+    def __init__(self, sentence: str, where: Token | s.Node) -> None:
         super().__init__(sentence)
-        self.position = position
+        self.line, self.column = where.line or 1, where.column or 1
 
 
 def _of(kind: type[NodeType], items: Sequence[object]) -> tuple[NodeType, ...]:
@@ -49,18 +50,27 @@ def _tuple(self: TreeBuilder, *items: Any) -> tuple[Any, ...]:
     return items
 
 
+def _position(token: Token) -> int:
+    return (token.line or 1) << 16 | min(token.column or 1, s.LARGEST_COLUMN)
+
+
+def _node(kind: type[NodeType], token: Token, *fields: Any) -> NodeType:
+    """A node that begins at a token; the names among its fields become plain strings."""
+    return kind(*(str(each) if type(each) is Token else each for each in fields), position=_position(token))
+
+
 def _statement(kind: type[NodeType]) -> Any:
     """The method for a statement that begins with a keyword and whose other parts are the fields of its node."""
 
     def build(self: TreeBuilder, keyword: Token, *parts: Any) -> NodeType:
-        return kind(*parts, position=keyword)
+        return _node(kind, keyword, *parts)
 
     return build
 
 
 @v_args(inline=True)
 class TreeBuilder(Transformer[Token, Any]):
-    """One method for each rule of grammar.lark; `None` stands for what was left out. Names are tokens."""
+    """One method for each rule of grammar.lark; `None` stands for what was left out."""
 
     def name(self, token: Token) -> Token:
         if len(token) > LONGEST_NAME:
@@ -71,7 +81,7 @@ class TreeBuilder(Transformer[Token, Any]):
 
     def module(self, name: Token, attributes: frozenset[str] | None, *items: object) -> s.Module:
         kinds = (_of(s.Record, items), _of(s.Alias, items), _of(s.Data, items), _of(s.Routine, items))
-        return s.Module(name, attributes or frozenset(), *kinds, position=name)
+        return _node(s.Module, name, name, attributes or frozenset(), *kinds)
 
     def attributes(self, *names: Token) -> frozenset[str]:
         for name in names:
@@ -81,12 +91,13 @@ class TreeBuilder(Transformer[Token, Any]):
         return frozenset(name.upper() for name in names)
 
     def record(self, local: Token | None, name: Token, *components: tuple[str, str]) -> s.Record:
-        return s.Record(name, components, local is not None, position=name)
+        return _node(s.Record, name, name, components, local is not None)
 
-    component = _tuple
+    def component(self, type_name: Token, name: Token) -> tuple[str, str]:
+        return str(type_name), str(name)
 
     def alias(self, local: Token | None, type_name: Token, name: Token) -> s.Alias:
-        return s.Alias(name, type_name, local is not None, position=name)
+        return _node(s.Alias, name, name, type_name, local is not None)
 
     def data(
         self,
@@ -99,7 +110,7 @@ class TreeBuilder(Transformer[Token, Any]):
     ) -> s.Data:
         kind = s.Storage[storage.split()[-1].upper()]
         is_task = storage.type.startswith("TASK")
-        return s.Data(name, type_name, kind, dimensions or (), initial, local is not None, is_task, position=name)
+        return _node(s.Data, name, name, type_name, kind, dimensions or (), initial, local is not None, is_task)
 
     def local_data(self, *parts: Any) -> s.Data:
         return self.data(None, *parts)
@@ -133,7 +144,9 @@ class TreeBuilder(Transformer[Token, Any]):
     ) -> s.Routine:
         declared, block, *clauses = body
         found = dict(clauses)
-        return s.Routine(
+        return _node(
+            s.Routine,
+            name,
             name,
             kind,
             return_type,
@@ -144,7 +157,6 @@ class TreeBuilder(Transformer[Token, Any]):
             found.get("handler"),
             found.get("undo"),
             local is not None,
-            position=name,
         )
 
     locals = _tuple
@@ -156,7 +168,7 @@ class TreeBuilder(Transformer[Token, Any]):
         return "undo", block
 
     def handler(self, keyword: Token, numbers: tuple[s.Expression, ...] | None, block: s.Block) -> Clause:
-        return "handler", s.Handler(numbers or (), block, position=keyword)
+        return "handler", _node(s.Handler, keyword, numbers or (), block)
 
     error_numbers = _tuple
 
@@ -172,7 +184,7 @@ class TreeBuilder(Transformer[Token, Any]):
     optional_group = _tuple
 
     def parameter(self, mode: s.Mode | None, type_name: Token, name: Token, rank: int | None) -> s.Parameter:
-        return s.Parameter(name, type_name, mode or s.Mode.VALUE, rank or 0, position=name)
+        return _node(s.Parameter, name, name, type_name, mode or s.Mode.VALUE, rank or 0)
 
     def mode(self, word: Token) -> s.Mode:
         return s.Mode[word.upper()]
@@ -188,13 +200,13 @@ class TreeBuilder(Transformer[Token, Any]):
         return s.Assignment(target, value, position=target.position)
 
     def call(self, name: Token, arguments: tuple[s.Argument, ...] | None) -> s.ProcedureCall:
-        return s.ProcedureCall(name, arguments or (), position=name)
+        return _node(s.ProcedureCall, name, name, arguments or ())
 
     def late_call(self, name: s.Expression, arguments: tuple[s.Argument, ...] | None) -> s.LateCall:
         return s.LateCall(name, arguments or (), position=name.position)
 
     def label(self, name: Token) -> s.Label:
-        return s.Label(name, position=name)
+        return _node(s.Label, name, name)
 
     goto = _statement(s.Goto)
     return_statement = _statement(s.Return)
@@ -208,16 +220,16 @@ class TreeBuilder(Transformer[Token, Any]):
 
     def if_statement(self, keyword: Token, condition: s.Expression, then: s.Block, *rest: Any) -> s.If:
         *branches, otherwise = rest
-        return s.If(((condition, then), *branches), otherwise or (), position=keyword)
+        return _node(s.If, keyword, ((condition, then), *branches), otherwise or ())
 
     elseif = _tuple
 
     def compact_if(self, keyword: Token, condition: s.Expression, then: s.Statement) -> s.If:
-        return s.If(((condition, (then,)),), (), position=keyword)
+        return _node(s.If, keyword, ((condition, (then,)),), ())
 
     def test_statement(self, keyword: Token, value: s.Expression, *rest: Any) -> s.Test:
         *cases, otherwise = rest
-        return s.Test(value, tuple(cases), otherwise or (), position=keyword)
+        return _node(s.Test, keyword, value, tuple(cases), otherwise or ())
 
     def case(self, *parts: Any) -> tuple[tuple[s.Expression, ...], s.Block]:
         return parts[:-1], parts[-1]
@@ -227,13 +239,13 @@ class TreeBuilder(Transformer[Token, Any]):
     arguments = _tuple
 
     def required(self, name: Token | None, value: s.Expression) -> s.Argument:
-        return s.Argument(name, value, False, position=name or value.position)
+        return s.Argument(None if name is None else str(name), value, False, position=value.position)
 
     def optional(self, name: Token, value: s.Expression | None) -> s.Argument:
-        return s.Argument(name, value, True, position=name)
+        return _node(s.Argument, name, name, value, True)
 
     def conditional(self, name: Token, condition: Token) -> s.Argument:
-        return s.Argument(name, s.Name(condition, position=condition), True, condition, position=name)
+        return _node(s.Argument, name, name, _node(s.Name, condition, condition), True, condition)
 
     # Expressions --------------------------------------------------------------------------------------------------
 
@@ -241,7 +253,7 @@ class TreeBuilder(Transformer[Token, Any]):
         return s.Binary(operator.upper(), left, right, position=left.position)
 
     def unary(self, operator: Token, operand: s.Expression) -> s.Unary:
-        return s.Unary(operator.upper(), operand, position=operator)
+        return _node(s.Unary, operator, operator.upper(), operand)
 
     def number(self, token: Token) -> s.Literal:
         base = BASES.get(token[:2].lower())
@@ -249,7 +261,7 @@ class TreeBuilder(Transformer[Token, Any]):
             value = float(token) if base is None else float(int(token[2:], base))
         except OverflowError:  # no number of RAPID's is that large: an error where it is stored
             value = math.inf
-        return s.Literal(value, position=token)
+        return s.Literal(value, position=_position(token))
 
     def string(self, token: Token) -> s.Literal:
         r"""The text of a string: `""` is a quote, `\\` a backslash, `\5C` the character with that code."""
@@ -258,28 +270,28 @@ class TreeBuilder(Transformer[Token, Any]):
             value = ESCAPE.sub(lambda m: m[0][0] if m[0][0] == m[0][1] else chr(int(m[0][1:], 16)), value)
         if len(value) > LONGEST_STRING:
             raise NotAllowed(f"a string has up to {LONGEST_STRING} characters, this one has {len(value)}.", token)
-        return s.Literal(value, position=token)
+        return s.Literal(value, position=_position(token))
 
     def true(self, token: Token) -> s.Literal:
-        return s.Literal(True, position=token)
+        return s.Literal(True, position=_position(token))
 
     def false(self, token: Token) -> s.Literal:
-        return s.Literal(False, position=token)
+        return s.Literal(False, position=_position(token))
 
     def function_call(self, name: Token, arguments: tuple[s.Argument, ...] | None) -> s.FunctionCall:
-        return s.FunctionCall(name, arguments or (), position=name)
+        return _node(s.FunctionCall, name, name, arguments or ())
 
     def aggregate(self, bracket: Token, *items: s.Expression) -> s.Aggregate:
-        return s.Aggregate(items, position=bracket)
+        return _node(s.Aggregate, bracket, items)
 
     def data_name(self, name: Token) -> s.Name:
-        return s.Name(name, position=name)
+        return s.Name(sys.intern(str(name)), position=_position(name))
 
     def element(self, base: s.Reference, *indices: s.Expression) -> s.Element:
         return s.Element(base, indices, position=base.position)
 
     def field(self, base: s.Reference, name: Token) -> s.Field:
-        return s.Field(base, name, position=base.position)
+        return s.Field(base, str(name), position=base.position)
 
 
 # What may stand in a place, from the general to the particular: the first group that fits whole names its members.
@@ -420,7 +432,7 @@ def _parse(text: str, start: str) -> Any:
     except UnexpectedInput as error:
         return _mistake(error, text)
     except NotAllowed as error:
-        return Mistake(str(error), error.position.line or 1, error.position.column or 1)
+        return Mistake(str(error), error.line, error.column)
     return tree
 
 
@@ -433,7 +445,7 @@ def _check_nesting(tree: object) -> None:
         elif isinstance(node, s.Node):
             if depth > DEEPEST_NESTING:
                 sentence = "the text is nested too deeply: divide long expressions and statements within statements."
-                raise NotAllowed(sentence, node.position)
+                raise NotAllowed(sentence, node)
             rest += [(getattr(node, name), depth + 1) for name in node.__slots__]
 
 
