@@ -13,6 +13,7 @@ parameter list of a RAPID routine, exactly as it would stand between its parenth
 - `VAR`, `PERS`, `INOUT` before a type: the argument must be such a datum, and `call["EGMid"] = value` writes to it.
 - `\num RampOutTime`: optional, `call.present("RampOutTime")`, `call.get("RampOutTime", default)`.
 - `\switch Joint | \switch Pose`: at most one of them; a switch that is present has the value True.
+- A function of its values alone is a formula: `library.formula("Sin", "num Angle", "num", lambda angle: ...)`.
 - Types: every RAPID type, and `anytype`, `anynum` (num or dnum), `signal` (any kind), `x{*}` for arrays.
 
 An instruction returns None, or is a generator: each `yield` gives the task back until the next advance (`yield t`:
@@ -175,6 +176,11 @@ class Library:
     def function(self, name: str, signature: str, returns: str) -> Callable[[Implementation], Implementation]:
         """Decorate the function that computes `name(...)`, of type `returns`, from a `Call`."""
         return self._register(name, signature, self.type(returns))
+
+    def formula(self, name: str, signature: str, returns: str, compute: Callable[..., Any]) -> None:
+        """Register a function that needs the values of its arguments only, in their order; None for an absent one."""
+        keys = [parameter.key for parameter in self.formal(signature)]
+        self.function(name, signature, returns)(lambda call: compute(*(call.get(key) for key in keys)))
 
     def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
         parameters = self.formal(signature)
