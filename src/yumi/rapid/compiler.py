@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from threading import Lock
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
@@ -130,7 +130,7 @@ class Statements:
         for statement in block:
             self.expressions.count = 0
             with self.builder.statement(statement.line):
-                self._METHODS[type(statement)](self, statement)
+                getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
         self.labels = outer
 
     def _end(self) -> None:
@@ -147,7 +147,7 @@ class Statements:
 
     # Simple statements --------------------------------------------------------------------------------------------
 
-    def _assignment(self, node: s.Assignment) -> None:
+    def compile_assignment(self, node: s.Assignment) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR, s.Storage.PERS))
         evaluate, convert = self.expressions.value(node.value, type_).evaluate, type_.convert
 
@@ -156,7 +156,7 @@ class Statements:
 
         self.builder.add(assign)
 
-    def _call(self, node: s.ProcedureCall) -> None:
+    def compile_procedurecall(self, node: s.ProcedureCall) -> None:
         if node.name.lower() == "waituntil":
             self._wait_until(node)
             return
@@ -165,7 +165,7 @@ class Statements:
             self.scope.refuse(node, f"'{node.name}' is not a procedure or instruction")
         self.builder.add(self.expressions.calls.procedure(found, node.arguments, node))
 
-    def _late_call(self, node: s.LateCall) -> None:
+    def compile_latecall(self, node: s.LateCall) -> None:
         """`%"name"% arguments;`: the procedure is looked up each time the statement runs."""
         name = self.expressions.value(node.name, STRING).evaluate
         if any(a.value is not None and self.expressions.runs_routine(a.value) for a in node.arguments):
@@ -214,16 +214,16 @@ class Statements:
 
         self.builder.add(decide)
 
-    def _goto(self, node: s.Goto) -> None:
+    def compile_goto(self, node: s.Goto) -> None:
         target = self.labels.get(node.label.lower())
         if target is None:
             self.scope.refuse(node, f"there is no label '{node.label}' that this GOTO could reach")
         self.builder.jump(target)
 
-    def _label(self, node: s.Label) -> None:
+    def compile_label(self, node: s.Label) -> None:
         self.builder.mark(self.labels[node.name.lower()])
 
-    def _return(self, node: s.Return) -> None:
+    def compile_return(self, node: s.Return) -> None:
         returns = self.signature.returns
         if (node.value is None) != (returns is None):
             what = "takes no value" if returns is None else f"needs a value of type {described(returns)}"
@@ -234,7 +234,7 @@ class Statements:
         evaluate, convert = self.expressions.value(node.value, returns).evaluate, returns.convert
         self.builder.add(lambda machine, frame: machine.leave(convert(evaluate(frame))))
 
-    def _raise(self, node: s.Raise) -> None:
+    def compile_raise(self, node: s.Raise) -> None:
         if node.number is not None:
             evaluate = self.expressions.value(node.number, NUM).evaluate
             self.builder.add(lambda machine, frame: machine.raise_number(frame, evaluate(frame)))
@@ -242,14 +242,14 @@ class Statements:
         self._only_in_handler("RAISE without a number", node)
         self.builder.add(lambda machine, frame: machine.raise_again(frame))
 
-    def _exit(self, node: s.Exit) -> None:
+    def compile_exit(self, node: s.Exit) -> None:
         self.builder.add(lambda machine, frame: machine.exit())
 
-    def _retry(self, node: s.Retry) -> None:
+    def compile_retry(self, node: s.Retry) -> None:
         self._only_in_handler("RETRY", node)
         self.builder.add(lambda machine, frame: frame.retry())
 
-    def _trynext(self, node: s.TryNext) -> None:
+    def compile_trynext(self, node: s.TryNext) -> None:
         self._only_in_handler("TRYNEXT", node)
         self.builder.add(lambda machine, frame: frame.try_next())
 
@@ -257,7 +257,7 @@ class Statements:
         if not self.in_handler:
             self.scope.refuse(node, f"{what} may only stand in an error handler")
 
-    def _connect(self, node: s.Connect) -> None:
+    def compile_connect(self, node: s.Connect) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR,))
         trap = self.scope.find(node.trap, node)
         if type_.name != "intnum" or not isinstance(trap, UserRoutine) or trap.syntax.kind is not s.RoutineKind.TRAP:
@@ -266,7 +266,7 @@ class Statements:
 
     # Compound statements ------------------------------------------------------------------------------------------
 
-    def _if(self, node: s.If) -> None:
+    def compile_if(self, node: s.If) -> None:
         end = Target()
         for condition, block in node.branches:
             following = Target()
@@ -277,14 +277,14 @@ class Statements:
         self._block(node.otherwise)
         self.builder.mark(end)
 
-    def _while(self, node: s.While) -> None:
+    def compile_while(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()
         self.builder.jump_unless(self.expressions.condition(node.condition), end)
         self._block(node.body)
         self.builder.jump(start)
         self.builder.mark(end)
 
-    def _for(self, node: s.For) -> None:
+    def compile_for(self, node: s.For) -> None:
         bounds = [(node.first, NUM), (node.last, NUM), *([(node.step, NUM)] if node.step else [])]
         counter, last, *given_step = (self.builder.store(c.evaluate) for c in self.expressions.in_order(bounds))
         step, name = given_step[0] if given_step else self.builder.new_slot(), node.variable
@@ -311,7 +311,7 @@ class Statements:
         self.builder.mark(end)
         self.scope.locals = outer
 
-    def _test(self, node: s.Test) -> None:
+    def compile_test(self, node: s.Test) -> None:
         value = self.expressions.operand(node.value)
         slot, end = self.builder.store(value.evaluate), Target()
         for values, block in node.cases:
@@ -332,24 +332,6 @@ class Statements:
             self.scope.refuse(node, f"{one(type_)} cannot be compared with {one(case.type)}")
         evaluate = case.evaluate
         return lambda frame: frame.slots[slot] == evaluate(frame)
-
-    _METHODS: ClassVar[dict[type, Callable[[Statements, Any], None]]] = {
-        s.Assignment: _assignment,
-        s.ProcedureCall: _call,
-        s.LateCall: _late_call,
-        s.Goto: _goto,
-        s.Label: _label,
-        s.Return: _return,
-        s.Raise: _raise,
-        s.Exit: _exit,
-        s.Retry: _retry,
-        s.TryNext: _trynext,
-        s.Connect: _connect,
-        s.If: _if,
-        s.While: _while,
-        s.For: _for,
-        s.Test: _test,
-    }
 
 
 # Declarations -----------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from yumi.rapid import ast as s
 from yumi.rapid.errors import RapidRuntimeError
@@ -146,7 +146,8 @@ class Expressions:
         if self.count > MOST_IN_STATEMENT and self.scope.builder is not None:
             sentence = f"a statement has up to {MOST_IN_STATEMENT} names, numbers and operators"
             self.scope.refuse(node, f"{sentence}: divide it, or declare its values as a constant of the module")
-        return self._METHODS[type(node)](self, node, wanted)
+        compiled: Compiled = getattr(self, f"compile_{type(node).__name__.lower()}")(node, wanted)
+        return compiled
 
     def in_order(self, nodes: Sequence[tuple[s.Expression, Type]]) -> list[Compiled]:
         """Several expressions, evaluated from left to right even where a later one calls a routine."""
@@ -161,7 +162,7 @@ class Expressions:
 
     # Leaves -------------------------------------------------------------------------------------------------------
 
-    def _literal(self, node: s.Literal, wanted: Type | None) -> Compiled:
+    def compile_literal(self, node: s.Literal, wanted: Type | None) -> Compiled:
         value = node.value
         if isinstance(value, bool):
             return Compiled(lambda frame: value, BOOL)
@@ -169,7 +170,7 @@ class Expressions:
             return Compiled(lambda frame: value, STRING)
         return Compiled(lambda frame: value, NUM, is_literal=True)
 
-    def _name(self, node: s.Name, wanted: Type | None) -> Compiled:
+    def compile_name(self, node: s.Name, wanted: Type | None) -> Compiled:
         found = self.scope.find(node.name, node)
         if self.scope.is_declaration and not (isinstance(found, (Variable, Local)) and found.is_constant):
             self.scope.refuse(node, f"'{node.name}' is not a constant, which a declaration needs")
@@ -182,7 +183,7 @@ class Expressions:
             return Compiled(lambda frame: found, SignalType("signal"))
         self.scope.refuse(node, f"'{node.name}' is a routine or type and has no value")
 
-    def _field(self, node: s.Field, wanted: Type | None) -> Compiled:
+    def compile_field(self, node: s.Field, wanted: Type | None) -> Compiled:
         base = self.any(node.base)
         index, type_ = self.component(base.type, node)
         evaluate = base.evaluate
@@ -196,7 +197,7 @@ class Expressions:
             self.scope.refuse(node, f"{one(record)} has no component '{node.name}'")
         return index, record.components[index][1]
 
-    def _element(self, node: s.Element, wanted: Type | None) -> Compiled:
+    def compile_element(self, node: s.Element, wanted: Type | None) -> Compiled:
         base = self.any(node.base)
         path, type_ = self.index(base.type, node)
         evaluate = base.evaluate
@@ -231,7 +232,7 @@ class Expressions:
 
     # Operators ----------------------------------------------------------------------------------------------------
 
-    def _unary(self, node: s.Unary, wanted: Type | None) -> Compiled:
+    def compile_unary(self, node: s.Unary, wanted: Type | None) -> Compiled:
         operand = self._without_signal(self.any(node.operand, wanted))
         operation = unary_operation(node.operator, operand.type)
         if operation is None:
@@ -239,7 +240,7 @@ class Expressions:
         evaluate = operand.evaluate
         return Compiled(lambda frame: operation(evaluate(frame)), operand.type, operand.is_literal)
 
-    def _binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
+    def compile_binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
         if node.operator in {"AND", "OR"}:
             return self._logical(node)
         left, right = self._operands(node)
@@ -281,14 +282,14 @@ class Expressions:
             return Compiled(lambda frame: left(frame) and right(frame), BOOL)
         return Compiled(lambda frame: left(frame) or right(frame), BOOL)
 
-    def _aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
+    def compile_aggregate(self, node: s.Aggregate, wanted: Type | None) -> Compiled:
         whole, parts = self.parts(node, wanted)
         items = self.in_order(list(zip(node.items, parts, strict=True)))
         evaluates, convert = [item.evaluate for item in items], whole.convert
         return Compiled(lambda frame: convert([evaluate(frame) for evaluate in evaluates]), whole)
 
     def parts(self, node: s.Aggregate, wanted: Type | None) -> tuple[RecordType | ArrayType, Sequence[Type]]:
-        """What an aggregate is where `wanted` is needed, and the type of each of its items."""
+        """The type of an aggregate where `wanted` is needed, and that of each of its items."""
         record = resolved(wanted) if wanted is not None else None
         if isinstance(record, RecordType) and len(record.components) == len(node.items):
             return record, [type_ for _, type_ in record.components]
@@ -296,12 +297,12 @@ class Expressions:
             row = ArrayType(record.element, record.sizes[1:]) if len(record.sizes) > 1 else record.element
             return ArrayType(record.element, (len(node.items), *record.sizes[1:])), [row] * len(node.items)
         is_unknown = record is None or isinstance(record, OpenType)
-        what = "nothing tells its type" if record is None or is_unknown else f"{one(record)} is needed"
+        what = "its type is unknown" if record is None or is_unknown else f"{one(record)} is needed"
         self.scope.refuse(node, f"an aggregate of {len(node.items)} is found where {what}")
 
     # Calls --------------------------------------------------------------------------------------------------------
 
-    def _function_call(self, node: s.FunctionCall, wanted: Type | None) -> Compiled:
+    def compile_functioncall(self, node: s.FunctionCall, wanted: Type | None) -> Compiled:
         if self.scope.is_declaration:
             self.scope.refuse(node, "a declaration cannot call a function")
         if node.name.lower() == "present":
@@ -385,17 +386,6 @@ class Expressions:
         if not isinstance(resolved(compiled.type), SignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
-
-    _METHODS: ClassVar[dict[type, Callable[[Expressions, Any, Type | None], Compiled]]] = {
-        s.Literal: _literal,
-        s.Name: _name,
-        s.Field: _field,
-        s.Element: _element,
-        s.Unary: _unary,
-        s.Binary: _binary,
-        s.Aggregate: _aggregate,
-        s.FunctionCall: _function_call,
-    }
 
 
 def _level(signal: Evaluate, type_: Type) -> Compiled:

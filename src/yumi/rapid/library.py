@@ -1,6 +1,6 @@
 r"""The library: instructions, functions, types and data that extend the language.
 
-Whoever owns a robot registers its instructions here; RAPID itself only knows how to call them. A signature is the
+A host registers the instructions of its robot here; RAPID itself only knows how to call them. A signature is the
 parameter list of a RAPID routine, exactly as it would stand between its parentheses::
 
     library = InstructionSet()  # on top of RAPID's own instructions
@@ -8,7 +8,7 @@ parameter list of a RAPID routine, exactly as it would stand between its parenth
     @library.instruction("EGMStop", r"VAR egmident EGMid, egmstopmode Mode, \num RampOutTime")
     def egm_stop(call: Call) -> Iterator[None]:
         ...
-        yield  # not done: look again at the next advance
+        yield  # not done: go on at the next advance
 
 - `VAR`, `PERS`, `INOUT` before a type: the argument must be such a datum, and `call["EGMid"] = value` writes to it.
 - `\num RampOutTime`: optional, `call.present("RampOutTime")`, `call.get("RampOutTime", default)`.
@@ -87,7 +87,8 @@ class Call:
         reference.value = reference.type.convert(value)
 
     def get(self, name: str, default: Any = None) -> Any:
-        reference = self._arguments[name.lower()]
+        """The value of an argument, the default where it is not passed or the instruction has no such parameter."""
+        reference = self._arguments.get(name.lower(), ABSENT)
         return default if reference is ABSENT else reference.value
 
     def reference(self, name: str) -> Reference:
@@ -133,7 +134,7 @@ class Deadline:
 
 @dataclass(frozen=True, slots=True)
 class FormalParameter:
-    """A parameter with its type looked up."""
+    """A parameter with its type."""
 
     name: str
     type: Type

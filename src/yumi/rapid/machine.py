@@ -246,7 +246,7 @@ class Machine:
         except RapidRuntimeError as error:
             self._recover(error)
         except Propagated as passed:
-            self._propagate(passed)
+            self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:
             self._recover(RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}."))
 
@@ -343,9 +343,6 @@ class Machine:
         assert frame.error is not None
         assert frame.code.handler is not None
         raise Propagated(frame.error, is_long_jump=bool(frame.code.handler.numbers))
-
-    def _propagate(self, passed: Propagated) -> None:
-        self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
 
     def _recover(self, error: RapidRuntimeError, *, is_long_jump: bool = False, skip: int = 0) -> None:
         """Find the handler of an error, from the top of the stack down; stop the task when there is none.

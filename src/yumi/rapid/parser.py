@@ -294,7 +294,7 @@ class TreeBuilder(Transformer[Token, Any]):
         return s.Field(base, str(name), position=base.position)
 
 
-# What may stand in a place, from the general to the particular: the first group that fits whole names its members.
+# What is allowed at a position, from the general to the particular: a group that is allowed as a whole is named as one.
 GROUPS = {
     "a statement": frozenset(
         (

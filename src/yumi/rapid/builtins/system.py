@@ -20,35 +20,22 @@ SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
 
 
 def _order_signal(call: Call) -> None:
+    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in Edge):
+        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     is_single = call.present("Single") or call.present("SingleSafe")
-    order = SignalOrder(call["Signal"].name, _edge(call), is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
+    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
 
 
-def _edge(call: Call) -> Edge:
-    try:
-        return Edge(int(call["TriggValue"]))
-    except ValueError as error:
-        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {call['TriggValue']:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence) from error
-
-
-for _name, _type in (("ISignalDI", "signaldi"), ("ISignalDO", "signaldo")):
-    SYSTEM.instruction(
-        _name, rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, dionum TriggValue, VAR intnum Interrupt"
-    )(_order_signal)
-
-
-def _order_group_signal(call: Call) -> None:
-    is_single = call.present("Single") or call.present("SingleSafe")
-    order = SignalOrder(call["Signal"].name, Edge.BOTH, is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
-
-
-for _name, _type in (("ISignalGI", "signalgi"), ("ISignalGO", "signalgo")):
-    SYSTEM.instruction(_name, rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, VAR intnum Interrupt")(
-        _order_group_signal
-    )
+for _name, _type, _edge in (
+    ("ISignalDI", "signaldi", "dionum TriggValue, "),
+    ("ISignalDO", "signaldo", "dionum TriggValue, "),
+    ("ISignalGI", "signalgi", ""),
+    ("ISignalGO", "signalgo", ""),
+):
+    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
+    SYSTEM.instruction(_name, _signature)(_order_signal)
 
 
 @SYSTEM.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
@@ -73,7 +60,7 @@ def put_interrupt_to_sleep(call: Call) -> None:
 
 
 @SYSTEM.instruction("IWatch", "VAR intnum Interrupt")
-def wake_interrupt(call: Call) -> None:
+def watch_interrupt(call: Call) -> None:
     call.task.interrupts.watch(int(call["Interrupt"]))
 
 
