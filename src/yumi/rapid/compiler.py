@@ -97,6 +97,16 @@ class Statements:
             self.in_handler = True
             self._block(declared.handler.body)
             self._end()
+            self.in_handler = False
+        for name, clause in (("UNDO", declared.undo), ("BACKWARD", declared.backward)):
+            if clause is None:
+                continue
+            if declared.kind is not s.RoutineKind.PROC:
+                self.scope.refuse(declared, f"'{declared.name}' has {name}, which procedures alone may have")
+            if clause is declared.undo:
+                self.builder.code.undo = self.builder.here().step
+            self._block(clause)  # BACKWARD, too: nothing steps backwards, but it has to fit
+            self._end()
         return self.builder.code
 
     def _add_local(self, name: str, local: Local, node: s.Node) -> None:

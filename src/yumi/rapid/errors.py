@@ -77,6 +77,7 @@ class RapidRuntimeError(RapidError):
 # ABB does not publish the values, and programs compare names only; the library counts them up from here.
 FIRST_ERROR_NUMBER = 1001
 FIRST_BOOKED_NUMBER = 5001  # what BookErrNo gives out
+ALL_ERRORS = "LONG_JMP_ALL_ERR"  # in the list of an ERROR clause: it takes every error, from long jumps as well
 LARGEST_OWN_NUMBER = 90  # 1 to 90 are the program's own
 
 _NAMES = """

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
-from yumi.rapid.errors import ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.errors import ALL_ERRORS, ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.parser import parse_parameters
 from yumi.rapid.types import (
     ABSENT,
@@ -281,6 +281,6 @@ def core_library() -> Library:
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
         core.add_type(SignalType(kind))
     core.alias("errnum", "num")
-    for name in ERROR_NAMES:
+    for name in (*ERROR_NAMES, ALL_ERRORS):
         core.error(name)
     return core

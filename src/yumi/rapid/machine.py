@@ -2,7 +2,7 @@
 
 The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
 interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
-is abandoned.
+is abandoned, from the top down, each procedure after its UNDO clause.
 
 The frame: one routine under way, with its data, its position in the code and the error its handler works on.
 """
@@ -14,7 +14,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from yumi.rapid.compiler import compile_routine
-from yumi.rapid.errors import LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.program import Code, Span, UserRoutine
 from yumi.rapid.types import Reference
@@ -48,6 +48,7 @@ class Frame:
         due: task time at which it must be polled even between two advances [s], or None.
         is_interrupted: whether a trap has come between two of its statements.
         error: the error its ERROR clause is working on, or None outside of it.
+        is_undoing: whether it is abandoned and executes its UNDO clause.
     """
 
     __slots__ = (
@@ -60,6 +61,7 @@ class Frame:
         "error",
         "is_interrupted",
         "is_trap",
+        "is_undoing",
         "next_step",
         "polled_at",
         "result_slot",
@@ -83,7 +85,7 @@ class Frame:
         self.waiting: Generator[float | None, None, Any] | None = None
         self.due: float | None = None
         self.polled_at = -1
-        self.is_trap = False
+        self.is_trap = self.is_undoing = False
         self.is_interrupted = False
         self.error: RapidRuntimeError | None = None
         self.retry_step = self.next_step = 0
@@ -147,7 +149,8 @@ class Frame:
         if handler is None or (self.error is not None and not from_above):
             return False
         if handler.numbers:
-            return any(evaluate(self) == number for evaluate in handler.numbers)
+            listed = (number, self.task.library.error_number(ALL_ERRORS))
+            return any(evaluate(self) in listed for evaluate in handler.numbers)
         return not is_long_jump
 
     def enter_handler(self, error: RapidRuntimeError) -> None:
@@ -201,6 +204,7 @@ class Machine:
         self.budget = 0
         self.deadline = math.inf
         self.until_clock_read = 0
+        self._unwinding: tuple[int, Callable[[], None]] | None = None
 
     # Running ------------------------------------------------------------------------------------------------------
 
@@ -284,6 +288,10 @@ class Machine:
 
     def leave(self, value: Any) -> None:
         frame = self.frames.pop()
+        if frame.is_undoing:
+            self.in_trap = self.in_trap and not frame.is_trap
+            self._go_on_unwinding()
+            return
         if not self.frames:
             self.task.finished()
             return
@@ -300,6 +308,48 @@ class Machine:
             if frame.is_trap:
                 self.in_trap = False
             frame.abandon()
+        if not self.frames:
+            self._unwinding = None
+
+    def unwind(self, depth: int, then: Callable[[], None]) -> None:
+        """Abandon all routines above `depth`, each after its UNDO clause, which are executed as steps; then go on.
+
+        RAPID overview, UNDO: a routine that an UNDO clause calls is abandoned without its own.
+        """
+        if self._unwinding is None:
+            self._unwinding = depth, then
+            self._go_on_unwinding()
+        else:
+            self.abandon(depth)
+            then()
+
+    def _go_on_unwinding(self) -> None:
+        assert self._unwinding is not None
+        depth, then = self._unwinding
+        while len(self.frames) > depth:
+            frame = self.frames[-1]
+            if frame.code.undo is not None:
+                frame.abandon()
+                frame.is_undoing, frame.is_interrupted, frame.error = True, False, None
+                frame.step = frame.code.undo
+                return
+            frame.abandon()
+            self.frames.pop()
+            self.in_trap = self.in_trap and not frame.is_trap
+        self._unwinding = None
+        then()
+
+    def undo_all(self, most_steps: int) -> None:
+        """Leave all routines, as PP to main does: UNDO clauses are executed at once, as far as they do not wait."""
+        self.task.is_running = True  # until an UNDO clause fails
+        self.unwind(0, lambda: None)
+        while self.task.is_running and self._unwinding is not None and most_steps > 0:
+            most_steps -= 1
+            if self.frames[-1].waiting is not None:
+                break
+            self._execute(self.frames[-1])
+        self.task.is_running = False
+        self.abandon()
 
     def exit(self) -> None:
         where = self.frames[-1]
@@ -309,7 +359,7 @@ class Machine:
     # Interrupts ---------------------------------------------------------------------------------------------------
 
     def _is_open(self, frame: Frame) -> bool:
-        is_allowed = not self.in_trap and not self.interrupts.is_disabled
+        is_allowed = not self.in_trap and not self.interrupts.is_disabled and self._unwinding is None
         return is_allowed and (frame.waiting is not None or frame.is_between_statements())
 
     def _begin_trap(self, below: Frame) -> None:
@@ -354,14 +404,21 @@ class Machine:
         if depth == 0:
             self.task.failed(error, self.frames[-1])
             return
-        self.abandon(depth)
-        self.frames[-1].enter_handler(error)
+        handling = self.frames[depth - 1]
+
+        def handle() -> None:
+            self.task.note_error(error)  # an UNDO clause may have met others
+            handling.enter_handler(error)
+
+        self.unwind(depth, handle)
 
     def _handler_depth(self, number: float, is_long_jump: bool, skip: int) -> int:
         """How deep the stack is up to the frame that handles an error, 0 when none does."""
         from_above = False
         for depth in range(len(self.frames), 0, -1):
             frame = self.frames[depth - 1]
+            if frame.is_undoing:
+                return 0
             if depth <= len(self.frames) - skip:
                 if frame.takes(number, is_long_jump=is_long_jump, from_above=from_above):
                     return depth

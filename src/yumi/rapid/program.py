@@ -59,6 +59,7 @@ class Code:
         spans: for each step, the statement it belongs to.
         slots: how many slots a frame needs for parameters, data and intermediate results.
         value_count: how many values the routine's data hold.
+        undo: the step its UNDO clause starts with, None without one.
         names: what it looked up outside of itself, in lower case; it is compiled anew when one of them is new or gone.
     """
 
@@ -67,6 +68,7 @@ class Code:
     slots: int = 0
     value_count: int = 0
     handler: HandlerCode | None = None
+    undo: int | None = None
     names: set[str] = field(default_factory=set)
 
 
@@ -205,6 +207,9 @@ class LoadedModule:
             if node.name.lower() in module.symbols:
                 raise misfit(module, node, f"'{node.name}' is declared twice")
             module.symbols[node.name.lower()] = symbol
+            for datum in node.locals if isinstance(node, s.Routine) else ():
+                if datum.storage is s.Storage.PERS:
+                    raise misfit(module, datum, f"'{datum.name}' is persistent, which data of routines cannot be")
         return module
 
     @property
@@ -274,7 +279,17 @@ class Program:
         return (routine for module in self.modules.values() for routine in module.routines)
 
     def loaded(self, module: LoadedModule) -> Program:
-        """The program with a module more, or in the place of the one of the same name."""
+        """The program with a module more, or in the place of the one of the same name.
+
+        Raises:
+            RapidReferenceError: another module has a global symbol of the same name.
+        """
+        for name, other in self.modules.items():
+            for key, symbol in tuple(module.symbols.items()) if name != module.name.lower() else ():
+                if module.exports(key) is not None and other.exports(key) is not None:
+                    declared = module.data[symbol] if isinstance(symbol, Variable) else symbol.syntax
+                    sentence = f"'{declared.name}' is global in the module '{other.name}', too: make one of them LOCAL"
+                    raise misfit(module, declared, sentence)
         return self._changed({**self.modules, module.name.lower(): module}, module)
 
     def unloaded(self, name: str) -> Program:

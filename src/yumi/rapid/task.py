@@ -48,6 +48,7 @@ TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave th
 LONGEST_PROGRAM = 2_000_000  # characters in all modules together
 MOST_DATA = 5_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
+STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
@@ -251,6 +252,8 @@ class Task:
     def move_pp_to_main(self) -> None:
         """Put the program pointer on `main` and give all VARs their first value; PERS keep theirs.
 
+        Procedures that are left execute their UNDO clauses.
+
         Raises:
             RobotNotReady: the task is started.
             RapidReferenceError: something in a module does not fit, or there is no procedure `main`.
@@ -259,7 +262,7 @@ class Task:
             raise RobotNotReady(f"The task {self.name} is running; stop it before PP is moved to main.")
         compile_program(self.program)
         main = self._main()
-        self._machine.abandon()
+        self._machine.undo_all(STEPS_OF_UNDO)
         self._machine.interrupts.clear()
         self._booked.clear()
         initialise_variables(self.program)
