@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +58,32 @@ def compile_program(program: Program) -> None:
             program.codes[routine] = compile_routine(program, routine)
 
 
+def faults_of(program: Program) -> list[RapidReferenceError]:
+    """All that does not fit in declarations and statements, in the order of the text."""
+    faults: list[RapidReferenceError] = []
+    for module in program.modules.values():
+        for variable in tuple(module.data):
+            with _collecting(faults):
+                link(program, module, variable)
+    for routine in program.routines:
+        with _collecting(faults):
+            Statements(program, routine, faults).compiled()
+    modules = [module.syntax.filename for module in program.modules.values()]
+    unique = {(modules.index(each.filename), each.line, each.column, str(each)): each for each in faults}
+    return [unique[key] for key in sorted(unique)]
+
+
+@contextmanager
+def _collecting(faults: list[RapidReferenceError] | None) -> Iterator[None]:
+    """Note a fault and go on; without a list it is raised."""
+    try:
+        yield
+    except RapidReferenceError as fault:
+        if faults is None:
+            raise
+        faults.append(fault)
+
+
 def compile_routine(program: Program, routine: UserRoutine) -> Code:
     """The steps of a routine; raises RapidReferenceError for what does not fit."""
     try:
@@ -70,10 +97,15 @@ def compile_routine(program: Program, routine: UserRoutine) -> Code:
 
 
 class Statements:
-    """Compiles the statements of one routine."""
+    """Compiles the statements of one routine.
 
-    def __init__(self, program: Program, routine: UserRoutine) -> None:
+    Attributes:
+        faults: where statements that do not fit are noted; None where the first one ends the compilation.
+    """
+
+    def __init__(self, program: Program, routine: UserRoutine, faults: list[RapidReferenceError] | None = None) -> None:
         self.routine = routine
+        self.faults = faults
         self.builder = CodeBuilder(routine.syntax.line)
         self.scope = Scope(program, routine.module, self.builder)
         self.expressions = Expressions(self.scope)
@@ -88,7 +120,8 @@ class Statements:
             local = Local(slot, parameter.type, mode=parameter.mode, is_optional=is_optional)
             self._add_local(parameter.name, local, declared)
         for datum in declared.locals:
-            self._declare(datum)
+            with _collecting(self.faults):
+                self._declare(datum)
         self._block(declared.body)
         self._end()
         if declared.handler is not None:
@@ -139,7 +172,7 @@ class Statements:
         self.labels = {**outer, **{n.name.lower(): Target() for n in block if isinstance(n, s.Label)}}
         for statement in block:
             self.expressions.count = 0
-            with self.builder.statement(statement.line):
+            with self.builder.statement(statement.line), _collecting(self.faults):
                 getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
         self.labels = outer
 
@@ -280,16 +313,20 @@ class Statements:
         end = Target()
         for condition, block in node.branches:
             following = Target()
-            self.builder.jump_unless(self.expressions.condition(condition), following)
+            self._jump_unless(condition, following)
             self._block(block)
             self.builder.jump(end)
             self.builder.mark(following)
         self._block(node.otherwise)
         self.builder.mark(end)
 
+    def _jump_unless(self, condition: s.Expression, target: Target) -> None:
+        with _collecting(self.faults):
+            self.builder.jump_unless(self.expressions.condition(condition), target)
+
     def compile_while(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()
-        self.builder.jump_unless(self.expressions.condition(node.condition), end)
+        self._jump_unless(node.condition, end)
         self._block(node.body)
         self.builder.jump(start)
         self.builder.mark(end)

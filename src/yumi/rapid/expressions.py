@@ -33,6 +33,7 @@ from yumi.rapid.types import (
     NUM,
     STRING,
     SWITCH,
+    UNSET,
     ArrayType,
     ObjectType,
     OpenType,
@@ -98,6 +99,8 @@ class Scope:
         found = self.program.find(name, self.module) or self.program.find_signal(name)
         if found is None:
             self.refuse(node, f"'{name}' is not declared, and no signal has that name")
+        if isinstance(found, Variable) and found.value is UNSET:
+            self.refuse(node, f"'{name}' has no type, since its declaration does not fit")
         return found
 
     def refuse(self, node: s.Node, sentence: str) -> NoReturn:

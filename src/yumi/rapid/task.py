@@ -17,6 +17,7 @@ from yumi.rapid.compiler import (
     MOST_VALUES,
     compile_program,
     compile_routine,
+    faults_of,
     initialise_variables,
     link,
     link_module,
@@ -174,6 +175,10 @@ class Task:
         """Link and compile the program as far as it fits, in any thread; PP to main then finds it done."""
         with suppress(RapidReferenceError):
             compile_program(self.program)
+
+    def faults(self) -> list[RapidReferenceError]:
+        """All that does not fit in the program, each with file, line and column; PP to main raises the first."""
+        return faults_of(self.program)
 
     def loading(self, text: str, filename: str) -> Generator[None, None, None]:
         """Load a module in the background, waiting for it; raises as `load`."""

@@ -92,3 +92,43 @@ def test_error_has_file_line_and_column() -> None:
     with pytest.raises(RapidReferenceError) as caught:
         bench.task.move_pp_to_main()
     assert (caught.value.filename, caught.value.line, caught.value.column) == ("M.mod", 4, 1)
+
+
+FAULTS = """MODULE Faulty
+VAR nothing a;
+CONST num b;
+PROC p()
+    VAR num x := "text";
+    missing;
+    IF y THEN
+        Incr "1";
+    ELSEIF 1 THEN
+        a := 1;
+    ENDIF
+    WHILE TRUE DO
+        GOTO nowhere;
+    ENDWHILE
+    Incr b2;
+UNDO
+    RETRY;
+ENDPROC
+VAR num b2;
+FUNC num f()
+    RETURN;
+ENDFUNC
+ENDMODULE
+"""
+
+
+def test_all_faults_of_a_program_are_listed_with_file_line_and_column() -> None:
+    bench = Bench("x := 1;")
+    bench.task.load(FAULTS, "HOME:/faulty.mod")
+    faults = [(fault.filename, fault.line, fault.column) for fault in bench.task.faults()]
+    lines = {(2, 13), (3, 11), (5, 18), (6, 5), (7, 8), (8, 9), (9, 12), (10, 9), (13, 9), (17, 5), (21, 5)}
+    assert faults == [("M.mod", 4, 1), *(("HOME:/faulty.mod", *each) for each in sorted(lines))]
+
+
+def test_program_that_fits_has_no_faults() -> None:
+    bench = Bench("x := x + 1;", "VAR num x;")
+    assert bench.task.faults() == []
+    assert bench.start().read("x") == "1"
