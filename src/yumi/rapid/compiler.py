@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
-from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.errors import NotProvided, ProgramTooLarge, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.expressions import Expressions, Scope, caller
 from yumi.rapid.library import Deadline, LibraryRoutine
 from yumi.rapid.program import (
@@ -21,6 +21,7 @@ from yumi.rapid.program import (
     LoadedModule,
     Local,
     Program,
+    Step,
     Target,
     UserRoutine,
     misfit,
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from yumi.rapid.machine import Frame, Machine
 
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
+NOT_PROVIDED = "NOT_PROVIDED"  # no error of RAPID's, so that no handler takes it
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
 WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate"
 
@@ -172,8 +174,13 @@ class Statements:
         self.labels = {**outer, **{n.name.lower(): Target() for n in block if isinstance(n, s.Label)}}
         for statement in block:
             self.expressions.count = 0
-            with self.builder.statement(statement.line), _collecting(self.faults):
-                getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
+            with self.builder.statement(statement.line) as span, _collecting(self.faults):
+                try:
+                    getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
+                except NotProvided as error:
+                    if self.faults is not None:
+                        raise
+                    self.builder.replace(span, _failing(str(error)))
         self.labels = outer
 
     def _end(self) -> None:
@@ -218,6 +225,8 @@ class Statements:
         def call(machine: Machine, frame: Frame) -> None:
             called, program = name(frame), frame.task.program
             found = program.find(called, module)
+            if found is None and program.library.is_missing(called):
+                raise RapidRuntimeError(NOT_PROVIDED, f"The instruction '{called}' is not provided here.")
             if not isinstance(found, (UserRoutine, LibraryRoutine)):
                 raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{called}' to call.")
             scope = Scope(program, module, CodeBuilder(node.line))
@@ -379,6 +388,13 @@ class Statements:
             self.scope.refuse(node, f"{one(type_)} cannot be compared with {one(case.type)}")
         evaluate = case.evaluate
         return lambda frame: frame.slots[slot] == evaluate(frame)
+
+
+def _failing(sentence: str) -> Step:
+    def fail(machine: Machine, frame: Frame) -> None:
+        raise RapidRuntimeError(NOT_PROVIDED, sentence)
+
+    return fail
 
 
 # Declarations -----------------------------------------------------------------------------------------------------

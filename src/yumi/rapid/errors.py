@@ -5,6 +5,7 @@
     RapidError
     ├── RapidSyntaxError     the text is not RAPID: mend the module
     ├── RapidReferenceError  a name, type or argument does not fit: mend the module, or load what it refers to
+    │   ├── NotProvided          RobotWare has it, the library has not: the program runs up to there
     │   ├── ModuleNameTaken      there is a module of that name: unload it first, or replace it
     │   └── ProgramTooLarge      there is no memory for it: make it smaller, or unload others
     ├── RapidRuntimeError    an execution error with an error number, which an ERROR handler may catch
@@ -41,6 +42,10 @@ class RapidReferenceError(RapidError):
         self.filename = filename
         self.line = line
         self.column = column
+
+
+class NotProvided(RapidReferenceError):
+    """An instruction or function of RobotWare that this library has not: an error only where it is executed."""
 
 
 class ModuleNameTaken(RapidReferenceError):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from yumi.rapid import ast as s
-from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.errors import NotProvided, RapidRuntimeError
 from yumi.rapid.library import Call, FormalParameter, LibraryRoutine
 from yumi.rapid.program import (
     CodeBuilder,
@@ -97,6 +97,9 @@ class Scope:
         if self.builder is not None:
             self.builder.code.names.add(name.lower())
         found = self.program.find(name, self.module) or self.program.find_signal(name)
+        if found is None and self.program.library.is_missing(name):
+            sentence = f"'{name}' is an instruction or function of RobotWare that is not provided here"
+            raise misfit(self.module, node, sentence, NotProvided)
         if found is None:
             self.refuse(node, f"'{name}' is not declared, and no signal has that name")
         if isinstance(found, Variable) and found.value is UNSET:

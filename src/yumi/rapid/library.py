@@ -165,6 +165,7 @@ class Library:
         self._routines: dict[str, LibraryRoutine] = {}
         self._types: dict[str, Type] = {}
         self._data: dict[str, Variable] = {}
+        self._missing: set[str] = set()
         self._errors: dict[str, float] = {}
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
 
@@ -236,18 +237,29 @@ class Library:
         self.data(name, "errnum", number)
         return number
 
+    def missing(self, *names: str) -> None:
+        """Register names of RobotWare's instructions and functions; a program may use those that no library provides.
+
+        It is loaded, and stops where it executes one.
+        """
+        self._missing.update(name.lower() for name in names)
+
     def include(self, other: Library) -> None:
         """Take over everything that `other` registered itself, without what it is based on."""
         self._routines.update(other._routines)
         self._types.update(other._types)
         self._data.update(other._data)
         self._errors.update(other._errors)
+        self._missing.update(other._missing)
 
     # Looking up ---------------------------------------------------------------------------------------------------
 
     def routine(self, name: str) -> LibraryRoutine | None:
         found = self._routines.get(name.lower())
         return found or (self._base.routine(name) if self._base else None)
+
+    def is_missing(self, name: str) -> bool:
+        return name.lower() in self._missing or (self._base is not None and self._base.is_missing(name))
 
     def find_type(self, name: str) -> Type | None:
         found = self._types.get(name.lower())

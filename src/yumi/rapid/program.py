@@ -87,6 +87,11 @@ class CodeBuilder:
         self._span.end = len(self.code.steps)
         self._span = outer
 
+    def replace(self, span: Span, step: Step) -> None:
+        """A step in the place of all that a statement has got so far."""
+        del self.code.steps[span.start :], self.code.spans[span.start :]
+        self.add(step)
+
     def add(self, step: Step) -> None:
         self.code.steps.append(step)
         self.code.spans.append(self._span)
@@ -232,9 +237,11 @@ class LoadedModule:
         self.data.clear()
 
 
-def misfit(module: LoadedModule, node: s.Node, sentence: str) -> RapidReferenceError:
+def misfit(
+    module: LoadedModule, node: s.Node, sentence: str, kind: type[RapidReferenceError] = RapidReferenceError
+) -> RapidReferenceError:
     """The error of something in a module that does not fit."""
-    return RapidReferenceError(
+    return kind(
         f"{module.name}, line {node.line}: {sentence}.",
         filename=module.syntax.filename,
         line=node.line,

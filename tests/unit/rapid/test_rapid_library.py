@@ -163,3 +163,43 @@ def test_signature_with_unknown_type_is_refused(library: InstructionSet) -> None
 def test_signature_that_is_no_parameter_list_is_refused(library: InstructionSet) -> None:
     with pytest.raises(RapidSyntaxError, match="found the end of the text where a name is allowed"):
         library.instruction("Odd", "num")
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "MoveOn p1\\Conc, 5;",
+        "x := 1 + Measured(5);",
+        "IF Measured(5) = 1 THEN RETURN; ENDIF",
+        "IF x = 0 MoveOn;",
+        "p Measured();",
+    ],
+)
+def test_program_runs_up_to_an_instruction_that_is_not_provided(library: InstructionSet, statement: str) -> None:
+    library.missing("MoveOn", "Measured")
+    program = f'TPWrite "before";\n{statement}\nTPWrite "never"; ERROR TRYNEXT;'
+    bench = started(program, "VAR num x; PROC p(num n) ENDPROC", library)
+    assert (bench.lines, bench.stop.error, bench.stop.line) == (["before"], "NOT_PROVIDED", 5)
+    assert "is an instruction or function of RobotWare that is not provided here" in bench.stop.sentence
+    assert [fault.line for fault in bench.task.faults()] == [5]
+
+
+def test_branch_that_is_not_executed_may_use_what_is_not_provided(library: InstructionSet) -> None:
+    library.missing("MoveOn")
+    body = 'IF x = 1 THEN MoveOn; ELSE TPWrite "else"; ENDIF GOTO end; MoveOn; end: TPWrite "end";'
+    assert started(body, "VAR num x;", library).lines == ["else", "end"]
+
+
+def test_name_that_a_program_declares_is_provided(library: InstructionSet) -> None:
+    library.missing("MoveOn")
+    assert started("MoveOn;", 'PROC MoveOn() TPWrite "own"; ENDPROC', library).lines == ["own"]
+
+
+def test_late_binding_of_what_is_not_provided_stops_there() -> None:
+    assert started('%"WZFree"% x; ERROR TRYNEXT;', "VAR num x;").stop.error == "NOT_PROVIDED"
+
+
+def test_names_of_robotware_are_known_without_regard_to_case() -> None:
+    assert started("Confl \\Off; ERROR TRYNEXT;").stop.error == "NOT_PROVIDED"
+    with pytest.raises(RapidReferenceError, match="'ConfM' is not declared"):
+        started("ConfM \\Off;")
