@@ -97,9 +97,10 @@ class Scope:
         if self.builder is not None:
             self.builder.code.names.add(name.lower())
         found = self.program.find(name, self.module) or self.program.find_signal(name)
-        if found is None and self.program.library.is_missing(name):
-            sentence = f"'{name}' is an instruction or function of RobotWare that is not provided here"
-            raise misfit(self.module, node, sentence, NotProvided)
+        if found is None and (name.startswith("<") or self.program.library.is_missing(name)):
+            what = "an instruction or function of RobotWare that is not provided here"
+            what = "a placeholder: complete the statement" if name.startswith("<") else what
+            raise misfit(self.module, node, f"'{name}' is {what}", NotProvided)
         if found is None:
             self.refuse(node, f"'{name}' is not declared, and no signal has that name")
         if isinstance(found, Variable) and found.value is UNSET:

@@ -202,6 +202,9 @@ class TreeBuilder(Transformer[Token, Any]):
     def call(self, name: Token, arguments: tuple[s.Argument, ...] | None) -> s.ProcedureCall:
         return _node(s.ProcedureCall, name, name, arguments or ())
 
+    def placeholder(self, token: Token) -> s.ProcedureCall:
+        return _node(s.ProcedureCall, token, token, ())
+
     def late_call(self, name: s.Expression, arguments: tuple[s.Argument, ...] | None) -> s.LateCall:
         return s.LateCall(name, arguments or (), position=name.position)
 
@@ -459,7 +462,7 @@ def _mistake(error: UnexpectedInput, text: str) -> Mistake:
         lines = text.splitlines() or [""]
         line, column, found = len(lines), len(lines[-1]) + 1, "the end of the text"
     # What may stand here, in words: groups first, then what is left.
-    names = {name.lstrip("_") for name in error.accepts or error.expected}
+    names = {name.lstrip("_") for name in error.accepts or error.expected if "PLACEHOLDER" not in name}
     groups = {word: members for word, members in GROUPS.items() if names >= members}
     rest = names.difference(*groups.values())
     words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
