@@ -58,7 +58,7 @@ def test_array_parameter_takes_any_size() -> None:
     assert evaluated("total(a) + total([10,20])", declarations=f"CONST num a{{3}} := [1,2,3]; {total}") == "36"
 
 
-def test_present_tells_whether_an_optional_argument_was_passed() -> None:
+def test_present_is_whether_an_optional_argument_was_passed() -> None:
     procedure = 'PROC p(\\num x) IF Present(x) THEN TPWrite ""\\Num:=x; ELSE TPWrite "none"; ENDIF ENDPROC'
     assert started("p; p\\x:=3;", procedure).lines == ["none", "3"]
 

@@ -83,7 +83,7 @@ def test_booked_errors_have_numbers_of_their_own_and_keep_their_name() -> None:
     assert bench.stop.error == "ERR_B"
 
 
-def test_raise_of_a_number_nobody_booked_is_illegal() -> None:
+def test_raise_of_a_number_that_is_not_booked_is_illegal() -> None:
     assert error_of("RAISE 91;") == "ERR_ILLRAISE"
 
 
@@ -99,7 +99,7 @@ def test_long_jump_skips_handlers_that_do_not_list_the_number() -> None:
     assert started('middle; TPWrite "on"; ERROR (5) TPWrite "top"; TRYNEXT;', f"{low} {middle}").lines == ["top", "on"]
 
 
-def test_error_nobody_handles_stops_the_task_and_is_reported() -> None:
+def test_error_without_handler_stops_the_task_and_is_reported() -> None:
     bench = started("\nn := 1;\nn := n / 0;", "VAR num n;")
     stop = bench.stop
     assert (stop.kind, stop.error, stop.module, stop.routine, stop.line) == (

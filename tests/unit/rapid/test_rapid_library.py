@@ -52,19 +52,19 @@ def test_function_gives_a_record(library: InstructionSet) -> None:
     assert started("n := Where();  p := Where(); n := p + n;", "VAR pos n; VAR pos p;", library).read("n") == "[2,4,6]"
 
 
-def test_instruction_that_yields_is_looked_at_in_each_advance(library: InstructionSet) -> None:
-    looks = []
+def test_instruction_that_yields_goes_on_in_each_advance(library: InstructionSet) -> None:
+    polls = []
 
-    @library.instruction("Move", "num Looks")
+    @library.instruction("Move", "num Polls")
     def move(call: Call) -> Wait:
-        for look in range(int(call["Looks"])):
-            looks.append(look)
+        for poll in range(int(call["Polls"])):
+            polls.append(poll)
             yield None
 
     bench = started('Move 3; TPWrite "there";', library=library)
-    assert (looks, bench.lines) == ([0], [])
+    assert (polls, bench.lines) == ([0], [])
     bench.run(0.012)
-    assert (looks, bench.lines) == ([0, 1, 2], ["there"])
+    assert (polls, bench.lines) == ([0, 1, 2], ["there"])
 
 
 def test_function_that_yields_gives_its_value_in_the_end(library: InstructionSet) -> None:

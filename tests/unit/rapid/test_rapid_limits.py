@@ -232,7 +232,7 @@ def test_endless_loop_takes_its_share_of_time_only() -> None:
     assert 0 < float(bench.read("n")) - before < STEPS_PER_ADVANCE / 20
 
 
-def test_clock_is_looked_at_after_each_instruction() -> None:
+def test_clock_is_read_after_each_instruction() -> None:
     """One that takes as long as its share allows is the only one in a cycle."""
     library, clock = InstructionSet(), StepClock(0.0)
 
@@ -487,7 +487,7 @@ def test_names_of_a_module_do_not_count_for_the_one_that_takes_its_place() -> No
     assert bench.task.read("late", "N") == "1"
 
 
-def test_calls_in_an_aggregate_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calls_in_an_aggregate_are_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """And not once for each item before them, which takes seconds."""
     nodes: list[object] = []
     runs_routine = Expressions.runs_routine
