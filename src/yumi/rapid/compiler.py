@@ -224,7 +224,7 @@ class Statements:
 
         def call(machine: Machine, frame: Frame) -> None:
             called, program = name(frame), frame.task.program
-            found = program.find(called, module)
+            found = program.find_late(called, module)
             if found is None and program.library.is_missing(called):
                 raise RapidRuntimeError(NOT_PROVIDED, f"The instruction '{called}' is not provided here.")
             if not isinstance(found, (UserRoutine, LibraryRoutine)):

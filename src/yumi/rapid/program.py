@@ -327,6 +327,14 @@ class Program:
                 return exported
         return self.system_data.get(key) or self.library.datum(key) or self.library.routine(key)
 
+    def find_late(self, name: str, module: LoadedModule) -> Found | None:
+        """What a late-binding call names: `routine`, or `module:routine`, which may be LOCAL."""
+        owner, colon, routine = name.rpartition(":")
+        if not colon:
+            return self.find(name, module)
+        named = self.modules.get(owner.lower())
+        return None if named is None else named.symbols.get(routine.lower())
+
     def find_signal(self, name: str) -> Signal | None:
         try:
             self.host.read_signal(name)
