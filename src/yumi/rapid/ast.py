@@ -1,13 +1,15 @@
-"""The syntax tree of RAPID: what the parser hands to the compiler, as frozen values.
+"""The syntax tree of RAPID: what the parser hands to the compiler.
 
-Names keep the spelling of the source; RAPID compares them without case (`yumi.rapid.compiler`). Every node that can be
-blamed for something carries the line it starts on, counted from 1.
+Names keep the spelling of the source; RAPID compares them without case (`yumi.rapid.program`). Nodes are equal
+wherever they stand.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+
+LARGEST_COLUMN = 0xFFFF
 
 
 class Storage(Enum):
@@ -33,79 +35,89 @@ class RoutineKind(Enum):
     TRAP = "TRAP"
 
 
+@dataclass(slots=True)
+class Node:
+    """A node begins at its `position`: line and column, from 1, in one number.
+
+    A long program has some 100,000 nodes, and each object more would make the garbage collector slower.
+    """
+
+    position: int = field(default=0x10001, kw_only=True, compare=False, repr=False)
+
+    @property
+    def line(self) -> int:
+        return self.position >> 16
+
+    @property
+    def column(self) -> int:
+        return self.position & LARGEST_COLUMN
+
+
 # Expressions ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Literal:
+@dataclass(slots=True)
+class Literal(Node):
     """A number, string or truth value as written."""
 
     value: float | str | bool
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+@dataclass(slots=True)
+class Name(Node):
     """An entire datum: variable, persistent, constant, parameter or signal."""
 
     name: str
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Element:
+@dataclass(slots=True)
+class Element(Node):
     """An array element, `base{index, ...}`."""
 
     base: Reference
     indices: tuple[Expression, ...]
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+@dataclass(slots=True)
+class Field(Node):
     """A record component, `base.name`."""
 
     base: Reference
     name: str
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Unary:
+@dataclass(slots=True)
+class Unary(Node):
     operator: str
     operand: Expression
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Binary:
+@dataclass(slots=True)
+class Binary(Node):
     operator: str
     left: Expression
     right: Expression
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Aggregate:
-    """`[a, b, c]`: a record or an array, which of them the place decides."""
+@dataclass(slots=True)
+class Aggregate(Node):
+    """`[a, b, c]`: a record or an array, depending on the type that is needed."""
 
     items: tuple[Expression, ...]
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class FunctionCall:
+@dataclass(slots=True)
+class FunctionCall(Node):
     name: str
     arguments: tuple[Argument, ...]
-    line: int
 
 
 Reference = Name | Element | Field
 Expression = Literal | Name | Element | Field | Unary | Binary | Aggregate | FunctionCall
 
 
-@dataclass(frozen=True, slots=True)
-class Argument:
+@dataclass(slots=True)
+class Argument(Node):
     r"""One argument of a call.
 
     Attributes:
@@ -118,114 +130,115 @@ class Argument:
     name: str | None
     value: Expression | None
     is_optional: bool
-    line: int
     condition: str | None = None
+
+
+def children(node: Expression) -> tuple[Expression, ...]:
+    """The expressions directly inside of an expression."""
+    if isinstance(node, FunctionCall):
+        return tuple(argument.value for argument in node.arguments if argument.value is not None)
+    if isinstance(node, Element):
+        return (node.base, *node.indices)
+    if isinstance(node, Binary):
+        return (node.left, node.right)
+    if isinstance(node, Aggregate):
+        return node.items
+    inner = getattr(node, "operand", None) or getattr(node, "base", None)
+    return () if inner is None else (inner,)
 
 
 # Statements -------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Assignment:
+@dataclass(slots=True)
+class Assignment(Node):
     target: Reference
     value: Expression
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class ProcedureCall:
+@dataclass(slots=True)
+class ProcedureCall(Node):
     name: str
     arguments: tuple[Argument, ...]
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class LateCall:
+@dataclass(slots=True)
+class LateCall(Node):
     """`%expression% arguments;`: the procedure's name is found while the program runs."""
 
     name: Expression
     arguments: tuple[Argument, ...]
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class If:
+@dataclass(slots=True)
+class If(Node):
     branches: tuple[tuple[Expression, Block], ...]
     otherwise: Block
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class For:
+@dataclass(slots=True)
+class For(Node):
     variable: str
     first: Expression
     last: Expression
     step: Expression | None
     body: Block
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class While:
+@dataclass(slots=True)
+class While(Node):
     condition: Expression
     body: Block
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Test:
+@dataclass(slots=True)
+class Test(Node):
     """`TEST value CASE ...`: `otherwise` is the DEFAULT branch."""
 
     value: Expression
     cases: tuple[tuple[tuple[Expression, ...], Block], ...]
     otherwise: Block
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Goto:
+@dataclass(slots=True)
+class Goto(Node):
     label: str
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Label:
+@dataclass(slots=True)
+class Label(Node):
     name: str
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Return:
+@dataclass(slots=True)
+class Return(Node):
     value: Expression | None
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Raise:
+@dataclass(slots=True)
+class Raise(Node):
     number: Expression | None
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Exit:
-    line: int
+@dataclass(slots=True)
+class Exit(Node):
+    pass
 
 
-@dataclass(frozen=True, slots=True)
-class Retry:
-    line: int
+@dataclass(slots=True)
+class Retry(Node):
+    pass
 
 
-@dataclass(frozen=True, slots=True)
-class TryNext:
-    line: int
+@dataclass(slots=True)
+class TryNext(Node):
+    pass
 
 
-@dataclass(frozen=True, slots=True)
-class Connect:
+@dataclass(slots=True)
+class Connect(Node):
     target: Reference
     trap: str
-    line: int
 
 
 Simple = Assignment | ProcedureCall | LateCall | Goto | Return | Raise | Exit | Retry | TryNext | Connect
@@ -236,8 +249,8 @@ Block = tuple[Statement, ...]
 # Declarations -----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Data:
+@dataclass(slots=True)
+class Data(Node):
     """A CONST, VAR or PERS declaration; `dimensions` is empty for a single value."""
 
     name: str
@@ -247,33 +260,26 @@ class Data:
     initial: Expression | None
     is_local: bool
     is_task: bool
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Component:
-    type_name: str
+@dataclass(slots=True)
+class Record(Node):
+    """A record type; `components` are pairs of type name and component name."""
+
     name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    name: str
-    components: tuple[Component, ...]
+    components: tuple[tuple[str, str], ...]
     is_local: bool
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Alias:
+@dataclass(slots=True)
+class Alias(Node):
     name: str
     type_name: str
     is_local: bool
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+@dataclass(slots=True)
+class Parameter(Node):
     """A parameter; those that share a `group` (0, 1, ...) exclude each other, required ones have None.
 
     Attributes:
@@ -284,24 +290,19 @@ class Parameter:
     type_name: str
     mode: Mode
     rank: int
-    group: int | None
-
-    @property
-    def is_optional(self) -> bool:
-        return self.group is not None
+    group: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Handler:
+@dataclass(slots=True)
+class Handler(Node):
     """The ERROR clause: with `numbers` it is a long-jump handler for those errors, with none it takes every error."""
 
     numbers: tuple[Expression, ...]
     body: Block
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Routine:
+@dataclass(slots=True)
+class Routine(Node):
     name: str
     kind: RoutineKind
     return_type: str | None
@@ -312,16 +313,14 @@ class Routine:
     handler: Handler | None
     undo: Block | None
     is_local: bool
-    line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Module:
+@dataclass(slots=True)
+class Module(Node):
     """A module as written.
 
     Attributes:
         attributes: in capitals (SYSMODULE, NOVIEW, NOSTEPIN, VIEWONLY, READONLY).
-        length: of its text, in characters.
     """
 
     name: str
@@ -330,7 +329,7 @@ class Module:
     aliases: tuple[Alias, ...]
     data: tuple[Data, ...]
     routines: tuple[Routine, ...]
-    filename: str
+    filename: str = ""
     text: str = field(default="", repr=False, compare=False)
 
     @property

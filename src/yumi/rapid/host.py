@@ -1,4 +1,4 @@
-"""The host: what a task needs from the controller it runs on, and what it tells it."""
+"""The host: what a task needs from the controller it runs on, and the events it reports to it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Host(Protocol):
         """The text of a file, by RAPID path ("HOME:/x.mod"); raises OSError."""
 
     def report(self, task: str, event: TaskEvent) -> None:
-        """Take note that the task has stopped by itself."""
+        """Called when the task has stopped by itself."""
 
     def is_virtual(self) -> bool:
         """Whether the controller is a simulation; RobOS() is the opposite."""

@@ -1,6 +1,6 @@
 """Interrupts: which trap belongs to which interrupt number, what orders it, and the queue of those that came.
 
-The agenda: what a task has promised to do at a later time while its program goes on, such as ending a pulse.
+The timer queue: what a task does at a later time while its program goes on, such as ending a pulse.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from yumi.rapid.compiler import UserRoutine
 from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.program import UserRoutine
 
 MOST_INTERRUPTS = 100
 LONGEST_QUEUE = 1000  # interrupts; what comes while so many wait is lost
@@ -36,7 +36,7 @@ class Edge(Enum):
 
 @dataclass(slots=True)
 class SignalOrder:
-    """ISignalDI and its kin."""
+    """ISignalDI, ISignalDO, ISignalGI, ISignalGO."""
 
     signal: str
     edge: Edge
@@ -94,7 +94,7 @@ class Interrupts:
     def delete(self, number: int) -> None:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""
         self.connections.pop(number, None)
-        self._drop(number)
+        self.queue = deque(n for n in self.queue if n != number)
 
     def sleep(self, number: int) -> None:
         self._connection(number).is_asleep = True
@@ -106,7 +106,7 @@ class Interrupts:
         for number, connection in list(self.connections.items()):
             order = connection.order
             if isinstance(order, SignalOrder) and order.signal.lower() == signal.lower() and order.edge.is_in(old, new):
-                self._came(number, connection)
+                self._enqueue(number, connection)
 
     def next_timer(self) -> float:
         """Task time at which the next timer is due [s], infinite when none runs."""
@@ -120,21 +120,18 @@ class Interrupts:
                 order.due += order.period
                 if order.due <= now:  # what came due while the task stood still is lost
                     order.due = now + order.period
-                self._came(number, connection)
+                self._enqueue(number, connection)
 
     def take(self) -> tuple[int, UserRoutine]:
         """The next queued interrupt and its trap."""
         number = self.queue.popleft()
         return number, self.connections[number].trap
 
-    def _came(self, number: int, connection: Connection) -> None:
+    def _enqueue(self, number: int, connection: Connection) -> None:
         if connection.order is not None and connection.order.is_single:
             connection.order = None
         if not connection.is_asleep and len(self.queue) < LONGEST_QUEUE:
             self.queue.append(number)
-
-    def _drop(self, number: int) -> None:
-        self.queue = deque(n for n in self.queue if n != number)
 
     def _connection(self, number: int) -> Connection:
         found = self.connections.get(number)
@@ -147,7 +144,7 @@ Action = Callable[[], None]
 MOST_ACTIONS = 1000
 
 
-class Agenda:
+class TimerQueue:
     """Actions in the order of their task time [s]."""
 
     def __init__(self) -> None:
@@ -155,11 +152,7 @@ class Agenda:
         self._order = itertools.count()
 
     def add(self, time: float, action: Action) -> None:
-        """Have an action done at a task time [s].
-
-        Raises:
-            RapidRuntimeError: ERR_EXECPHR, too many wait already.
-        """
+        """Do something at a task time [s]; raises ERR_EXECPHR when too many wait already."""
         if len(self._entries) >= MOST_ACTIONS:
             raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_ACTIONS} delayed outputs and pulses are under way already.")
         heapq.heappush(self._entries, (time, next(self._order), action))

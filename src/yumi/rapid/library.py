@@ -1,6 +1,6 @@
 r"""The library: instructions, functions, types and data that extend the language.
 
-Whoever owns a robot registers its instructions here; RAPID itself only knows how to call them. A signature is the
+A host registers the instructions of its robot here; RAPID itself only knows how to call them. A signature is the
 parameter list of a RAPID routine, exactly as it would stand between its parentheses::
 
     library = InstructionSet()  # on top of RAPID's own instructions
@@ -8,11 +8,12 @@ parameter list of a RAPID routine, exactly as it would stand between its parenth
     @library.instruction("EGMStop", r"VAR egmident EGMid, egmstopmode Mode, \num RampOutTime")
     def egm_stop(call: Call) -> Iterator[None]:
         ...
-        yield  # not done: look again at the next advance
+        yield  # not done: go on at the next advance
 
 - `VAR`, `PERS`, `INOUT` before a type: the argument must be such a datum, and `call["EGMid"] = value` writes to it.
 - `\num RampOutTime`: optional, `call.present("RampOutTime")`, `call.get("RampOutTime", default)`.
 - `\switch Joint | \switch Pose`: at most one of them; a switch that is present has the value True.
+- A function of its values alone is a formula: `library.formula("Sin", "num Angle", "num", lambda angle: ...)`.
 - Types: every RAPID type, and `anytype`, `anynum` (num or dnum), `signal` (any kind), `x{*}` for arrays.
 
 An instruction returns None, or is a generator: each `yield` gives the task back until the next advance (`yield t`:
@@ -24,12 +25,13 @@ is closed.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
-from yumi.rapid.errors import ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError
+from yumi.rapid.errors import ALL_ERRORS, ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.parser import parse_parameters
 from yumi.rapid.types import (
     ABSENT,
@@ -44,8 +46,8 @@ from yumi.rapid.types import (
     AliasType,
     ArrayType,
     ObjectType,
-    Place,
     RecordType,
+    Reference,
     SignalType,
     Type,
     Variable,
@@ -68,7 +70,7 @@ class Call:
 
     __slots__ = ("_arguments", "name", "task")
 
-    def __init__(self, task: Task, name: str, arguments: dict[str, Place]) -> None:
+    def __init__(self, task: Task, name: str, arguments: dict[str, Reference]) -> None:
         self.task = task
         self.name = name
         self._arguments = arguments
@@ -81,21 +83,58 @@ class Call:
 
     def __setitem__(self, name: str, value: Any) -> None:
         """Write to the datum passed for a VAR, PERS or INOUT parameter."""
-        place = self._arguments[name.lower()]
-        place.value = place.type.convert(value)
+        reference = self._arguments[name.lower()]
+        reference.value = reference.type.convert(value)
 
     def get(self, name: str, default: Any = None) -> Any:
-        place = self._arguments[name.lower()]
-        return default if place is ABSENT else place.value
+        """The value of an argument, the default where it is not passed or the instruction has no such parameter."""
+        reference = self._arguments.get(name.lower(), ABSENT)
+        return default if reference is ABSENT else reference.value
 
-    def place(self, name: str) -> Place:
+    def reference(self, name: str) -> Reference:
         """The datum itself, with its name, type and value."""
         return self._arguments[name.lower()]
 
 
 @dataclass(frozen=True, slots=True)
+class Deadline:
+    r"""The end of a wait with \MaxTime and \TimeFlag.
+
+    Attributes:
+        time: task time [s], infinite without \MaxTime.
+    """
+
+    call: Call
+    time: float
+
+    @staticmethod
+    def of(call: Call) -> Deadline:
+        return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
+
+    def is_over(self) -> bool:
+        r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""
+        if self.call.task.now < self.time:
+            return False
+        if not self.call.present("TimeFlag"):
+            sentence = f"{self.call.name} has waited for {self.call['MaxTime']:g} s in vain."
+            raise RapidRuntimeError("ERR_WAIT_MAXTIME", sentence)
+        self.call["TimeFlag"] = True
+        return True
+
+    def met(self) -> None:
+        r"""What was waited for has come: clears \TimeFlag."""
+        if self.call.present("TimeFlag"):
+            self.call["TimeFlag"] = False
+
+    @property
+    def due(self) -> float | None:
+        """What to yield while waiting."""
+        return None if math.isinf(self.time) else self.time
+
+
+@dataclass(frozen=True, slots=True)
 class FormalParameter:
-    """A parameter with its type looked up."""
+    """A parameter with its type."""
 
     name: str
     type: Type
@@ -126,6 +165,7 @@ class Library:
         self._routines: dict[str, LibraryRoutine] = {}
         self._types: dict[str, Type] = {}
         self._data: dict[str, Variable] = {}
+        self._missing: set[str] = set()
         self._errors: dict[str, float] = {}
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
 
@@ -138,6 +178,11 @@ class Library:
     def function(self, name: str, signature: str, returns: str) -> Callable[[Implementation], Implementation]:
         """Decorate the function that computes `name(...)`, of type `returns`, from a `Call`."""
         return self._register(name, signature, self.type(returns))
+
+    def formula(self, name: str, signature: str, returns: str, compute: Callable[..., Any]) -> None:
+        """Register a function that needs the values of its arguments only, in their order; None for an absent one."""
+        keys = [parameter.key for parameter in self.formal(signature)]
+        self.function(name, signature, returns)(lambda call: compute(*(call.get(key) for key in keys)))
 
     def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
         parameters = self.formal(signature)
@@ -192,18 +237,29 @@ class Library:
         self.data(name, "errnum", number)
         return number
 
+    def missing(self, *names: str) -> None:
+        """Register names of RobotWare's instructions and functions; a program may use those that no library provides.
+
+        It is loaded, and stops where it executes one.
+        """
+        self._missing.update(name.lower() for name in names)
+
     def include(self, other: Library) -> None:
         """Take over everything that `other` registered itself, without what it is based on."""
         self._routines.update(other._routines)
         self._types.update(other._types)
         self._data.update(other._data)
         self._errors.update(other._errors)
+        self._missing.update(other._missing)
 
     # Looking up ---------------------------------------------------------------------------------------------------
 
     def routine(self, name: str) -> LibraryRoutine | None:
         found = self._routines.get(name.lower())
         return found or (self._base.routine(name) if self._base else None)
+
+    def is_missing(self, name: str) -> bool:
+        return name.lower() in self._missing or (self._base is not None and self._base.is_missing(name))
 
     def find_type(self, name: str) -> Type | None:
         found = self._types.get(name.lower())
@@ -237,6 +293,6 @@ def core_library() -> Library:
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
         core.add_type(SignalType(kind))
     core.alias("errnum", "num")
-    for name in ERROR_NAMES:
+    for name in (*ERROR_NAMES, ALL_ERRORS):
         core.error(name)
     return core

@@ -64,7 +64,7 @@ def parse_value(type_: Type, text: str) -> Any:
 
 
 class _WrongType(Exception):
-    """Some part of a literal does not have the type of its place."""
+    """Some part of a literal does not have the type that is needed there."""
 
 
 def _value(type_: Type, node: Expression) -> Any:

@@ -2,21 +2,22 @@
 
 The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
 interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
-is abandoned.
+is abandoned, from the top down, each procedure after its UNDO clause.
 
-The frame: one routine under way, with its data, its place in the code and the error it is dealing with.
+The frame: one routine under way, with its data, its position in the code and the error its handler works on.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from yumi.rapid.compiler import Code, Compilation, Span, UserRoutine, advanced, compiling
-from yumi.rapid.errors import LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.compiler import compile_routine
+from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.interrupts import Interrupts
-from yumi.rapid.types import Place
+from yumi.rapid.program import Code, Span, UserRoutine
+from yumi.rapid.types import Reference
 
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
@@ -41,12 +42,13 @@ class Frame:
     """A routine under way.
 
     Attributes:
-        slots: the places of its parameters, data and intermediate results.
+        slots: its parameters, data and intermediate results.
         step: the step that comes next.
         waiting: the instruction that is not done yet, or None.
-        wake: task time at which it must be looked at even between two advances [s], or None.
+        due: task time at which it must be polled even between two advances [s], or None.
         is_interrupted: whether a trap has come between two of its statements.
         error: the error its ERROR clause is working on, or None outside of it.
+        is_undoing: whether it is abandoned and executes its UNDO clause.
     """
 
     __slots__ = (
@@ -55,9 +57,11 @@ class Frame:
         "_retries",
         "_wait_slot",
         "code",
+        "due",
         "error",
         "is_interrupted",
         "is_trap",
+        "is_undoing",
         "next_step",
         "polled_at",
         "result_slot",
@@ -67,10 +71,11 @@ class Frame:
         "step",
         "task",
         "waiting",
-        "wake",
     )
 
-    def __init__(self, task: Task, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> None:
+    def __init__(
+        self, task: Task, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None
+    ) -> None:
         self.task = task
         self.routine = routine
         self.code = Code(spans=[Span(routine.syntax.line, 0)])  # until it is compiled
@@ -78,9 +83,9 @@ class Frame:
         self.step = 0
         self.result_slot = result_slot
         self.waiting: Generator[float | None, None, Any] | None = None
-        self.wake: float | None = None
+        self.due: float | None = None
         self.polled_at = -1
-        self.is_trap = False
+        self.is_trap = self.is_undoing = False
         self.is_interrupted = False
         self.error: RapidRuntimeError | None = None
         self.retry_step = self.next_step = 0
@@ -112,22 +117,20 @@ class Frame:
         """Let an instruction go on until its generator ends; its value goes into `slot`."""
         self.waiting = waiting
         self._wait_slot, self._convert = slot, convert
-        self.wake = None
+        self.due = None
 
-    def look(self) -> bool:
-        """Look at the waiting instruction; whether it is done."""
+    def poll(self) -> None:
+        """Let the waiting instruction go on."""
         assert self.waiting is not None
         try:
-            self.wake = next(self.waiting)
+            self.due = next(self.waiting)
         except StopIteration as end:
             self.waiting = None
             if self._wait_slot is not None and self._convert is not None:
                 self.slots[self._wait_slot] = self._convert(end.value)
-            return True
         except RapidRuntimeError:
             self.waiting = None
             raise
-        return False
 
     def abandon(self) -> None:
         """Close the instruction under way, if there is one."""
@@ -146,24 +149,22 @@ class Frame:
         if handler is None or (self.error is not None and not from_above):
             return False
         if handler.numbers:
-            return any(evaluate(self) == number for evaluate in handler.numbers)
+            listed = (number, self.task.library.error_number(ALL_ERRORS))
+            return any(evaluate(self) in listed for evaluate in handler.numbers)
         return not is_long_jump
 
     def enter_handler(self, error: RapidRuntimeError) -> None:
         assert self.code.handler is not None
-        if self.error is None:
-            self._remember_statement()
+        if self.error is None:  # where RETRY and TRYNEXT go on
+            if self.is_interrupted and self.waiting is None:
+                self.retry_step = self.next_step = self.step
+            else:
+                span = self.code.spans[self.step - 1]
+                self.retry_step, self.next_step = span.start, span.end
         self.abandon()
         self.is_interrupted = False
         self.error = error
         self.step = self.code.handler.start
-
-    def _remember_statement(self) -> None:
-        if self.is_interrupted and self.waiting is None:
-            self.retry_step = self.next_step = self.step
-        else:
-            span = self.code.spans[self.step - 1]
-            self.retry_step, self.next_step = span.start, span.end
 
     def retry(self) -> None:
         """Begin the statement that failed again; raises when that was tried too often."""
@@ -187,11 +188,8 @@ class Frame:
             self.step = self.code.spans[self.step - 1].start
 
 
-T = TypeVar("T")
 DEEPEST_STACK = 250
-COMPILED_AT_ONCE = 40  # statements; what is left of a longer routine is compiled in the following cycles
-TIME_AT_ONCE = 1e-3  # [s] of the task's clock for compiling or linking in a cycle
-STEPS_BETWEEN_LOOKS = 8  # at the clock, which takes as long as a step; after an instruction it is looked at at once
+STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
 
 
 class Machine:
@@ -205,7 +203,8 @@ class Machine:
         self.instant = 0
         self.budget = 0
         self.deadline = math.inf
-        self.until_look = 0
+        self.until_clock_read = 0
+        self._unwinding: tuple[int, Callable[[], None]] | None = None
 
     # Running ------------------------------------------------------------------------------------------------------
 
@@ -217,8 +216,16 @@ class Machine:
             if self.interrupts.queue and self._is_open(frame):
                 self._begin_trap(frame)
             elif frame.waiting is not None:
-                if not self._look(frame):
+                if frame.polled_at == self.instant:  # once in an instant
                     return
+                frame.polled_at = self.instant
+                try:
+                    frame.poll()
+                except RapidRuntimeError as error:
+                    self._recover(error)
+                else:
+                    if frame.waiting is not None:
+                        return
             elif self.is_exhausted():
                 return
             else:
@@ -226,19 +233,12 @@ class Machine:
 
     def is_exhausted(self) -> bool:
         """Whether this advance has computed enough; the budget is used up then."""
-        self.until_look -= 1
-        if self.until_look < 0:
-            self.until_look = STEPS_BETWEEN_LOOKS - 1
+        self.until_clock_read -= 1
+        if self.until_clock_read < 0:
+            self.until_clock_read = STEPS_BETWEEN_CLOCK_READS - 1
             if self.task.clock() > self.deadline:
                 self.budget = 0
         return self.budget <= 0
-
-    def _look(self, frame: Frame) -> bool:
-        """Look at a waiting frame, once in an instant; whether there is anything to go on with."""
-        if frame.polled_at == self.instant:
-            return False
-        frame.polled_at = self.instant
-        return self._guarded(frame.look)
 
     def _execute(self, frame: Frame) -> None:
         self.budget -= 1
@@ -250,41 +250,48 @@ class Machine:
         except RapidRuntimeError as error:
             self._recover(error)
         except Propagated as passed:
-            self._propagate(passed)
+            self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:
             self._recover(RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}."))
 
-    def _guarded(self, look: Callable[[], bool]) -> bool:
-        try:
-            return look()
-        except RapidRuntimeError as error:
-            self._recover(error)
-            return True
-
-    def next_wake(self) -> float:
+    def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""
         timer = self.interrupts.next_timer()
-        wake = self.frames[-1].wake if self.frames and self.frames[-1].waiting is not None else None
-        return timer if wake is None else min(wake, timer)
+        due = self.frames[-1].due if self.frames and self.frames[-1].waiting is not None else None
+        return timer if due is None else min(due, timer)
 
     # Entering and leaving routines --------------------------------------------------------------------------------
 
-    def enter(self, routine: UserRoutine, arguments: Sequence[Place], result_slot: int | None) -> Frame:
+    def enter(self, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None) -> Frame:
         if len(self.frames) >= DEEPEST_STACK:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
         frame = Frame(self.task, routine, arguments, result_slot)
-        if routine.code is None:
-            compilation = in_shares(compiling(self.task.program, routine), self.task.clock, COMPILED_AT_ONCE)
-            routine.code = _some_compiled(compilation)
-            if routine.code is None:
-                frame.begin_wait(_rest_compiled(compilation, frame), None, None)
-        if routine.code is not None:
-            frame.begin(routine.code)
+        code = self.task.program.codes.get(routine)
+        if code is None:
+            frame.begin_wait(self._compiling(frame), None, None)
+        else:
+            frame.begin(code)
         self.frames.append(frame)
         return frame
 
+    def _compiling(self, frame: Frame) -> Generator[float | None, None, None]:
+        """Compile the frame's routine in the background, and begin it then."""
+        program, routine = self.task.program, frame.routine
+        work = self.task.background(lambda: compile_routine(program, routine))
+        while not work.done():
+            yield None
+        try:
+            program.codes[routine] = work.result()
+        except RapidReferenceError as error:
+            raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
+        frame.begin(program.codes[routine])
+
     def leave(self, value: Any) -> None:
         frame = self.frames.pop()
+        if frame.is_undoing:
+            self.in_trap = self.in_trap and not frame.is_trap
+            self._go_on_unwinding()
+            return
         if not self.frames:
             self.task.finished()
             return
@@ -301,6 +308,48 @@ class Machine:
             if frame.is_trap:
                 self.in_trap = False
             frame.abandon()
+        if not self.frames:
+            self._unwinding = None
+
+    def unwind(self, depth: int, then: Callable[[], None]) -> None:
+        """Abandon all routines above `depth`, each after its UNDO clause, which are executed as steps; then go on.
+
+        RAPID overview, UNDO: a routine that an UNDO clause calls is abandoned without its own.
+        """
+        if self._unwinding is None:
+            self._unwinding = depth, then
+            self._go_on_unwinding()
+        else:
+            self.abandon(depth)
+            then()
+
+    def _go_on_unwinding(self) -> None:
+        assert self._unwinding is not None
+        depth, then = self._unwinding
+        while len(self.frames) > depth:
+            frame = self.frames[-1]
+            if frame.code.undo is not None:
+                frame.abandon()
+                frame.is_undoing, frame.is_interrupted, frame.error = True, False, None
+                frame.step = frame.code.undo
+                return
+            frame.abandon()
+            self.frames.pop()
+            self.in_trap = self.in_trap and not frame.is_trap
+        self._unwinding = None
+        then()
+
+    def undo_all(self, most_steps: int) -> None:
+        """Leave all routines, as PP to main does: UNDO clauses are executed at once, as far as they do not wait."""
+        self.task.is_running = True  # until an UNDO clause fails
+        self.unwind(0, lambda: None)
+        while self.task.is_running and self._unwinding is not None and most_steps > 0:
+            most_steps -= 1
+            if self.frames[-1].waiting is not None:
+                break
+            self._execute(self.frames[-1])
+        self.task.is_running = False
+        self.abandon()
 
     def exit(self) -> None:
         where = self.frames[-1]
@@ -310,7 +359,7 @@ class Machine:
     # Interrupts ---------------------------------------------------------------------------------------------------
 
     def _is_open(self, frame: Frame) -> bool:
-        is_allowed = not self.in_trap and not self.interrupts.is_disabled
+        is_allowed = not self.in_trap and not self.interrupts.is_disabled and self._unwinding is None
         return is_allowed and (frame.waiting is not None or frame.is_between_statements())
 
     def _begin_trap(self, below: Frame) -> None:
@@ -324,8 +373,8 @@ class Machine:
         else:
             self.in_trap = True
 
-    def connect(self, place: Place, trap: UserRoutine) -> None:
-        place.value = float(self.interrupts.connect(int(place.value), trap))
+    def connect(self, reference: Reference, trap: UserRoutine) -> None:
+        reference.value = float(self.interrupts.connect(int(reference.value), trap))
 
     # Errors -------------------------------------------------------------------------------------------------------
 
@@ -345,9 +394,6 @@ class Machine:
         assert frame.code.handler is not None
         raise Propagated(frame.error, is_long_jump=bool(frame.code.handler.numbers))
 
-    def _propagate(self, passed: Propagated) -> None:
-        self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
-
     def _recover(self, error: RapidRuntimeError, *, is_long_jump: bool = False, skip: int = 0) -> None:
         """Find the handler of an error, from the top of the stack down; stop the task when there is none.
 
@@ -358,14 +404,21 @@ class Machine:
         if depth == 0:
             self.task.failed(error, self.frames[-1])
             return
-        self.abandon(depth)
-        self.frames[-1].enter_handler(error)
+        handling = self.frames[depth - 1]
+
+        def handle() -> None:
+            self.task.note_error(error)  # an UNDO clause may have met others
+            handling.enter_handler(error)
+
+        self.unwind(depth, handle)
 
     def _handler_depth(self, number: float, is_long_jump: bool, skip: int) -> int:
         """How deep the stack is up to the frame that handles an error, 0 when none does."""
         from_above = False
         for depth in range(len(self.frames), 0, -1):
             frame = self.frames[depth - 1]
+            if frame.is_undoing:
+                return 0
             if depth <= len(self.frames) - skip:
                 if frame.takes(number, is_long_jump=is_long_jump, from_above=from_above):
                     return depth
@@ -374,37 +427,3 @@ class Machine:
             if frame.is_trap:
                 is_long_jump = from_above = True
         return 0
-
-
-def in_shares(work: Generator[None, None, T], clock: Callable[[], float], most: int) -> Generator[None, None, T]:
-    """Long work with pauses where a cycle has had its share: so much time, or `most` pauses of the work."""
-    end, left = clock() + TIME_AT_ONCE, most
-    while True:
-        try:
-            next(work)
-        except StopIteration as done:
-            result: T = done.value
-            return result
-        left -= 1
-        if left <= 0 or clock() >= end:
-            yield
-            end, left = clock() + TIME_AT_ONCE, most
-
-
-def _some_compiled(compilation: Compilation) -> Code | None:
-    """Go on compiling for a while; the code once it is complete."""
-    try:
-        return advanced(compilation)
-    except RapidReferenceError as error:
-        raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
-
-
-def _rest_compiled(compilation: Compilation, frame: Frame) -> Generator[float | None, None, None]:
-    """The wait of a routine for its code."""
-    program = frame.task.program
-    version = program.version
-    while (code := _some_compiled(compilation)) is None:
-        yield None
-    if program.version == version:  # else names may mean something else by now: compiled anew at the next call
-        frame.routine.code = code
-    frame.begin(code)

@@ -1,6 +1,6 @@
-"""The parser: RAPID text to syntax tree, with errors a person can act on.
+"""The parser: RAPID text to syntax tree, with errors that say where, what was found and what is allowed instead.
 
-The tree builder: turns each grammar rule into its node of the syntax tree while the parser runs.
+Lark calls the methods of `TreeBuilder` while it parses, so that there is no parse tree beside the syntax tree.
 """
 
 from __future__ import annotations
@@ -8,146 +8,145 @@ from __future__ import annotations
 import functools
 import math
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
-from lark import Lark, Token, Transformer, Tree, UnexpectedToken, v_args
-from lark.exceptions import UnexpectedInput, VisitError
-from lark.tree import Meta
+from lark import Lark, Token, Transformer, UnexpectedToken, v_args
+from lark.exceptions import UnexpectedInput
 
 from yumi.rapid import ast as s
 from yumi.rapid.ast import Expression, Module, Parameter, Reference
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.types import LONGEST_STRING
 
-Node = TypeVar("Node")
+NodeType = TypeVar("NodeType", bound=s.Node)
+Clause = tuple[str, Any]
 ESCAPE = re.compile(r'""|\\\\|\\[0-9A-Fa-f]{2}')
 BASES = {"0x": 16, "0b": 2, "0o": 8}
-
-
 LONGEST_NAME = 32  # characters
+LONGEST_MODULE = 500_000  # characters; a longer one takes more memory than the rest of the controller
+LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
+DEEPEST_NESTING = 200  # of statements and expressions: those who walk the tree do it by recursion
+MOST_RESULTS, LONGEST_RESULTS = 64, 1_000_000  # remembered texts, their characters; a tree takes much more memory
 ATTRIBUTES = frozenset(("SYSMODULE", "NOVIEW", "NOSTEPIN", "VIEWONLY", "READONLY"))
 
 
 class NotAllowed(Exception):
     """The grammar takes it, but RAPID does not."""
 
-    def __init__(self, sentence: str, meta: Meta) -> None:
+    def __init__(self, sentence: str, where: Token | s.Node) -> None:
         super().__init__(sentence)
-        self.line: int = meta.line
-        self.column: int = meta.column
+        self.line, self.column = where.line or 1, where.column or 1
 
 
-def string_value(token: str) -> str:
-    r"""The text of a string literal: `""` is a quote, `\\` a backslash, `\5C` the character with that code."""
-    return ESCAPE.sub(_unescaped, token[1:-1])
-
-
-def _unescaped(match: re.Match[str]) -> str:
-    text = match.group()
-    return text[0] if text[1] == text[0] else chr(int(text[1:], 16))
-
-
-def number_value(token: str) -> float:
-    base = BASES.get(token[:2].lower())
-    try:
-        return float(token) if base is None else float(int(token[2:], base))
-    except OverflowError:  # no number of RAPID's is that large; whoever stores it is told
-        return math.inf
-
-
-def _of(kind: type[Node], items: Sequence[object]) -> tuple[Node, ...]:
+def _of(kind: type[NodeType], items: Sequence[object]) -> tuple[NodeType, ...]:
     return tuple(item for item in items if isinstance(item, kind))
 
 
-@v_args(meta=True, inline=True)
+def _tuple(self: TreeBuilder, *items: Any) -> tuple[Any, ...]:
+    return items
+
+
+def _position(token: Token) -> int:
+    return (token.line or 1) << 16 | min(token.column or 1, s.LARGEST_COLUMN)
+
+
+def _node(kind: type[NodeType], token: Token, *fields: Any) -> NodeType:
+    """A node that begins at a token; the names among its fields become plain strings."""
+    return kind(*(str(each) if type(each) is Token else each for each in fields), position=_position(token))
+
+
+def _statement(kind: type[NodeType]) -> Any:
+    """The method for a statement that begins with a keyword and whose other parts are the fields of its node."""
+
+    def build(self: TreeBuilder, keyword: Token, *parts: Any) -> NodeType:
+        return _node(kind, keyword, *parts)
+
+    return build
+
+
+@v_args(inline=True)
 class TreeBuilder(Transformer[Token, Any]):
     """One method for each rule of grammar.lark; `None` stands for what was left out."""
 
-    def name(self, meta: Meta, token: Token) -> str:
+    def name(self, token: Token) -> Token:
         if len(token) > LONGEST_NAME:
-            raise NotAllowed(f"a name has up to {LONGEST_NAME} characters, '{token}' has {len(token)}.", meta)
-        return str(token)
+            raise NotAllowed(f"a name has up to {LONGEST_NAME} characters, '{token}' has {len(token)}.", token)
+        return token
 
     # Modules ------------------------------------------------------------------------------------------------------
 
-    def module(self, meta: Meta, name: str, attributes: frozenset[str] | None, *items: object) -> s.Module:
-        return s.Module(
-            name,
-            attributes or frozenset(),
-            _of(s.Record, items),
-            _of(s.Alias, items),
-            _of(s.Data, items),
-            _of(s.Routine, items),
-            filename="",
-        )
+    def module(self, name: Token, attributes: frozenset[str] | None, *items: object) -> s.Module:
+        kinds = (_of(s.Record, items), _of(s.Alias, items), _of(s.Data, items), _of(s.Routine, items))
+        return _node(s.Module, name, name, attributes or frozenset(), *kinds)
 
-    def attributes(self, meta: Meta, *names: Token) -> frozenset[str]:
-        unknown = next((name for name in names if name.upper() not in ATTRIBUTES), None)
-        if unknown is not None:
-            raise NotAllowed(f"a module has no attribute '{unknown}'; there are {', '.join(sorted(ATTRIBUTES))}.", meta)
+    def attributes(self, *names: Token) -> frozenset[str]:
+        for name in names:
+            if name.upper() not in ATTRIBUTES:
+                sentence = f"a module has no attribute '{name}'; there are {', '.join(sorted(ATTRIBUTES))}."
+                raise NotAllowed(sentence, name)
         return frozenset(name.upper() for name in names)
 
-    def record(self, meta: Meta, local: Token | None, name: str, *components: s.Component) -> s.Record:
-        return s.Record(name, components, local is not None, meta.line)
+    def record(self, local: Token | None, name: Token, *components: tuple[str, str]) -> s.Record:
+        return _node(s.Record, name, name, components, local is not None)
 
-    def component(self, meta: Meta, type_name: str, name: str) -> s.Component:
-        return s.Component(type_name, name)
+    def component(self, type_name: Token, name: Token) -> tuple[str, str]:
+        return str(type_name), str(name)
 
-    def alias(self, meta: Meta, local: Token | None, type_name: str, name: str) -> s.Alias:
-        return s.Alias(name, type_name, local is not None, meta.line)
+    def alias(self, local: Token | None, type_name: Token, name: Token) -> s.Alias:
+        return _node(s.Alias, name, name, type_name, local is not None)
 
     def data(
         self,
-        meta: Meta,
         local: Token | None,
-        storage: tuple[s.Storage, bool],
-        type_name: str,
-        name: str,
+        storage: Token,
+        type_name: Token,
+        name: Token,
         dimensions: tuple[s.Expression, ...] | None,
         initial: s.Expression | None,
     ) -> s.Data:
-        kind, is_task = storage
-        return s.Data(name, type_name, kind, dimensions or (), initial, local is not None, is_task, meta.line)
+        kind = s.Storage[storage.split()[-1].upper()]
+        is_task = storage.type.startswith("TASK")
+        return _node(s.Data, name, name, type_name, kind, dimensions or (), initial, local is not None, is_task)
 
-    def local_data(self, meta: Meta, *parts: Any) -> s.Data:
-        return self.data(meta, None, *parts)
+    def local_data(self, *parts: Any) -> s.Data:
+        return self.data(None, *parts)
 
-    def storage(self, meta: Meta, word: Token) -> tuple[s.Storage, bool]:
-        return s.Storage[word.split()[-1].upper()], word.type.startswith("TASK")
+    def storage(self, word: Token) -> Token:
+        return word
 
-    def dimensions(self, meta: Meta, *sizes: s.Expression) -> tuple[s.Expression, ...]:
-        return sizes
+    dimensions = _tuple
 
     # Routines -----------------------------------------------------------------------------------------------------
 
     def procedure(
-        self, meta: Meta, local: Token | None, name: str, parameters: tuple[s.Parameter, ...] | None, *body: Any
+        self, local: Token | None, name: Token, parameters: tuple[s.Parameter, ...] | None, *body: Any
     ) -> s.Routine:
-        return self._routine(meta, s.RoutineKind.PROC, local, None, name, parameters, body)
+        return self._routine(s.RoutineKind.PROC, local, None, name, parameters, body)
 
-    def function(
-        self, meta: Meta, local: Token | None, type_name: str, name: str, parameters: Any, *body: Any
-    ) -> s.Routine:
-        return self._routine(meta, s.RoutineKind.FUNC, local, type_name, name, parameters, body)
+    def function(self, local: Token | None, type_name: Token, name: Token, parameters: Any, *body: Any) -> s.Routine:
+        return self._routine(s.RoutineKind.FUNC, local, type_name, name, parameters, body)
 
-    def trap(self, meta: Meta, local: Token | None, name: str, *body: Any) -> s.Routine:
-        return self._routine(meta, s.RoutineKind.TRAP, local, None, name, None, body)
+    def trap(self, local: Token | None, name: Token, *body: Any) -> s.Routine:
+        return self._routine(s.RoutineKind.TRAP, local, None, name, None, body)
 
     def _routine(
         self,
-        meta: Meta,
         kind: s.RoutineKind,
         local: Token | None,
-        return_type: str | None,
-        name: str,
+        return_type: Token | None,
+        name: Token,
         parameters: tuple[s.Parameter, ...] | None,
         body: Sequence[Any],
     ) -> s.Routine:
         declared, block, *clauses = body
         found = dict(clauses)
-        return s.Routine(
+        return _node(
+            s.Routine,
+            name,
             name,
             kind,
             return_type,
@@ -158,170 +157,147 @@ class TreeBuilder(Transformer[Token, Any]):
             found.get("handler"),
             found.get("undo"),
             local is not None,
-            meta.line,
         )
 
-    def locals(self, meta: Meta, *data: s.Data) -> tuple[s.Data, ...]:
-        return data
+    locals = _tuple
 
-    def backward(self, meta: Meta, block: s.Block) -> tuple[str, s.Block]:
+    def backward(self, block: s.Block) -> Clause:
         return "backward", block
 
-    def undo(self, meta: Meta, block: s.Block) -> tuple[str, s.Block]:
+    def undo(self, block: s.Block) -> Clause:
         return "undo", block
 
-    def handler(self, meta: Meta, numbers: tuple[s.Expression, ...] | None, block: s.Block) -> tuple[str, s.Handler]:
-        return "handler", s.Handler(numbers or (), block, meta.line)
+    def handler(self, keyword: Token, numbers: tuple[s.Expression, ...] | None, block: s.Block) -> Clause:
+        return "handler", _node(s.Handler, keyword, numbers or (), block)
 
-    def error_numbers(self, meta: Meta, *numbers: s.Expression) -> tuple[s.Expression, ...]:
-        return numbers
+    error_numbers = _tuple
 
-    def parameters(self, meta: Meta, *groups: tuple[s.Parameter, ...]) -> tuple[s.Parameter, ...]:
-        return tuple(
-            s.Parameter(p.name, p.type_name, p.mode, p.rank, None if p.group is None else index)
-            for index, group in enumerate(groups)
-            for p in group
-        )
+    def parameters(self, *groups: s.Parameter | tuple[s.Parameter, ...]) -> tuple[s.Parameter, ...]:
+        parameters: list[s.Parameter] = []
+        for index, group in enumerate(groups):
+            alternatives = group if isinstance(group, tuple) else ()
+            for parameter in alternatives:
+                parameter.group = index
+            parameters += alternatives or (group,)  # type: ignore[arg-type]
+        return tuple(parameters)
 
-    def required_group(self, meta: Meta, parameter: s.Parameter) -> tuple[s.Parameter, ...]:
-        return (parameter,)
+    optional_group = _tuple
 
-    def optional_group(self, meta: Meta, *alternatives: s.Parameter) -> tuple[s.Parameter, ...]:
-        return tuple(s.Parameter(p.name, p.type_name, p.mode, p.rank, 0) for p in alternatives)
+    def parameter(self, mode: s.Mode | None, type_name: Token, name: Token, rank: int | None) -> s.Parameter:
+        return _node(s.Parameter, name, name, type_name, mode or s.Mode.VALUE, rank or 0)
 
-    def parameter(self, meta: Meta, mode: s.Mode | None, type_name: str, name: str, rank: int | None) -> s.Parameter:
-        return s.Parameter(name, type_name, mode or s.Mode.VALUE, rank or 0, None)
-
-    def mode(self, meta: Meta, word: Token) -> s.Mode:
+    def mode(self, word: Token) -> s.Mode:
         return s.Mode[word.upper()]
 
-    def open_dimensions(self, meta: Meta, *stars: Token) -> int:
+    def open_dimensions(self, *stars: Token) -> int:
         return len(stars)
 
     # Statements ---------------------------------------------------------------------------------------------------
 
-    def block(self, meta: Meta, *statements: s.Statement) -> s.Block:
-        return statements
+    block = _tuple
 
-    def assignment(self, meta: Meta, target: s.Reference, value: s.Expression) -> s.Assignment:
-        return s.Assignment(target, value, meta.line)
+    def assignment(self, target: s.Reference, value: s.Expression) -> s.Assignment:
+        return s.Assignment(target, value, position=target.position)
 
-    def call(self, meta: Meta, name: str, arguments: tuple[s.Argument, ...] | None) -> s.ProcedureCall:
-        return s.ProcedureCall(name, arguments or (), meta.line)
+    def call(self, name: Token, arguments: tuple[s.Argument, ...] | None) -> s.ProcedureCall:
+        return _node(s.ProcedureCall, name, name, arguments or ())
 
-    def late_call(self, meta: Meta, name: s.Expression, arguments: tuple[s.Argument, ...] | None) -> s.LateCall:
-        return s.LateCall(name, arguments or (), meta.line)
+    def placeholder(self, token: Token) -> s.ProcedureCall:
+        return _node(s.ProcedureCall, token, token, ())
 
-    def goto(self, meta: Meta, label: str) -> s.Goto:
-        return s.Goto(label, meta.line)
+    def late_call(self, name: s.Expression, arguments: tuple[s.Argument, ...] | None) -> s.LateCall:
+        return s.LateCall(name, arguments or (), position=name.position)
 
-    def label(self, meta: Meta, name: str) -> s.Label:
-        return s.Label(name, meta.line)
+    def label(self, name: Token) -> s.Label:
+        return _node(s.Label, name, name)
 
-    def return_statement(self, meta: Meta, value: s.Expression | None) -> s.Return:
-        return s.Return(value, meta.line)
+    goto = _statement(s.Goto)
+    return_statement = _statement(s.Return)
+    raise_statement = _statement(s.Raise)
+    exit_statement = _statement(s.Exit)
+    retry = _statement(s.Retry)
+    trynext = _statement(s.TryNext)
+    connect = _statement(s.Connect)
+    for_statement = _statement(s.For)
+    while_statement = _statement(s.While)
 
-    def raise_statement(self, meta: Meta, number: s.Expression | None) -> s.Raise:
-        return s.Raise(number, meta.line)
-
-    def exit_statement(self, meta: Meta) -> s.Exit:
-        return s.Exit(meta.line)
-
-    def retry(self, meta: Meta) -> s.Retry:
-        return s.Retry(meta.line)
-
-    def trynext(self, meta: Meta) -> s.TryNext:
-        return s.TryNext(meta.line)
-
-    def connect(self, meta: Meta, target: s.Reference, trap: str) -> s.Connect:
-        return s.Connect(target, trap, meta.line)
-
-    def if_statement(self, meta: Meta, condition: s.Expression, then: s.Block, *rest: Any) -> s.If:
+    def if_statement(self, keyword: Token, condition: s.Expression, then: s.Block, *rest: Any) -> s.If:
         *branches, otherwise = rest
-        return s.If(((condition, then), *branches), otherwise or (), meta.line)
+        return _node(s.If, keyword, ((condition, then), *branches), otherwise or ())
 
-    def elseif(self, meta: Meta, condition: s.Expression, then: s.Block) -> tuple[s.Expression, s.Block]:
-        return condition, then
+    elseif = _tuple
 
-    def compact_if(self, meta: Meta, condition: s.Expression, then: s.Statement) -> s.If:
-        return s.If(((condition, (then,)),), (), meta.line)
+    def compact_if(self, keyword: Token, condition: s.Expression, then: s.Statement) -> s.If:
+        return _node(s.If, keyword, ((condition, (then,)),), ())
 
-    def for_statement(
-        self,
-        meta: Meta,
-        variable: str,
-        first: s.Expression,
-        last: s.Expression,
-        step: s.Expression | None,
-        body: s.Block,
-    ) -> s.For:
-        return s.For(variable, first, last, step, body, meta.line)
-
-    def while_statement(self, meta: Meta, condition: s.Expression, body: s.Block) -> s.While:
-        return s.While(condition, body, meta.line)
-
-    def test_statement(self, meta: Meta, value: s.Expression, *rest: Any) -> s.Test:
+    def test_statement(self, keyword: Token, value: s.Expression, *rest: Any) -> s.Test:
         *cases, otherwise = rest
-        return s.Test(value, tuple(cases), otherwise or (), meta.line)
+        return _node(s.Test, keyword, value, tuple(cases), otherwise or ())
 
-    def case(self, meta: Meta, *parts: Any) -> tuple[tuple[s.Expression, ...], s.Block]:
-        *values, block = parts
-        return tuple(values), block
+    def case(self, *parts: Any) -> tuple[tuple[s.Expression, ...], s.Block]:
+        return parts[:-1], parts[-1]
 
     # Arguments ----------------------------------------------------------------------------------------------------
 
-    def arguments(self, meta: Meta, *arguments: s.Argument) -> tuple[s.Argument, ...]:
-        return arguments
+    arguments = _tuple
 
-    def required(self, meta: Meta, name: str | None, value: s.Expression) -> s.Argument:
-        return s.Argument(name, value, False, meta.line)
+    def required(self, name: Token | None, value: s.Expression) -> s.Argument:
+        return s.Argument(None if name is None else str(name), value, False, position=value.position)
 
-    def optional(self, meta: Meta, name: str, value: s.Expression | None) -> s.Argument:
-        return s.Argument(name, value, True, meta.line)
+    def optional(self, name: Token, value: s.Expression | None) -> s.Argument:
+        return _node(s.Argument, name, name, value, True)
 
-    def conditional(self, meta: Meta, name: str, condition: str) -> s.Argument:
-        return s.Argument(name, s.Name(condition, meta.line), True, meta.line, condition)
+    def conditional(self, name: Token, condition: Token) -> s.Argument:
+        return _node(s.Argument, name, name, _node(s.Name, condition, condition), True, condition)
 
     # Expressions --------------------------------------------------------------------------------------------------
 
-    def binary(self, meta: Meta, left: s.Expression, operator: Token, right: s.Expression) -> s.Binary:
-        return s.Binary(operator.upper(), left, right, meta.line)
+    def binary(self, left: s.Expression, operator: Token, right: s.Expression) -> s.Binary:
+        return s.Binary(operator.upper(), left, right, position=left.position)
 
-    def unary(self, meta: Meta, operator: Token, operand: s.Expression) -> s.Unary:
-        return s.Unary(operator.upper(), operand, meta.line)
+    def unary(self, operator: Token, operand: s.Expression) -> s.Unary:
+        return _node(s.Unary, operator, operator.upper(), operand)
 
-    def number(self, meta: Meta, token: Token) -> s.Literal:
-        return s.Literal(number_value(token), meta.line)
+    def number(self, token: Token) -> s.Literal:
+        base = BASES.get(token[:2].lower())
+        try:
+            value = float(token) if base is None else float(int(token[2:], base))
+        except OverflowError:  # no number of RAPID's is that large: an error where it is stored
+            value = math.inf
+        return s.Literal(value, position=_position(token))
 
-    def string(self, meta: Meta, token: Token) -> s.Literal:
-        value = string_value(token)
+    def string(self, token: Token) -> s.Literal:
+        r"""The text of a string: `""` is a quote, `\\` a backslash, `\5C` the character with that code."""
+        value = token[1:-1]
+        if "\\" in value or '"' in value:
+            value = ESCAPE.sub(lambda m: m[0][0] if m[0][0] == m[0][1] else chr(int(m[0][1:], 16)), value)
         if len(value) > LONGEST_STRING:
-            raise NotAllowed(f"a string has up to {LONGEST_STRING} characters, this one has {len(value)}.", meta)
-        return s.Literal(value, meta.line)
+            raise NotAllowed(f"a string has up to {LONGEST_STRING} characters, this one has {len(value)}.", token)
+        return s.Literal(value, position=_position(token))
 
-    def true(self, meta: Meta, token: Token) -> s.Literal:
-        return s.Literal(True, meta.line)
+    def true(self, token: Token) -> s.Literal:
+        return s.Literal(True, position=_position(token))
 
-    def false(self, meta: Meta, token: Token) -> s.Literal:
-        return s.Literal(False, meta.line)
+    def false(self, token: Token) -> s.Literal:
+        return s.Literal(False, position=_position(token))
 
-    def function_call(self, meta: Meta, name: str, arguments: tuple[s.Argument, ...] | None) -> s.FunctionCall:
-        return s.FunctionCall(name, arguments or (), meta.line)
+    def function_call(self, name: Token, arguments: tuple[s.Argument, ...] | None) -> s.FunctionCall:
+        return _node(s.FunctionCall, name, name, arguments or ())
 
-    def aggregate(self, meta: Meta, *items: s.Expression) -> s.Aggregate:
-        return s.Aggregate(items, meta.line)
+    def aggregate(self, bracket: Token, *items: s.Expression) -> s.Aggregate:
+        return _node(s.Aggregate, bracket, items)
 
-    def data_name(self, meta: Meta, name: str) -> s.Name:
-        return s.Name(name, meta.line)
+    def data_name(self, name: Token) -> s.Name:
+        return s.Name(sys.intern(str(name)), position=_position(name))
 
-    def element(self, meta: Meta, base: s.Reference, *indices: s.Expression) -> s.Element:
-        return s.Element(base, indices, meta.line)
+    def element(self, base: s.Reference, *indices: s.Expression) -> s.Element:
+        return s.Element(base, indices, position=base.position)
 
-    def field(self, meta: Meta, base: s.Reference, name: str) -> s.Field:
-        return s.Field(base, name, meta.line)
+    def field(self, base: s.Reference, name: Token) -> s.Field:
+        return s.Field(base, str(name), position=base.position)
 
 
-# What may stand in a place, from the general to the particular: the first group that fits whole names its members.
+# What is allowed at a position, from the general to the particular: a group that is allowed as a whole is named as one.
 GROUPS = {
     "a statement": frozenset(
         (
@@ -365,16 +341,29 @@ WORDS = {
 }
 
 
-TOO_DEEP = "the text is nested too deeply: divide long expressions and statements within statements."
-LONGEST_MODULE = 500_000  # characters; a longer one takes more memory than the rest of the controller
+@functools.cache
+def _language() -> Lark:
+    grammar = Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
+    declared = [word for line in grammar.splitlines() if line.startswith("%declare") for word in line.split()[1:]]
+    keywords = {word.lstrip("_"): word for word in declared}
+
+    def keyword_or_name(token: Token) -> Token:
+        token.type = keywords.get(token.upper(), "IDENT")
+        return token
+
+    return Lark(
+        grammar,
+        parser="lalr",
+        lexer="basic",
+        start=["module", "parameters", "expression", "reference"],
+        maybe_placeholders=True,
+        lexer_callbacks={"IDENT": keyword_or_name},
+        transformer=TreeBuilder(),
+    )
 
 
 def parse_module(text: str, filename: str) -> Module:
-    """Parse one module.
-
-    Raises:
-        RapidSyntaxError: with file, line, column, what was found and what would be allowed.
-    """
+    """Parse one module; raises RapidSyntaxError."""
     if len(text) > LONGEST_MODULE:
         sentence = f"a module has up to {LONGEST_MODULE} characters, this one has {len(text)}: divide it."
         raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
@@ -388,9 +377,6 @@ def parse_parameters(text: str) -> tuple[Parameter, ...]:
         return ()
     parameters: tuple[Parameter, ...] = _checked(_parse(text, "parameters"), "<parameters>")
     return parameters
-
-
-LONGEST_EXPRESSION = 16_000  # characters of a value that stands alone, as clients write them
 
 
 def parse_expression(text: str, filename: str = "<value>") -> Expression:
@@ -416,26 +402,21 @@ class Mistake:
     column: int
 
 
-@functools.cache
-def _language() -> Lark:
-    return Lark.open(
-        "grammar.lark",
-        rel_to=__file__,
-        parser="lalr",
-        lexer="basic",
-        start=["module", "parameters", "expression", "reference"],
-        propagate_positions=True,
-        maybe_placeholders=True,
-    )
+_results: dict[tuple[str, str], Any] = {}
 
 
 def _remembered(text: str, start: str, filename: str) -> Any:
-    """What the text was parsed to before, a syntax error too: who asks again does not wait again."""
+    """What the text was parsed to before, a mistake too: a long module takes seconds."""
     key = (text, start)
     result = _results.get(key)
     if result is None:
         result = _parse(text, start)
-        _make_room(len(text))
+        keys = list(_results)  # other threads parse, too
+        total = len(text) + sum(len(each) for each, _ in keys)
+        while keys and (len(keys) >= MOST_RESULTS or total > LONGEST_RESULTS):
+            oldest = keys.pop(0)
+            total -= len(oldest[0])
+            _results.pop(oldest, None)
         _results[key] = result
     return _checked(result, filename)
 
@@ -446,72 +427,44 @@ def _checked(result: Any, filename: str) -> Any:
     return result
 
 
-_results: dict[tuple[str, str], Any] = {}
-MOST_RESULTS, LONGEST_RESULTS = 64, 1_000_000  # texts, characters; a tree takes a hundred times as much memory
-
-
-def _make_room(length: int) -> None:
-    keys = list(_results)  # other threads parse, too
-    total = length + sum(len(text) for text, _ in keys)
-    while keys and (len(keys) >= MOST_RESULTS or total > LONGEST_RESULTS):
-        oldest = keys.pop(0)
-        total -= len(oldest[0])
-        _results.pop(oldest, None)
-
-
 def _parse(text: str, start: str) -> Any:
     """The tree of a text, or the mistake in it."""
-    read: list[Any] = []
     try:
-        read.append(_language().parse(text, start=start))
-        return TreeBuilder().transform(read[0])
+        tree: Any = _language().parse(text, start=start)
+        _check_nesting(tree)
     except UnexpectedInput as error:
-        if isinstance(error, UnexpectedToken) and error.interactive_parser is not None:
-            read = error.interactive_parser.parser_state.value_stack
         return _mistake(error, text)
-    except (VisitError, RecursionError) as error:
-        if isinstance(getattr(error, "orig_exc", error), RecursionError):
-            return Mistake(TOO_DEEP, 1, 1)
-        if not isinstance(error, VisitError) or not isinstance(error.orig_exc, NotAllowed):
-            raise
-        return Mistake(str(error.orig_exc), error.orig_exc.line, error.orig_exc.column)
-    finally:
-        _take_apart(read)
+    except NotAllowed as error:
+        return Mistake(str(error), error.line, error.column)
+    return tree
 
 
-def _take_apart(nodes: list[Any]) -> None:
-    """Free what the parser has read piece by piece: to free all at once lets other threads wait for many cycles."""
-    while nodes:
-        node = nodes.pop()
-        if isinstance(node, Tree):
-            nodes.extend(node.children)
-            node.children.clear()
+def _check_nesting(tree: object) -> None:
+    rest = [(tree, 0)]
+    while rest:
+        node, depth = rest.pop()
+        if isinstance(node, tuple):
+            rest += [(each, depth) for each in node]
+        elif isinstance(node, s.Node):
+            if depth > DEEPEST_NESTING:
+                sentence = "the text is nested too deeply: divide long expressions and statements within statements."
+                raise NotAllowed(sentence, node)
+            rest += [(getattr(node, name), depth + 1) for name in node.__slots__]
 
 
 def _mistake(error: UnexpectedInput, text: str) -> Mistake:
-    line, column = error.line, error.column
-    if isinstance(error, UnexpectedToken) and error.token.type == "$END":
-        lines = text.splitlines() or [""]
-        line, column = len(lines), len(lines[-1]) + 1
-    return Mistake(_sentence(error, text), line, column)
-
-
-def _sentence(error: UnexpectedInput, text: str) -> str:
     if not isinstance(error, UnexpectedToken):
         sign = text[error.pos_in_stream or 0]
-        return "the string does not end on its line." if sign == '"' else f"RAPID has no sign '{sign}'."
-    found = "the end of the text" if error.token.type == "$END" else f"'{error.token}'"
-    words = _grouped({name.lstrip("_") for name in error.accepts or error.expected})
+        sentence = "the string does not end on its line." if sign == '"' else f"RAPID has no sign '{sign}'."
+        return Mistake(sentence, error.line, error.column)
+    line, column, found = error.line, error.column, f"'{error.token}'"
+    if error.token.type == "$END":
+        lines = text.splitlines() or [""]
+        line, column, found = len(lines), len(lines[-1]) + 1, "the end of the text"
+    # What may stand here, in words: groups first, then what is left.
+    names = {name.lstrip("_") for name in error.accepts or error.expected if "PLACEHOLDER" not in name}
+    groups = {word: members for word, members in GROUPS.items() if names >= members}
+    rest = names.difference(*groups.values())
+    words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
     allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
-    return f"found {found} where {allowed} is allowed."
-
-
-def _grouped(names: set[str]) -> list[str]:
-    """What may stand here in words a person uses, groups first."""
-    words = []
-    rest = set(names)
-    for word, members in GROUPS.items():
-        if names >= members:
-            words.append(word)
-            rest -= members
-    return words + sorted(WORDS.get(name, name) for name in rest)
+    return Mistake(f"found {found} where {allowed} is allowed.", line, column)

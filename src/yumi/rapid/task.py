@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from yumi.errors import RobotNotReady
 from yumi.rapid import ast as s
 from yumi.rapid.compiler import (
     CONSTANT_FRAME,
     MOST_VALUES,
-    Code,
-    Expressions,
-    Linker,
-    LoadedModule,
-    Places,
-    Program,
-    Scope,
-    Step,
-    UserRoutine,
-    advanced,
-    compiling,
-    loaded,
+    compile_program,
+    compile_routine,
+    faults_of,
+    initialise_variables,
+    link,
+    link_module,
 )
 from yumi.rapid.errors import (
     FIRST_BOOKED_NUMBER,
@@ -36,21 +32,24 @@ from yumi.rapid.errors import (
     RapidValueError,
     UnknownSymbol,
 )
+from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
-from yumi.rapid.interrupts import Agenda, Interrupts
+from yumi.rapid.interrupts import Interrupts, TimerQueue
 from yumi.rapid.library import Call, Library
 from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Frame, Machine
 from yumi.rapid.parser import parse_module, parse_reference
-from yumi.rapid.types import UNSET, Place, Variable, resolved, value_count
+from yumi.rapid.program import Code, LoadedModule, Program, UserRoutine
+from yumi.rapid.types import UNSET, Reference, Variable, resolved, value_count
 
+T = TypeVar("T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
 STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
 TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
 LONGEST_PROGRAM = 2_000_000  # characters in all modules together
 MOST_DATA = 5_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
-STEPS_FREED = 200  # in an advance
+STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
@@ -60,12 +59,12 @@ FATAL = 0.0  # the number of an error that no handler may take
 log = logging.getLogger(__name__)
 
 
-def parsed_at_once(text: str, filename: str) -> Future[s.Module]:
-    """A module that is parsed before anything else happens."""
-    result: Future[s.Module] = Future()
+def at_once(work: Callable[[], T]) -> Future[T]:
+    """Work that is done before anything else happens."""
+    result: Future[T] = Future()
     try:
-        result.set_result(parse_module(text, filename))
-    except RapidSyntaxError as error:
+        result.set_result(work())
+    except Exception as error:
         result.set_exception(error)
     return result
 
@@ -80,6 +79,22 @@ class ModuleInfo:
     text: str = field(default="", repr=False, compare=False)
 
 
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A module ready to be loaded.
+
+    Attributes:
+        base: the program it was prepared for.
+        program: the program with it.
+        is_linked: whether its data have their values.
+    """
+
+    module: LoadedModule
+    base: Program
+    program: Program
+    is_linked: bool
+
+
 class Task:
     r"""One RAPID task.
 
@@ -90,11 +105,12 @@ class Task:
 
     Attributes:
         now: the task's time, which passes in `advance` only [s].
-        agenda: what the program has started and left to be done later.
+        timers: what the program has started and left to be done later.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
-        parsed: parses a module's text and name of file, at once or in the background.
+        background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
+        program: its modules and their code; another one after a module was loaded or unloaded.
     """
 
     def __init__(self, name: str, host: Host, library: Library) -> None:
@@ -102,22 +118,21 @@ class Task:
         self.host = host
         self.library = library
         self.now = 0.0
-        self.agenda = Agenda()
+        self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
         self.clock: Callable[[], float] = lambda: 0.0
-        self.parsed: Callable[[str, str], Future[s.Module]] = parsed_at_once
+        self.background: Callable[[Callable[[], Any]], Future[Any]] = at_once
         self.is_running = False
-        self.program = Program(library, host)
-        self._linker = Linker(self.program)
+        system_data = {
+            name.lower(): Variable(name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
+            for name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum"))
+        }
+        self.program = Program(library, host, system_data)
         self._machine = Machine(self)
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
-        self._discarded: list[list[Step]] = []
-        self._prepared: tuple[LoadedModule, int] | None = None
-        for system_name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum")):
-            variable = Variable(system_name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
-            self.program.system_data[system_name.lower()] = variable
+        self._prepared: Prepared | None = None
 
     @property
     def execution(self) -> Execution:
@@ -145,49 +160,79 @@ class Task:
             RobotNotReady: the module it would replace is executing.
         """
         module = parse_module(text, filename)
-        for _ in self.loading(module, replace=replace):
-            pass
+        self._check_loadable(module, replace=replace)
+        prepared, self._prepared = self._prepared, None
+        if prepared is None or not self._fits(prepared, module):
+            prepared = self._prepare(module)
+        self._adopt(prepared.program, self.program.modules.get(module.name.lower()))
         return module.name
 
-    def preparing(self, module: s.Module) -> Generator[None, None, None]:
-        """Link a module that is about to be loaded, bit by bit, so that `load` finds it done; raises as `load`."""
-        self._check_memory(module)
-        new = loaded(module)
-        self._prepared = new, self.program.version
-        if self._machine.frames:
-            yield from self._linker.linking(new)
+    def prepare(self, module: s.Module) -> None:
+        """Link and compile a module so that `load` finds it done, in any thread; raises as `load`."""
+        self._prepared = self._prepare(module)
 
-    def loading(self, module: s.Module, *, replace: bool = False) -> Generator[None, None, None]:
-        """Load a parsed module bit by bit; one that does not fit leaves the program as it was. Raises as `load`."""
-        key, filename = module.name.lower(), module.filename
-        old = self.program.modules.get(key)
-        if old is not None and replace:
-            self._check_not_executing(old)
-        if old is not None and not replace:
-            raise ModuleNameTaken(f"{filename}: the task {self.name} already has a module '{module.name}'.")
-        self._check_memory(module)
-        new = self._taken(module) or loaded(module)
-        if self._machine.frames:
-            yield from self._linker.linking(new)
-        self.program.modules[key] = new
-        self._forget_code(old)
+    def compile(self) -> None:
+        """Link and compile the program as far as it fits, in any thread; PP to main then finds it done."""
+        with suppress(RapidReferenceError):
+            compile_program(self.program)
 
-    def _taken(self, module: s.Module) -> LoadedModule | None:
-        """The module as it was prepared, if names mean now what they meant then."""
-        prepared, self._prepared = self._prepared, None
-        if prepared is None or prepared[1] != self.program.version:
-            return None
-        syntax = prepared[0].syntax
-        return prepared[0] if (syntax.filename, syntax.text) == (module.filename, module.text) else None
+    def faults(self) -> list[RapidReferenceError]:
+        """All that does not fit in the program, each with file, line and column; PP to main raises the first."""
+        return faults_of(self.program)
 
-    def _check_memory(self, module: s.Module) -> None:
-        others = [m.syntax for m in self.program.modules.values() if m.name.lower() != module.name.lower()]
+    def loading(self, text: str, filename: str) -> Generator[None, None, None]:
+        """Load a module in the background, waiting for it; raises as `load`."""
+        prepared = None
+        while prepared is None or not self._fits(prepared, prepared.module.syntax):
+            work = self.background(lambda: self._prepare(parse_module(text, filename)))
+            while not work.done():
+                yield
+            prepared = work.result()
+            self._check_loadable(prepared.module.syntax, replace=False)
+        self._adopt(prepared.program, None)
+
+    def _prepare(self, module: s.Module) -> Prepared:
+        """The program with a module more; the program that is executed stays as it is."""
+        base, has_pp = self.program, bool(self._machine.frames)
+        others = [m.syntax for m in base.modules.values() if m.name.lower() != module.name.lower()]
         length, count = (sum(len(m.text) for m in (module, *others)), sum(len(m.data) for m in (module, *others)))
         if length > LONGEST_PROGRAM or count > MOST_DATA:
             raise ProgramTooLarge(
                 f"{module.filename}: with '{module.name}' the task {self.name} would have {length} characters of text "
                 f"and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
             )
+        new = LoadedModule.of(module)
+        program = base.loaded(new)
+        if has_pp:
+            link_module(program, new)
+            for routine in program.routines:
+                if routine not in program.codes:
+                    with suppress(RapidReferenceError):  # an error of its call
+                        program.codes[routine] = compile_routine(program, routine)
+        return Prepared(new, base, program, has_pp)
+
+    def _fits(self, prepared: Prepared, module: s.Module) -> bool:
+        """Whether a module was prepared for the program as it is now."""
+        syntax = prepared.module.syntax
+        is_same = (syntax.filename, syntax.text) == (module.filename, module.text)
+        return is_same and prepared.base is self.program and (prepared.is_linked or not self._machine.frames)
+
+    def _check_loadable(self, module: s.Module, *, replace: bool) -> None:
+        old = self.program.modules.get(module.name.lower())
+        if old is not None and not replace:
+            raise ModuleNameTaken(f"{module.filename}: the task {self.name} already has a module '{module.name}'.")
+        if old is not None:
+            self._check_not_executing(old)
+
+    def _adopt(self, program: Program, removed: LoadedModule | None) -> None:
+        """Go on with another program."""
+        executed = {id(frame.code) for frame in self._machine.frames}
+        codes = self.program.codes.items()
+        discarded = [code for routine, code in codes if routine not in program.codes and id(code) not in executed]
+        self.program = program
+        if removed is not None:
+            removed.clear()
+        self.background(lambda: _free(discarded))
 
     def check_memory_for(self, count: int) -> None:
         """Raise ERR_PRGMEMFULL where a routine's data do not fit beside those of the modules and of its callers."""
@@ -201,61 +246,18 @@ class Task:
         """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
         found = self._module(module)
         self._check_not_executing(found)
-        del self.program.modules[module.lower()]
-        self._forget_code(found)
+        self._adopt(self.program.unloaded(module), found)
 
     def _check_not_executing(self, module: LoadedModule) -> None:
         if any(frame.routine.module is module for frame in self._machine.frames):
             raise RobotNotReady(f"The module '{module.name}' is executing; move PP to main before it is unloaded.")
 
-    def compiling(self) -> Generator[None, None, None]:
-        """Compile what is not yet, bit by bit, as far as it fits: what it took then is saved at PP to main."""
-        version = self.program.version
-        try:
-            for module in tuple(self.program.modules.values()):
-                for _ in self._linker.linking(module):
-                    yield
-                    if self.program.version != version:
-                        return
-            for routine in [each for each in self.program.routines() if each.code is None]:
-                compilation = compiling(self.program, routine)
-                code = None
-                while code is None and self.program.version == version:
-                    code = advanced(compilation)
-                    yield
-                if code is None:
-                    return
-                routine.code = code
-        except RapidReferenceError:
-            return  # PP to main says it
-
-    def _forget_code(self, removed: LoadedModule | None) -> None:
-        """What a name means may have changed, so routines are compiled anew when they are called."""
-        self.program.version += 1
-        gone = () if removed is None else tuple(removed.symbols.values())
-        for routine in (*self.program.routines(), *(each for each in gone if isinstance(each, UserRoutine))):
-            self._discard(routine.code)
-            routine.code = routine.parameters = routine.returns = None
-        if removed is not None:  # in circles, where only the collector would find it, which takes longer than a cycle
-            removed.symbols.clear()
-            removed.data.clear()
-
-    def _discard(self, code: Code | None) -> None:
-        """Let go of compiled code, of a long routine a few steps a cycle: to free all at once takes many cycles."""
-        is_long = code is not None and len(code.steps) > STEPS_FREED and self.is_running
-        if code is not None and is_long and all(frame.code is not code for frame in self._machine.frames):
-            self._discarded.append(code.steps)
-
-    def _free_discarded(self) -> None:
-        if self._discarded:
-            del self._discarded[-1][-STEPS_FREED:]
-            if not self._discarded[-1]:
-                self._discarded.pop()
-
     # Execution ----------------------------------------------------------------------------------------------------
 
     def move_pp_to_main(self) -> None:
         """Put the program pointer on `main` and give all VARs their first value; PERS keep theirs.
+
+        Procedures that are left execute their UNDO clauses.
 
         Raises:
             RobotNotReady: the task is started.
@@ -263,13 +265,12 @@ class Task:
         """
         if self._execution is Execution.STARTED:
             raise RobotNotReady(f"The task {self.name} is running; stop it before PP is moved to main.")
-        self._linker.link_data()
-        self._linker.check_routines()
+        compile_program(self.program)
         main = self._main()
-        self._machine.abandon()
+        self._machine.undo_all(STEPS_OF_UNDO)
         self._machine.interrupts.clear()
         self._booked.clear()
-        self._linker.initialise_variables()
+        initialise_variables(self.program)
         self._machine.enter(main, (), None)
         self._execution = Execution.READY
 
@@ -301,27 +302,26 @@ class Task:
 
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
-        self._free_discarded()
         machine, end = self._machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
-        while (wake := self._next_wake()) < end and not machine.is_exhausted():
-            self._pass_to(max(wake, self.now))
+        while (due := self._next_due()) < end and not machine.is_exhausted():
+            self._pass_to(max(due, self.now))
         self._pass_to(end)
 
-    def _next_wake(self) -> float:
-        wake = self._machine.next_wake() if self.is_running else math.inf
-        return min(wake, self.agenda.next_time)
+    def _next_due(self) -> float:
+        due = self._machine.next_due() if self.is_running else math.inf
+        return min(due, self.timers.next_time)
 
     def _pass_to(self, time: float) -> None:
         self.now = time
         try:
-            self.agenda.perform(time)
+            self.timers.perform(time)
             if self.is_running:
                 self._machine.interrupts.time_passed(time)
                 self._machine.run()
         except Exception as error:  # whatever a program does, the controller goes on
-            self._broke(error)
+            self._failed_internally(error)
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Latch the interrupts that an I/O signal's change orders; lost while the task is not started."""
@@ -330,7 +330,7 @@ class Task:
 
     def instruction_used(self) -> None:
         """Some instructions and functions take as long as a hundred steps."""
-        self._machine.until_look = 0
+        self._machine.until_clock_read = 0
 
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
@@ -339,7 +339,7 @@ class Task:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
         self._machine.enter(found, (), None)
 
-    # What the machine tells ---------------------------------------------------------------------------------------
+    # Stops ---------------------------------------------------------------------------------------
 
     def failed(self, error: RapidRuntimeError, frame: Frame) -> None:
         """No handler took an error: stop at the statement that failed."""
@@ -348,8 +348,8 @@ class Task:
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
 
-    def _broke(self, error: Exception) -> None:
-        """Something went wrong that RAPID has no error for: stop, and say it with all there is to know."""
+    def _failed_internally(self, error: Exception) -> None:
+        """Stop after an error that RAPID has no number for."""
         frame = self._machine.frames[-1] if self._machine.frames else None
         where = "no routine" if frame is None else self._where(frame)
         what = f"{type(error).__name__}: {error}"
@@ -436,13 +436,13 @@ class Task:
 
     def read(self, module: str, symbol: str) -> str:
         """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
-        place = self._place(module, symbol)
-        if value_count(place.type) > MOST_VALUES_READ:
+        reference = self._reference(module, symbol)
+        if value_count(reference.type) > MOST_VALUES_READ:
             raise RapidValueError(
-                f"'{symbol}' holds {value_count(place.type)} values, at most {MOST_VALUES_READ} are read at a time: "
-                "read its elements."
+                f"'{symbol}' holds {value_count(reference.type)} values, at most {MOST_VALUES_READ} are read at a "
+                "time: read its elements."
             )
-        return format_value(place.type, place.value)
+        return format_value(reference.type, reference.value)
 
     def write(self, module: str, symbol: str, literal: str) -> None:
         """Give a VAR or PERS the value of a literal.
@@ -453,16 +453,16 @@ class Task:
         """
         if self.kind_of(module, symbol) == s.Storage.CONST.value:
             raise RapidValueError(f"'{symbol}' is a constant and cannot be written.")
-        place = self._place(module, symbol)
-        place.value = parse_value(place.type, literal)
+        reference = self._reference(module, symbol)
+        reference.value = parse_value(reference.type, literal)
 
     def type_of(self, module: str, symbol: str) -> str:
         """The type as declared, such as "num", "EGMSettings" or "errnum"."""
-        return self._place(module, symbol).type.name
+        return self._reference(module, symbol).type.name
 
     def dimensions_of(self, module: str, symbol: str) -> tuple[int, ...]:
         """The sizes of an array, empty for a single value."""
-        return getattr(resolved(self._place(module, symbol).type), "sizes", ())
+        return getattr(resolved(self._reference(module, symbol).type), "sizes", ())
 
     def kind_of(self, module: str, symbol: str) -> str:
         """How the datum is stored: "var", "per" or "con"."""
@@ -479,7 +479,7 @@ class Task:
             raise UnknownSymbol(f"The task {self.name} has no module '{name}'; it has {names}.")
         return found
 
-    def _place(self, module: str, symbol: str) -> Place:
+    def _reference(self, module: str, symbol: str) -> Reference:
         datum = self._datum(module, symbol)
         if "{" not in symbol:
             return datum
@@ -487,10 +487,10 @@ class Task:
         if len(symbol) > LONGEST_REFERENCE:
             raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
         try:
-            place = Places(Expressions(scope)).place(parse_reference(symbol))[0](CONSTANT_FRAME)
+            get_reference, _ = Expressions(scope).reference(parse_reference(symbol))
+            return get_reference(CONSTANT_FRAME)
         except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:
             raise UnknownSymbol(f"The module '{module}' has no datum '{symbol}': {error}") from error
-        return place
 
     def _datum(self, module: str, symbol: str) -> Variable:
         """The variable itself, of an element the array it belongs to."""
@@ -499,5 +499,12 @@ class Task:
         if not isinstance(found, Variable):
             raise UnknownSymbol(f"The module '{owner.name}' has no datum '{symbol}'.")
         if found.value is UNSET:
-            self._linker.link(found, owner)
+            link(self.program, owner, found)
         return found
+
+
+def _free(codes: Sequence[Code]) -> None:
+    """Free code that is not needed any more, in pieces: all at once would keep other threads waiting for cycles."""
+    for code in codes:
+        while code.steps:
+            del code.steps[-500:]

@@ -87,7 +87,7 @@ class RecordType:
         return self.value_class._make(t.convert(v) for (_, t), v in zip(self.components, value, strict=True))
 
     def index(self, component: str) -> int | None:
-        """The place of a component, found without regard to case."""
+        """The index of a component, found without regard to case."""
         wanted = component.lower()
         return next((i for i, (name, _) in enumerate(self.components) if name.lower() == wanted), None)
 
@@ -256,8 +256,8 @@ Path = tuple[int, ...]
 UNSET: Any = object()  # the value of a declared datum before the program is linked
 
 
-class Place(Protocol):
-    """Something a value can be read from and written to: what VAR, PERS and INOUT parameters receive."""
+class Reference(Protocol):
+    """A datum or part of one, read from and written to: what VAR, PERS and INOUT parameters receive."""
 
     value: Any
 
@@ -301,11 +301,11 @@ class Variable:
 
 
 class Part:
-    """A component or element of another place; writing it replaces the whole value there."""
+    """A component or element of another datum; writing it replaces the whole value there."""
 
     __slots__ = ("path", "type", "whole")
 
-    def __init__(self, whole: Place, path: Path, type_: Type) -> None:
+    def __init__(self, whole: Reference, path: Path, type_: Type) -> None:
         self.whole = whole
         self.path = path
         self.type = type_
@@ -336,7 +336,7 @@ def replaced(value: Any, path: Path, new: Any) -> Any:
 
 
 class Absent:
-    """What stands in the place of an optional parameter that was not passed."""
+    """Stands for an optional parameter that was not passed."""
 
     __slots__ = ()
     name = "an optional parameter"

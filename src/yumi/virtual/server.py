@@ -1,14 +1,14 @@
 """The virtual controller as a process: the world in the main thread, the HTTP server in another, under one lock.
 
-What takes longer than a cycle may wait (parsing and compiling RAPID) is done in a third, which holds the lock for a
-millisecond at most.
+What takes longer than a cycle (parsing, linking and compiling RAPID) is done in a third, without the lock: the result
+is published at once.
 """
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -106,7 +106,6 @@ class Pace:
             self._due = self._clock.now()
 
 
-_SLICE = 1e-3  # [s] the world stands still so long for work in the background, and goes on as long in between
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each full one; 10 by default
@@ -184,7 +183,7 @@ class VirtualController:
         self._background = Background()
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
-            task.parsed = lambda text, path: self._background.submit(partial(parsed, text, path))
+            task.background = self._background.submit
         self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
         self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
 
@@ -271,21 +270,12 @@ class VirtualController:
     def _link(self, task: Task, text: str, path: str) -> None:
         """Parse and link a module that is about to be loaded; loading raises the same errors."""
         with suppress(RapidError):
-            self._in_slices(task.preparing(parsed(text, path)))
+            task.prepare(parsed(text, path))
 
     def _compile(self) -> None:
         """Compile the programs of both tasks."""
         for task in self.world.controller.tasks.values():
-            self._in_slices(task.compiling())
-
-    def _in_slices(self, steps: Iterator[None]) -> None:
-        """Long work on the world, which stands still for a millisecond at a time."""
-        is_done = False
-        while not is_done:
-            with self._lock:
-                end = self._clock.now() + _SLICE
-                is_done = all(self._clock.now() < end for _ in steps)
-            self._clock.wait(_SLICE)
+            task.compile()
 
 
 def parsed(text: str, path: str) -> Module:

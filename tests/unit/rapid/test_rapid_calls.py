@@ -58,7 +58,7 @@ def test_array_parameter_takes_any_size() -> None:
     assert evaluated("total(a) + total([10,20])", declarations=f"CONST num a{{3}} := [1,2,3]; {total}") == "36"
 
 
-def test_present_tells_whether_an_optional_argument_was_passed() -> None:
+def test_present_is_whether_an_optional_argument_was_passed() -> None:
     procedure = 'PROC p(\\num x) IF Present(x) THEN TPWrite ""\\Num:=x; ELSE TPWrite "none"; ENDIF ENDPROC'
     assert started("p; p\\x:=3;", procedure).lines == ["none", "3"]
 
@@ -123,3 +123,14 @@ def test_call_that_does_not_fit_is_refused(call: str, sentence: str) -> None:
         "FUNC num f() RETURN 1; ENDFUNC VAR string s; VAR num n; CONST num c := 1;"
     )
     assert sentence in refusal(call, declarations)
+
+
+def test_late_call_names_a_local_procedure_by_its_module() -> None:
+    bench = Bench('%"Other:p"% 3; %"M:p"% 4;', 'PROC p(num n) TPWrite "M"\\Num:=n; ENDPROC')
+    bench.task.load('MODULE Other LOCAL PROC p(num n) TPWrite "Other"\\Num:=n; ENDPROC ENDMODULE', "other.mod")
+    assert bench.start().lines == ["Other3", "M4"]
+
+
+@pytest.mark.parametrize("name", ["Nowhere:p", "M:nothing", "nothing"])
+def test_late_call_of_what_does_not_exist_is_an_error(name: str) -> None:
+    assert error_of(f'%"{name}"%;') == "ERR_REFUNKPRC"

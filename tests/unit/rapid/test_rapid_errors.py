@@ -83,7 +83,7 @@ def test_booked_errors_have_numbers_of_their_own_and_keep_their_name() -> None:
     assert bench.stop.error == "ERR_B"
 
 
-def test_raise_of_a_number_nobody_booked_is_illegal() -> None:
+def test_raise_of_a_number_that_is_not_booked_is_illegal() -> None:
     assert error_of("RAISE 91;") == "ERR_ILLRAISE"
 
 
@@ -99,7 +99,7 @@ def test_long_jump_skips_handlers_that_do_not_list_the_number() -> None:
     assert started('middle; TPWrite "on"; ERROR (5) TPWrite "top"; TRYNEXT;', f"{low} {middle}").lines == ["top", "on"]
 
 
-def test_error_nobody_handles_stops_the_task_and_is_reported() -> None:
+def test_error_without_handler_stops_the_task_and_is_reported() -> None:
     bench = started("\nn := 1;\nn := n / 0;", "VAR num n;")
     stop = bench.stop
     assert (stop.kind, stop.error, stop.module, stop.routine, stop.line) == (
@@ -119,3 +119,98 @@ def test_start_after_an_error_tries_the_statement_again() -> None:
     bench.task.start()
     bench.task.advance(0.004)
     assert (bench.read("result"), bench.stop.kind) == ("3", EventKind.FINISHED)
+
+
+# UNDO: what a procedure does when it is abandoned
+
+INNER = 'PROC inner() RAISE 5; UNDO TPWrite "inner"; ENDPROC'
+UNDOING = f'{INNER} PROC outer() inner; TPWrite "never"; UNDO TPWrite "outer"; ENDPROC'
+
+
+def test_procedures_that_an_error_abandons_execute_undo_from_the_top_down() -> None:
+    assert started('outer; ERROR TPWrite "handler"; TRYNEXT;', UNDOING).lines == ["inner", "outer", "handler"]
+
+
+def test_procedures_that_a_long_jump_abandons_execute_undo() -> None:
+    low = 'PROC low() RAISE 5; ERROR (5) RAISE 5; UNDO TPWrite "low"; ENDPROC'
+    assert started('low; ERROR (5) TPWrite "top"; TRYNEXT;', low).lines == ["low", "top"]
+
+
+def test_procedure_that_ends_by_itself_executes_no_undo() -> None:
+    procedure = 'PROC p() TPWrite "p"; UNDO TPWrite "never"; ENDPROC PROC q() RETURN; UNDO TPWrite "never"; ENDPROC'
+    assert started("p; q;", procedure).lines == ["p"]
+
+
+def test_error_that_is_handled_in_the_procedure_itself_executes_no_undo() -> None:
+    procedure = 'PROC p() RAISE 5; ERROR TPWrite "handled"; UNDO TPWrite "never"; ENDPROC'
+    assert started("p;", procedure).lines == ["handled"]
+
+
+def test_undo_sees_the_data_of_its_procedure_and_may_wait() -> None:
+    procedure = "PROC p(num given) VAR num own; own := 2 * given; RAISE 5; UNDO WaitTime 0.1; n := own; ENDPROC"
+    bench = started("p 4; ERROR m := n; TRYNEXT;", f"VAR num n; VAR num m; {procedure}")
+    assert bench.read("m") == "0"
+    bench.run(0.2)
+    assert bench.read("m") == "8"
+
+
+def test_routine_that_undo_calls_is_abandoned_without_its_own_undo() -> None:
+    called = 'PROC called() RAISE 6; ERROR RAISE; UNDO TPWrite "never"; ENDPROC'
+    bench = started("p; ERROR TRYNEXT;", f"{called} PROC p() RAISE 5; UNDO called; ENDPROC")
+    assert (bench.stop.number, bench.lines) == (6, [])
+
+
+def test_error_that_a_routine_called_by_undo_handles_does_not_disturb_what_is_abandoned() -> None:
+    called = 'PROC called() RAISE 6; ERROR TPWrite "called"; TRYNEXT; ENDPROC'
+    outer = 'PROC outer() p; UNDO TPWrite "outer"; ENDPROC'
+    body = 'outer; ERROR TPWrite ""\\Num:=ERRNO; TRYNEXT;'
+    assert started(body, f"{called} {outer} PROC p() RAISE 5; UNDO called; ENDPROC").lines == ["called", "outer", "5"]
+
+
+def test_trap_comes_after_undo() -> None:
+    program = "CONNECT i WITH trapped; ISignalDI di1,HIGH,i; p; WaitTime 10; ERROR TRYNEXT;"
+    trap = 'TRAP trapped TPWrite "trapped"; ENDTRAP'
+    undo = 'PROC p() RAISE 5; UNDO WaitTime 0.1; TPWrite "undone"; ENDPROC'
+    bench = started(program, f"VAR intnum i; {trap} {undo}")
+    bench.set("di1", 1.0)
+    bench.run(0.2)
+    assert bench.lines == ["undone", "trapped"]
+
+
+def test_error_in_undo_at_pp_to_main_is_reported_once_and_pp_is_moved() -> None:
+    bench = started("p;", "VAR num n; PROC p() WaitTime 10; UNDO n := 1 / 0; ENDPROC")
+    bench.task.stop()
+    bench.task.move_pp_to_main()
+    assert [event.error for event in bench.host.events] == ["ERR_DIVZERO"]
+    assert (bench.task.execution, bench.task.is_running) == (Execution.READY, False)
+
+
+def test_pp_to_main_executes_undo_of_the_procedures_it_leaves() -> None:
+    bench = started("p;", 'PROC p() WaitTime 10; UNDO TPWrite "undone"; ENDPROC')
+    bench.task.stop()
+    bench.task.move_pp_to_main()
+    assert bench.lines == ["undone"]
+
+
+def test_undo_that_does_not_end_does_not_keep_pp_from_main() -> None:
+    bench = started("p;", "VAR num n; PROC p() WaitTime 10; UNDO WHILE TRUE DO n := n + 1; ENDWHILE ENDPROC")
+    bench.task.stop()
+    bench.task.move_pp_to_main()
+    assert bench.task.execution is Execution.READY
+
+
+@pytest.mark.parametrize("clause", ["UNDO", "BACKWARD"])
+def test_clauses_that_are_executed_rarely_have_to_fit(clause: str) -> None:
+    with pytest.raises(RapidReferenceError, match="'missing' is not declared"):
+        Bench(f"{clause} missing;").task.move_pp_to_main()
+
+
+@pytest.mark.parametrize("clause", ["UNDO", "BACKWARD"])
+def test_functions_have_no_undo_and_no_backward(clause: str) -> None:
+    with pytest.raises(RapidReferenceError, match=f"'f' has {clause}, which procedures alone may have"):
+        Bench("", f"FUNC num f() RETURN 1; {clause} ENDFUNC").task.move_pp_to_main()
+
+
+def test_handler_of_all_errors_takes_long_jumps_of_any_number() -> None:
+    low = "PROC low() RAISE 5; ERROR (5) RAISE 5; ENDPROC"
+    assert started('low; ERROR (LONG_JMP_ALL_ERR) TPWrite "all"; TRYNEXT;', low).lines == ["all"]

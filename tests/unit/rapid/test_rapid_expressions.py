@@ -63,8 +63,8 @@ def test_orientations_multiply_as_rotations() -> None:
 
 
 def test_right_side_of_and_is_left_alone_when_the_left_decides() -> None:
-    functions = 'FUNC bool told() TPWrite "told"; RETURN TRUE; ENDFUNC'
-    assert started('IF FALSE AND told() TPWrite "never";', functions).lines == []
+    functions = 'FUNC bool evaluated_too() TPWrite "evaluated"; RETURN TRUE; ENDFUNC'
+    assert started('IF FALSE AND evaluated_too() TPWrite "never";', functions).lines == []
 
 
 def test_left_operand_is_read_before_a_later_function_changes_it() -> None:

@@ -52,19 +52,19 @@ def test_function_gives_a_record(library: InstructionSet) -> None:
     assert started("n := Where();  p := Where(); n := p + n;", "VAR pos n; VAR pos p;", library).read("n") == "[2,4,6]"
 
 
-def test_instruction_that_yields_is_looked_at_in_each_advance(library: InstructionSet) -> None:
-    looks = []
+def test_instruction_that_yields_goes_on_in_each_advance(library: InstructionSet) -> None:
+    polls = []
 
-    @library.instruction("Move", "num Looks")
+    @library.instruction("Move", "num Polls")
     def move(call: Call) -> Wait:
-        for look in range(int(call["Looks"])):
-            looks.append(look)
+        for poll in range(int(call["Polls"])):
+            polls.append(poll)
             yield None
 
     bench = started('Move 3; TPWrite "there";', library=library)
-    assert (looks, bench.lines) == ([0], [])
+    assert (polls, bench.lines) == ([0], [])
     bench.run(0.012)
-    assert (looks, bench.lines) == ([0, 1, 2], ["there"])
+    assert (polls, bench.lines) == ([0, 1, 2], ["there"])
 
 
 def test_function_that_yields_gives_its_value_in_the_end(library: InstructionSet) -> None:
@@ -163,3 +163,43 @@ def test_signature_with_unknown_type_is_refused(library: InstructionSet) -> None
 def test_signature_that_is_no_parameter_list_is_refused(library: InstructionSet) -> None:
     with pytest.raises(RapidSyntaxError, match="found the end of the text where a name is allowed"):
         library.instruction("Odd", "num")
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "MoveOn p1\\Conc, 5;",
+        "x := 1 + Measured(5);",
+        "IF Measured(5) = 1 THEN RETURN; ENDIF",
+        "IF x = 0 MoveOn;",
+        "p Measured();",
+    ],
+)
+def test_program_runs_up_to_an_instruction_that_is_not_provided(library: InstructionSet, statement: str) -> None:
+    library.missing("MoveOn", "Measured")
+    program = f'TPWrite "before";\n{statement}\nTPWrite "never"; ERROR TRYNEXT;'
+    bench = started(program, "VAR num x; PROC p(num n) ENDPROC", library)
+    assert (bench.lines, bench.stop.error, bench.stop.line) == (["before"], "NOT_PROVIDED", 5)
+    assert "is an instruction or function of RobotWare that is not provided here" in bench.stop.sentence
+    assert [fault.line for fault in bench.task.faults()] == [5]
+
+
+def test_branch_that_is_not_executed_may_use_what_is_not_provided(library: InstructionSet) -> None:
+    library.missing("MoveOn")
+    body = 'IF x = 1 THEN MoveOn; ELSE TPWrite "else"; ENDIF GOTO end; MoveOn; end: TPWrite "end";'
+    assert started(body, "VAR num x;", library).lines == ["else", "end"]
+
+
+def test_name_that_a_program_declares_is_provided(library: InstructionSet) -> None:
+    library.missing("MoveOn")
+    assert started("MoveOn;", 'PROC MoveOn() TPWrite "own"; ENDPROC', library).lines == ["own"]
+
+
+def test_late_binding_of_what_is_not_provided_stops_there() -> None:
+    assert started('%"WZFree"% x; ERROR TRYNEXT;', "VAR num x;").stop.error == "NOT_PROVIDED"
+
+
+def test_names_of_robotware_are_known_without_regard_to_case() -> None:
+    assert started("Confl \\Off; ERROR TRYNEXT;").stop.error == "NOT_PROVIDED"
+    with pytest.raises(RapidReferenceError, match="'ConfM' is not declared"):
+        started("ConfM \\Off;")

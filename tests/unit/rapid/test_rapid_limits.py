@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import suppress
+from typing import Any
 
 import pytest
-from lark import Token, Tree, UnexpectedToken
 from rapid_bench import Bench, error_of, evaluated, started
 
-from yumi.rapid import InstructionSet, parser
-from yumi.rapid.ast import Expression, Module
-from yumi.rapid.compiler import Compiled, Expressions, UserRoutine
+from yumi.errors import RapidError
+from yumi.rapid import InstructionSet, compiler, parser
+from yumi.rapid.ast import Expression
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
+from yumi.rapid.expressions import Compiled, Expressions
 from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
-from yumi.rapid.machine import COMPILED_AT_ONCE, TIME_AT_ONCE
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
 from yumi.rapid.types import Type
@@ -214,23 +214,6 @@ def test_text_is_parsed_once_whether_it_is_a_module_or_not(text: str, monkeypatc
     assert parsed == []
 
 
-def test_what_the_parser_has_read_is_freed_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To free all of a long module at once takes many cycles, in which no other thread runs."""
-    read: list[Tree[Token]] = []
-    transform = parser.TreeBuilder.transform
-    monkeypatch.setattr(parser.TreeBuilder, "transform", lambda self, t: read.append(t) or transform(self, t))
-    parser._parse(f"MODULE pieces {'CONST num x := 1+2*3;' * 50} ENDMODULE", "module")
-    assert [each for tree in read for each in tree.iter_subtrees()] == read
-
-
-def test_what_the_parser_has_read_until_a_mistake_is_freed_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    errors: list[UnexpectedToken] = []
-    mistake = parser._mistake
-    monkeypatch.setattr(parser, "_mistake", lambda error, text: errors.append(error) or mistake(error, text))
-    parser._parse(f"MODULE pieces {'CONST num x := 1+2*3;' * 50} PROC ENDMODULE", "module")
-    assert [each.interactive_parser.parser_state.value_stack for each in errors] == [[]]
-
-
 # Time
 
 
@@ -249,7 +232,7 @@ def test_endless_loop_takes_its_share_of_time_only() -> None:
     assert 0 < float(bench.read("n")) - before < STEPS_PER_ADVANCE / 20
 
 
-def test_clock_is_looked_at_after_each_instruction() -> None:
+def test_clock_is_read_after_each_instruction() -> None:
     """One that takes as long as its share allows is the only one in a cycle."""
     library, clock = InstructionSet(), StepClock(0.0)
 
@@ -305,19 +288,9 @@ def test_error_numbers_are_not_booked_without_end() -> None:
     assert error_of("WHILE TRUE DO BookErrNo e; ENDWHILE", "VAR errnum e;") == "ERR_EXECPHR"
 
 
-# Long routines and modules: compiled and loaded bit by bit
+# Long routines and modules: parsed, linked and compiled in the background
 
 LONG = "MODULE long\nVAR num x;\nPROC long()\n" + "x := x + 1;\n" * 1000 + "ENDPROC\nENDMODULE"
-
-
-def test_long_routine_is_compiled_over_several_cycles() -> None:
-    bench = Bench('Load "long.mod"; %"long"%; TPWrite "done"; WaitTime 10;')
-    bench.host.files["long.mod"] = LONG
-    bench.start()
-    bench.run(0.004 * (1000 / COMPILED_AT_ONCE - 2))
-    assert bench.lines == []
-    bench.run(0.02)
-    assert (bench.lines, bench.task.read("long", "x")) == (["done"], "1000")
 
 
 def test_module_that_is_unloaded_leaves_nothing_in_circles_for_the_collector() -> None:
@@ -329,23 +302,6 @@ def test_module_that_is_unloaded_leaves_nothing_in_circles_for_the_collector() -
     assert (module.symbols, module.data) == ({}, {})
 
 
-def test_code_of_a_long_routine_is_freed_over_several_cycles() -> None:
-    bench = Bench('Load "long.mod"; %"long"%; TPWrite "done"; WaitTime 10;')
-    bench.host.files["long.mod"] = LONG
-    bench.start()
-    bench.run(0.2)
-    routine = bench.task.program.modules["long"].symbols["long"]
-    assert isinstance(routine, UserRoutine)
-    assert routine.code is not None
-    steps = routine.code.steps
-    bench.task.unload("long")
-    assert len(steps) > 1000
-    bench.task.advance(0.004)
-    assert len(steps) > 700
-    bench.run(0.04)
-    assert steps == []
-
-
 def test_fault_in_a_long_routine_is_an_error_of_its_call() -> None:
     bench = Bench('Load "long.mod"; %"long"%; ERROR TPWrite "caught"; TRYNEXT;')
     bench.host.files["long.mod"] = LONG.replace("ENDPROC", "y := 1;\nENDPROC")
@@ -354,41 +310,11 @@ def test_fault_in_a_long_routine_is_an_error_of_its_call() -> None:
     assert bench.lines == ["caught"]
 
 
-def test_module_is_parsed_while_the_program_and_its_traps_go_on() -> None:
-    """The controller parses in the background; Load waits for it, as it waits for a disk."""
-    bench = Bench('Load "late.mod"; TPWrite "loaded"; WaitTime 10;')
-    bench.host.files["late.mod"] = "MODULE late VAR num x := 5; ENDMODULE"
-    pending: Future[Module] = Future()
-    bench.task.parsed = lambda text, filename: pending
-    bench.start()
-    bench.run(1.0)
-    assert (bench.lines, bench.task.is_running) == ([], True)
-    pending.set_result(parse_module(bench.host.files["late.mod"], "late.mod"))
-    bench.run(0.02)
-    assert (bench.lines, bench.task.read("late", "x")) == (["loaded"], "5")
-
-
 def test_module_there_is_no_memory_for_is_an_error_of_load() -> None:
     bench = Bench('Load "many.mod"; ERROR IF ERRNO=ERR_PRGMEMFULL TPWrite "full"; TRYNEXT;')
     bench.host.files["many.mod"] = f"MODULE many {''.join(f'VAR bool b{n};' for n in range(5001))} ENDMODULE"
     bench.start()
     assert bench.lines == ["full"]
-
-
-def test_routines_compiled_beforehand_are_those_of_the_program() -> None:
-    bench = Bench("x := 1;", "VAR num x;")
-    steps = list(bench.task.compiling())
-    assert steps
-    assert all(routine.code is not None for routine in bench.task.program.routines())
-
-
-def test_routines_compiled_while_the_program_changed_are_compiled_anew() -> None:
-    bench = Bench("x := 1; x := 2; x := 3;", "VAR num x;")
-    steps = bench.task.compiling()
-    next(steps)
-    bench.task.load("MODULE other ENDMODULE", "other.mod")
-    assert list(steps) == []
-    assert all(routine.code is None for routine in bench.task.program.routines())
 
 
 TARGET = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
@@ -412,20 +338,78 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     return nodes
 
 
-@pytest.mark.parametrize("text", TARGETS.values(), ids=TARGETS)
-def test_long_data_are_linked_with_a_pause_after_each_value(text: str, compiled: list[object]) -> None:
-    bench, longest = started("WaitTime 10;"), 0
-    compiled.clear()
-    for _ in bench.task.loading(parse_module(f"MODULE targets {text} ENDMODULE", "targets.mod")):
-        longest = max(longest, len(compiled))
-        compiled.clear()
-    assert 0 < longest <= 2
+class Later:
+    """Work in the background that is done when the test says so."""
+
+    def __init__(self) -> None:
+        self.works: list[tuple[Callable[[], Any], Future[Any]]] = []
+
+    def __call__(self, work: Callable[[], Any]) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.works.append((work, future))
+        return future
+
+    def do(self) -> None:
+        while self.works:
+            work, future = self.works.pop(0)
+            try:
+                future.set_result(work())
+            except RapidError as error:
+                future.set_exception(error)
+
+
+def test_module_is_loaded_in_the_background_while_the_program_and_its_traps_go_on() -> None:
+    """The controller parses, links and compiles it; Load waits for it, as it waits for a disk."""
+    program = 'CONNECT i WITH trapped; ISignalDI di1,HIGH,i; Load "late.mod"; TPWrite "loaded"; WaitTime 10;'
+    bench = Bench(program, f"{TRAPPED} VAR intnum i;")
+    bench.host.files["late.mod"] = "MODULE late VAR num x := 5; ENDMODULE"
+    bench.task.background = later = Later()
+    bench.start()
+    bench.set("di1", 1.0)
+    bench.run(1.0)
+    assert (bench.lines, bench.task.is_running) == (["trapped"], True)
+    later.do()
+    bench.run(0.02)
+    assert (bench.lines, bench.task.read("late", "x")) == (["trapped", "loaded"], "5")
+
+
+def test_routine_is_compiled_in_the_background_while_its_call_waits() -> None:
+    bench = Bench('p; TPWrite "done"; WaitTime 10;', "PROC p() x := 1; ENDPROC VAR num x;")
+    bench.start()
+    bench.task.program.codes = {r: code for r, code in bench.task.program.codes.items() if r.name != "p"}
+    bench.task.stop()
+    bench.task.background = later = Later()
+    bench.task.move_pp_to_main()
+    assert later.works == []  # the whole program is compiled by now
+    bench.task.program.codes = {r: code for r, code in bench.task.program.codes.items() if r.name != "p"}
+    bench.task.start()
+    bench.run(0.1)
+    assert (bench.read("x"), len(later.works)) == ("0", 1)
+    later.do()
+    bench.run(0.01)
+    assert (bench.read("x"), bench.lines) == ("1", ["done", "done"])
+
+
+def test_program_that_was_compiled_beforehand_is_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, compiled = Bench("x := 1;", "VAR num x;"), []
+    bench.task.compile()
+    monkeypatch.setattr(compiler, "compile_routine", lambda *arguments: compiled.append(arguments))
+    bench.start()
+    assert (compiled, bench.read("x")) == ([], "1")
+
+
+def test_program_that_does_not_fit_is_refused_at_pp_to_main_whether_it_was_compiled_beforehand_or_not() -> None:
+    bench = Bench("y := 1;")
+    bench.task.compile()
+    with pytest.raises(RapidReferenceError, match="'y' is not declared"):
+        bench.task.move_pp_to_main()
 
 
 @pytest.mark.parametrize("text", TARGETS.values(), ids=TARGETS)
 def test_module_that_was_prepared_is_loaded_without_delay(text: str, compiled: list[object]) -> None:
     bench, module = started("WaitTime 10;"), f"MODULE targets {text} ENDMODULE"
-    assert sum(1 for _ in bench.task.preparing(parse_module(module, "targets.mod"))) > 200
+    bench.task.prepare(parse_module(module, "targets.mod"))
+    assert len(compiled) > 200
     compiled.clear()
     bench.task.load(module, "targets.mod")
     assert compiled == []
@@ -435,17 +419,64 @@ def test_module_that_was_prepared_is_loaded_without_delay(text: str, compiled: l
 def test_module_is_linked_anew_when_the_program_changed_since_it_was_prepared() -> None:
     bench, module = started("WaitTime 10;"), "MODULE late VAR num x := N; ENDMODULE"
     bench.task.load("MODULE other CONST num N := 1; ENDMODULE", "other.mod")
-    list(bench.task.preparing(parse_module(module, "late.mod")))
+    bench.task.prepare(parse_module(module, "late.mod"))
     bench.task.load("MODULE other CONST num N := 2; ENDMODULE", "other.mod", replace=True)
     bench.task.load(module, "late.mod")
     assert bench.task.read("late", "x") == "2"
 
 
+def test_module_that_was_prepared_before_pp_to_main_has_its_data_afterwards() -> None:
+    bench, module = Bench("WaitTime 10;"), "MODULE late VAR num x := 3; ENDMODULE"
+    bench.task.prepare(parse_module(module, "late.mod"))
+    bench.start()
+    bench.task.load(module, "late.mod")
+    assert bench.task.read("late", "x") == "3"
+
+
+def test_load_begins_anew_when_the_program_changes_while_it_waits() -> None:
+    bench = Bench('Load "late.mod"; TPWrite "loaded"; WaitTime 10;')
+    bench.host.files["late.mod"] = "MODULE late VAR num x := N; ENDMODULE"
+    bench.task.load("MODULE other CONST num N := 1; ENDMODULE", "other.mod")
+    bench.task.background = later = Later()
+    bench.start()
+    (work, future), later.works = later.works[0], []
+    future.set_result(work())
+    bench.task.load("MODULE other CONST num N := 2; ENDMODULE", "other.mod", replace=True)
+    bench.run(0.01)
+    assert bench.lines == []
+    later.do()
+    bench.run(0.01)
+    assert (bench.lines, bench.task.read("late", "x")) == (["loaded"], "2")
+
+
 def test_other_text_than_was_prepared_is_what_is_loaded() -> None:
     bench = started("WaitTime 10;")
-    list(bench.task.preparing(parse_module("MODULE late VAR num x := 1; ENDMODULE", "late.mod")))
+    bench.task.prepare(parse_module("MODULE late VAR num x := 1; ENDMODULE", "late.mod"))
     bench.task.load("MODULE late VAR num x := 2; ENDMODULE", "late.mod")
     assert bench.task.read("late", "x") == "2"
+
+
+def test_code_in_which_a_name_came_to_mean_something_else_is_compiled_anew() -> None:
+    """A module's own datum hides what the library calls so; other routines keep their code."""
+    bench = Bench(
+        "WHILE TRUE DO p; n := n + 1; WaitDI di1,1; WaitDI di1,0; ENDWHILE",
+        "PROC p() x := v100.v_tcp; ENDPROC VAR num x; VAR num n;",
+    ).start()
+    codes = {routine.name: code for routine, code in bench.task.program.codes.items()}
+    bench.task.load("MODULE other CONST speeddata v100 := [7,7,7,7]; ENDMODULE", "other.mod")
+    changed = {routine.name: code is not codes[routine.name] for routine, code in bench.task.program.codes.items()}
+    assert changed == {"p": True, "main": False}
+    bench.set("di1", 1.0)
+    bench.set("di1", 0.0)
+    assert bench.read("x") == "7"
+
+
+def test_record_type_that_was_unknown_is_known_when_its_module_is_loaded() -> None:
+    bench = Bench("", "RECORD big small part; ENDRECORD VAR big b;")
+    with pytest.raises(RapidReferenceError, match="there is no data type 'small'"):
+        bench.task.move_pp_to_main()
+    bench.task.load("MODULE other RECORD small num x; ENDRECORD ENDMODULE", "other.mod")
+    assert bench.start().read("b") == "[[0]]"
 
 
 def test_names_of_a_module_do_not_count_for_the_one_that_takes_its_place() -> None:
@@ -456,27 +487,7 @@ def test_names_of_a_module_do_not_count_for_the_one_that_takes_its_place() -> No
     assert bench.task.read("late", "N") == "1"
 
 
-def test_datum_that_is_read_in_a_pause_of_its_linking_has_its_value() -> None:
-    bench = Bench("", "VAR num a{3} := [1,2,3];")
-    work = bench.task.compiling()
-    next(work)
-    assert bench.read("a") == "[1,2,3]"
-    bench.task.write("M", "a{2}", "7")
-    list(work)
-    assert bench.read("a") == "[1,7,3]"
-
-
-def test_module_unloaded_in_a_pause_of_its_linking_ends_it() -> None:
-    bench = Bench()
-    bench.task.load(f"MODULE targets {TARGETS['lines']} ENDMODULE", "targets.mod")
-    work = bench.task.compiling()
-    for _ in range(100):
-        next(work)
-    bench.task.unload("targets")
-    assert list(work) == []
-
-
-def test_calls_in_an_aggregate_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calls_in_an_aggregate_are_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """And not once for each item before them, which takes seconds."""
     nodes: list[object] = []
     runs_routine = Expressions.runs_routine
@@ -493,17 +504,6 @@ def test_statement_that_is_very_long_is_refused() -> None:
 def test_late_calls_do_not_make_a_statement_longer() -> None:
     bench = started('FOR i FROM 1 TO 3000 DO %"p"% 1; ENDFOR TPWrite "done"; WaitTime 10;', "PROC p(num n) ENDPROC")
     bench.run(0.1)
-    assert bench.lines == ["done"]
-
-
-def test_linking_takes_its_share_of_time_only() -> None:
-    bench = Bench('Load "targets.mod"; TPWrite "done"; WaitTime 10;')
-    bench.host.files["targets.mod"] = f"MODULE targets {TARGETS['array']} ENDMODULE"
-    bench.task.clock = StepClock(TIME_AT_ONCE / 10.0)
-    bench.start()
-    bench.run(0.4)
-    assert bench.lines == []
-    bench.run(2.0)
     assert bench.lines == ["done"]
 
 

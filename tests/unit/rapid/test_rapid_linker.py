@@ -64,3 +64,71 @@ def test_declaration_that_does_not_fit_is_refused(declarations: str, sentence: s
 def test_name_declared_twice_in_a_module_is_refused_at_once() -> None:
     with pytest.raises(RapidReferenceError, match="M, line 2: 'Same' is declared twice"):
         Bench("", "VAR num same; PROC Same() ENDPROC")
+
+
+@pytest.mark.parametrize(
+    ("declaration", "name"), [("CONST num x := 1;", "x"), ("PROC Main() ENDPROC", "Main"), ("ALIAS num X;", "X")]
+)
+def test_global_name_of_another_module_is_refused_when_the_module_is_loaded(declaration: str, name: str) -> None:
+    bench = Bench("", "VAR num x;")
+    with pytest.raises(RapidReferenceError, match=f"Other, line 2: '{name}' is global in the module 'M', too"):
+        bench.task.load(f"MODULE Other\n{declaration} ENDMODULE", "other.mod")
+    assert [module.name for module in bench.task.modules] == ["M"]
+
+
+def test_local_name_may_be_that_of_another_module() -> None:
+    bench = Bench("", "VAR num x := 1;")
+    bench.task.load("MODULE Other LOCAL VAR num x := 2; PROC p() ENDPROC ENDMODULE", "other.mod")
+    assert (bench.start().read("x"), bench.task.read("Other", "x")) == ("1", "2")
+
+
+def test_persistent_of_a_routine_is_refused() -> None:
+    with pytest.raises(RapidReferenceError, match="'x' is persistent, which data of routines cannot be"):
+        Bench("PERS num x := 1;")
+
+
+def test_error_has_file_line_and_column() -> None:
+    bench = Bench("x := 1;")
+    with pytest.raises(RapidReferenceError) as caught:
+        bench.task.move_pp_to_main()
+    assert (caught.value.filename, caught.value.line, caught.value.column) == ("M.mod", 4, 1)
+
+
+FAULTS = """MODULE Faulty
+VAR nothing a;
+CONST num b;
+PROC p()
+    VAR num x := "text";
+    missing;
+    IF y THEN
+        Incr "1";
+    ELSEIF 1 THEN
+        a := 1;
+    ENDIF
+    WHILE TRUE DO
+        GOTO nowhere;
+    ENDWHILE
+    Incr b2;
+UNDO
+    RETRY;
+ENDPROC
+VAR num b2;
+FUNC num f()
+    RETURN;
+ENDFUNC
+ENDMODULE
+"""
+
+
+def test_all_faults_of_a_program_are_listed_with_file_line_and_column() -> None:
+    bench = Bench("x := 1;")
+    bench.task.load(FAULTS, "HOME:/faulty.mod")
+    faults = [(fault.filename, fault.line, fault.column) for fault in bench.task.faults()]
+    lines = {(2, 13), (3, 11), (5, 18), (6, 5), (7, 8), (8, 9), (9, 12), (10, 9), (13, 9), (17, 5), (21, 5)}
+    assert faults == [("M.mod", 4, 1), *(("HOME:/faulty.mod", *each) for each in sorted(lines))]
+
+
+def test_program_that_fits_has_no_faults() -> None:
+    bench = Bench("x := x + 1;", "VAR num x;")
+    assert bench.task.faults() == []
+    assert bench.start().read("x") == "1"

@@ -24,7 +24,7 @@ def test_module_keeps_name_attributes_and_file() -> None:
 
 
 def test_keywords_are_read_in_any_case() -> None:
-    assert parse_module("Module m pRoC p() return; EndProc ENDMODULE", "m").routines[0].body == (s.Return(None, 1),)
+    assert parse_module("Module m pRoC p() return; EndProc ENDMODULE", "m").routines[0].body == (s.Return(None),)
 
 
 def test_name_may_begin_with_a_keyword() -> None:
@@ -50,7 +50,7 @@ def test_data_know_storage_dimensions_and_line() -> None:
     [("1", 1), ("1.5", 1.5), (".5", 0.5), ("2.", 2), ("1E-05", 1e-5), ("9e+09", 9e9), ("0xFF", 255), ("0b101", 5)],
 )
 def test_number_is_read(text: str, value: float) -> None:
-    assert parse_expression(text) == s.Literal(value, 1)
+    assert parse_expression(text) == s.Literal(value)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_number_is_read(text: str, value: float) -> None:
     ],
 )
 def test_string_is_read(text: str, value: str) -> None:
-    assert parse_expression(text) == s.Literal(value, 1)
+    assert parse_expression(text) == s.Literal(value)
 
 
 def test_not_reaches_over_the_ands_behind_it() -> None:
@@ -106,7 +106,7 @@ def test_optional_arguments_need_no_comma() -> None:
 def test_compact_if_is_an_if_with_one_statement() -> None:
     (statement,) = in_main("IF a = 1 GOTO done;")
     assert isinstance(statement, s.If)
-    assert statement.branches[0][1] == (s.Goto("done", 1),)
+    assert statement.branches[0][1] == (s.Goto("done"),)
 
 
 def test_routine_has_backward_error_and_undo_clauses() -> None:
@@ -114,7 +114,7 @@ def test_routine_has_backward_error_and_undo_clauses() -> None:
     (routine,) = parse_module(text, "m").routines
     assert routine.handler is not None
     assert len(routine.handler.numbers) == 2
-    assert (routine.backward, routine.undo) == ((s.ProcedureCall("b", (), 1),), (s.ProcedureCall("d", (), 1),))
+    assert (routine.backward, routine.undo) == ((s.ProcedureCall("b", ()),), (s.ProcedureCall("d", ()),))
 
 
 @pytest.mark.parametrize(

@@ -115,3 +115,12 @@ def test_endless_loop_without_a_wait_does_not_hang_the_controller() -> None:
     bench.task.advance(0.001)
     assert 100 < first < 2000
     assert first < float(bench.read("n")) < 4000
+
+
+@pytest.mark.parametrize(
+    "statement", ["<SMT>", "<VAR> := 1;", "x := <EXP>;", "TPWrite <ARG>;", "IF <EXP> THEN\n<SMT>\nENDIF"]
+)
+def test_program_with_placeholders_runs_up_to_the_first_one(statement: str) -> None:
+    bench = started(f'TPWrite "before";\n{statement}\nTPWrite "never";', "VAR num x; <DDN> <RDN>")
+    assert (bench.lines, bench.stop.error, bench.stop.line) == (["before"], "NOT_PROVIDED", 5)
+    assert "is a placeholder: complete the statement" in bench.stop.sentence

@@ -159,7 +159,7 @@ def test_array_element_that_does_not_exist_is_unknown(bench: Bench, symbol: str,
     assert sentence in str(caught.value)
 
 
-def test_unknown_symbols_are_told_apart(bench: Bench) -> None:
+def test_unknown_modules_and_symbols_have_sentences_of_their_own(bench: Bench) -> None:
     with pytest.raises(UnknownSymbol, match="The task T_ROB_R has no module 'N'; it has M"):
         bench.task.read("N", "x")
     with pytest.raises(UnknownSymbol, match="The module 'M' has no datum 'main'"):

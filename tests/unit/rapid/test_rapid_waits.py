@@ -50,7 +50,7 @@ def test_wait_until_with_time_limit_raises_an_error() -> None:
     assert "WaitUntil has waited for 0.05 s in vain." in bench.stop.sentence
 
 
-def test_wait_until_with_time_flag_goes_on_and_tells() -> None:
+def test_wait_until_with_time_flag_goes_on_and_sets_it() -> None:
     bench = started('WaitUntil di1 = 1 \\MaxTime:=0.05 \\TimeFlag:=late; TPWrite ""\\Bool:=late;', "VAR bool late;")
     bench.run(0.1)
     assert bench.lines == ["TRUE"]

@@ -13,14 +13,46 @@ MATHS = Library(DATA)
 MOST_DECIMALS = 15  # what a dnum has
 
 
-@MATHS.function("Abs", "num Value", "num")
-def absolute(call: Call) -> float:
-    return abs(float(call["Value"]))
+def _ratio(name: str, value: float) -> float:
+    if not -1.0 <= value <= 1.0:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"{name} takes -1 to 1, not {value:g}.")
+    return value
 
 
-@MATHS.function("AbsDnum", "dnum Value", "dnum")
-def absolute_dnum(call: Call) -> float:
-    return abs(float(call["Value"]))
+def _power(base: float, exponent: float) -> float:
+    try:
+        return math.pow(base, exponent)
+    except OverflowError as error:
+        raise RapidRuntimeError("ERR_OVERFLOW", f"{base:g} to the power of {exponent:g} is too large.") from error
+    except ValueError as error:
+        raise RapidRuntimeError("ERR_ARGVALERR", f"{base:g} has no power of {exponent:g}.") from error
+
+
+def _square_root(value: float) -> float:
+    if value < 0.0:
+        raise RapidRuntimeError("ERR_NEGARG", f"Sqrt takes no negative number, not {value:g}.")
+    return math.sqrt(value)
+
+
+for _name, _signature, _compute in (
+    ("Abs", "num Value", abs),
+    ("Sqrt", "num Value", _square_root),
+    ("Exp", "num Exponent", lambda exponent: _power(math.e, exponent)),
+    ("Pow", "num Base, num Exponent", _power),
+    ("Sin", "num Angle", lambda angle: math.sin(math.radians(angle))),
+    ("Cos", "num Angle", lambda angle: math.cos(math.radians(angle))),
+    ("Tan", "num Angle", lambda angle: math.tan(math.radians(angle))),
+    ("ASin", "num Value", lambda value: math.degrees(math.asin(_ratio("ASin", value)))),
+    ("ACos", "num Value", lambda value: math.degrees(math.acos(_ratio("ACos", value)))),
+    ("ATan", "num Value", lambda value: math.degrees(math.atan(value))),
+    ("ATan2", "num Y, num X", lambda y, x: math.degrees(math.atan2(y, x))),
+    ("Max", "num X, num Y", max),
+    ("Min", "num X, num Y", min),
+    ("Distance", "pos Point1, pos Point2", math.dist),
+):
+    MATHS.formula(_name, _signature, "num", _compute)
+MATHS.formula("AbsDnum", "dnum Value", "dnum", abs)
+MATHS.formula("NumToDnum", "num Value", "dnum", float)
 
 
 @MATHS.function("Round", r"num Val, \num Dec", "num")
@@ -45,89 +77,6 @@ def _decimals(call: Call) -> float:
     return decimals
 
 
-@MATHS.function("Sqrt", "num Value", "num")
-def square_root(call: Call) -> float:
-    if call["Value"] < 0.0:
-        raise RapidRuntimeError("ERR_NEGARG", f"Sqrt takes no negative number, not {call['Value']:g}.")
-    return math.sqrt(call["Value"])
-
-
-@MATHS.function("Exp", "num Exponent", "num")
-def exponential(call: Call) -> float:
-    return _power(math.e, call["Exponent"])
-
-
-@MATHS.function("Pow", "num Base, num Exponent", "num")
-def power(call: Call) -> float:
-    return _power(call["Base"], call["Exponent"])
-
-
-def _power(base: float, exponent: float) -> float:
-    try:
-        return math.pow(base, exponent)
-    except OverflowError as error:
-        raise RapidRuntimeError("ERR_OVERFLOW", f"{base:g} to the power of {exponent:g} is too large.") from error
-    except ValueError as error:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{base:g} has no power of {exponent:g}.") from error
-
-
-@MATHS.function("Sin", "num Angle", "num")
-def sine(call: Call) -> float:
-    return math.sin(math.radians(call["Angle"]))
-
-
-@MATHS.function("Cos", "num Angle", "num")
-def cosine(call: Call) -> float:
-    return math.cos(math.radians(call["Angle"]))
-
-
-@MATHS.function("Tan", "num Angle", "num")
-def tangent(call: Call) -> float:
-    return math.tan(math.radians(call["Angle"]))
-
-
-@MATHS.function("ASin", "num Value", "num")
-def arc_sine(call: Call) -> float:
-    return math.degrees(math.asin(_checked_ratio(call)))
-
-
-@MATHS.function("ACos", "num Value", "num")
-def arc_cosine(call: Call) -> float:
-    return math.degrees(math.acos(_checked_ratio(call)))
-
-
-def _checked_ratio(call: Call) -> float:
-    value: float = call["Value"]
-    if not -1.0 <= value <= 1.0:
-        raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes -1 to 1, not {value:g}.")
-    return value
-
-
-@MATHS.function("ATan", "num Value", "num")
-def arc_tangent(call: Call) -> float:
-    return math.degrees(math.atan(call["Value"]))
-
-
-@MATHS.function("ATan2", "num Y, num X", "num")
-def arc_tangent_of_two(call: Call) -> float:
-    return math.degrees(math.atan2(call["Y"], call["X"]))
-
-
-@MATHS.function("Max", "num X, num Y", "num")
-def larger(call: Call) -> float:
-    return max(float(call["X"]), float(call["Y"]))
-
-
-@MATHS.function("Min", "num X, num Y", "num")
-def smaller(call: Call) -> float:
-    return min(float(call["X"]), float(call["Y"]))
-
-
-@MATHS.function("NumToDnum", "num Value", "dnum")
-def as_dnum(call: Call) -> float:
-    return float(call["Value"])
-
-
 @MATHS.function("DnumToNum", r"dnum Value, \switch Integer", "num")
 def as_num(call: Call) -> float:
     value: float = call["Value"]
@@ -136,14 +85,9 @@ def as_num(call: Call) -> float:
     return value
 
 
-@MATHS.function("Distance", "pos Point1, pos Point2", "num")
-def distance(call: Call) -> float:
-    return math.dist(call["Point1"], call["Point2"])
-
-
 @MATHS.function("Dim", "anytype ArrPar, num DimNo", "num")
 def dimension(call: Call) -> float:
-    type_ = resolved(call.place("ArrPar").type)
+    type_ = resolved(call.reference("ArrPar").type)
     if not isinstance(type_, ArrayType):
         raise RapidRuntimeError("ERR_NOTARR", "Dim takes an array.")
     if call["DimNo"] not in range(1, len(type_.sizes) + 1):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from yumi.rapid.builtins.data import DATA
-from yumi.rapid.compiler import Deadline
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.library import Call, Deadline, Library, Wait
 
 SIGNALS = Library(DATA)
 PULSE_S = 0.2  # the length of PulseDO without \PLength
@@ -14,7 +13,7 @@ def _write(call: Call, value: float) -> None:
     r"""Set the call's signal, after \SDelay where it is given; the program goes on at once."""
     task, name = call.task, call["Signal"].name
     if call.present("SDelay"):
-        task.agenda.add(task.now + call["SDelay"], lambda: task.write_signal(name, value))
+        task.timers.add(task.now + call["SDelay"], lambda: task.write_signal(name, value))
     else:
         task.write_signal(name, value)
 
@@ -56,7 +55,7 @@ def pulse_output(call: Call) -> None:
     task, name = call.task, call["Signal"].name
     level = 0.0 if call.present("High") else task.read_signal(name)
     task.write_signal(name, 0.0 if level else 1.0)
-    task.agenda.add(task.now + call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
+    task.timers.add(task.now + call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
 
 
 def _level(call: Call) -> float:
@@ -100,7 +99,7 @@ def _wait_for_level(call: Call) -> Wait:
     while _level(call) != value:
         if deadline.is_over():
             return
-        yield deadline.wake
+        yield deadline.due
     deadline.met()
 
 

@@ -35,7 +35,7 @@ def _decimals(call: Call) -> int:
 
 @STRINGS.function("ValToStr", "anytype Val", "string")
 def value_to_string(call: Call) -> str:
-    type_, value = call.place("Val").type, call["Val"]
+    type_, value = call.reference("Val").type, call["Val"]
     if value_count(type_) > LONGEST_STRING:
         sentence = f"{value_count(type_)} values do not fit into the {LONGEST_STRING} characters of a string."
         raise RapidRuntimeError("ERR_STRTOOLNG", sentence)
@@ -44,7 +44,7 @@ def value_to_string(call: Call) -> str:
 
 @STRINGS.function("StrToVal", "string Str, INOUT anytype Val", "bool")
 def string_to_value(call: Call) -> bool:
-    type_ = call.place("Val").type
+    type_ = call.reference("Val").type
     if resolved(type_) == STRING:
         call["Val"] = call["Str"]
         return True

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import DATA
-from yumi.rapid.compiler import LINKED_AT_ONCE
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError
 from yumi.rapid.host import EventKind, Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.literals import format_value
-from yumi.rapid.machine import in_shares
 
 SYSTEM = Library(DATA)
 SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
@@ -22,35 +20,22 @@ SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
 
 
 def _order_signal(call: Call) -> None:
+    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in Edge):
+        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     is_single = call.present("Single") or call.present("SingleSafe")
-    order = SignalOrder(call["Signal"].name, _edge(call), is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
+    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
 
 
-def _edge(call: Call) -> Edge:
-    try:
-        return Edge(int(call["TriggValue"]))
-    except ValueError as error:
-        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {call['TriggValue']:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence) from error
-
-
-for _name, _type in (("ISignalDI", "signaldi"), ("ISignalDO", "signaldo")):
-    SYSTEM.instruction(
-        _name, rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, dionum TriggValue, VAR intnum Interrupt"
-    )(_order_signal)
-
-
-def _order_group_signal(call: Call) -> None:
-    is_single = call.present("Single") or call.present("SingleSafe")
-    order = SignalOrder(call["Signal"].name, Edge.BOTH, is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
-
-
-for _name, _type in (("ISignalGI", "signalgi"), ("ISignalGO", "signalgo")):
-    SYSTEM.instruction(_name, rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, VAR intnum Interrupt")(
-        _order_group_signal
-    )
+for _name, _type, _edge in (
+    ("ISignalDI", "signaldi", "dionum TriggValue, "),
+    ("ISignalDO", "signaldo", "dionum TriggValue, "),
+    ("ISignalGI", "signalgi", ""),
+    ("ISignalGO", "signalgo", ""),
+):
+    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
+    SYSTEM.instruction(_name, _signature)(_order_signal)
 
 
 @SYSTEM.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
@@ -75,7 +60,7 @@ def put_interrupt_to_sleep(call: Call) -> None:
 
 
 @SYSTEM.instruction("IWatch", "VAR intnum Interrupt")
-def wake_interrupt(call: Call) -> None:
+def watch_interrupt(call: Call) -> None:
     call.task.interrupts.watch(int(call["Interrupt"]))
 
 
@@ -102,7 +87,7 @@ def write_display(call: Call) -> None:
     text: str = call["String"]
     for name in ("Num", "Bool", "Pos", "Orient", "Dnum"):
         if call.present(name):
-            text += format_value(call.place(name).type, call[name])
+            text += format_value(call.reference(name).type, call[name])
     call.task.host.write_text(call.task.name, text)
 
 
@@ -165,7 +150,7 @@ def read_clock(call: Call) -> float:
 
 @SYSTEM.instruction("BookErrNo", "VAR errnum ErrorName")
 def book_error_number(call: Call) -> None:
-    call["ErrorName"] = call.task.book_error(call.place("ErrorName").name)
+    call["ErrorName"] = call.task.book_error(call.reference("ErrorName").name)
 
 
 @SYSTEM.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
@@ -220,11 +205,8 @@ def load(call: Call) -> Wait:
         text = task.host.read_file(path)
     except OSError as error:
         raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
-    parsed = task.parsed(text, path)
-    while not parsed.done():
-        yield None
     try:
-        yield from in_shares(task.loading(parsed.result()), task.clock, LINKED_AT_ONCE)
+        yield from task.loading(text, path)
     except RapidSyntaxError as error:
         raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
     except ProgramTooLarge as error:

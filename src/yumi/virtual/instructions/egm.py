@@ -41,7 +41,7 @@ class EgmInstructions:
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
         identities = self._unit.egm_identities
-        name = call.place("EGMid").name.lower()
+        name = call.reference("EGMid").name.lower()
         if name not in identities and len(identities) >= MOST_IDENTITIES:
             self._events.append(41828, "Too many EGM instances", type=EventType.ERROR)
             raise RapidRuntimeError(
@@ -52,7 +52,7 @@ class EgmInstructions:
 
     def reset(self, call: Call) -> None:
         """EGMReset: end what the identity runs and give it back."""
-        self._unit.egm_identities.discard(call.place("EGMid").name.lower())
+        self._unit.egm_identities.discard(call.reference("EGMid").name.lower())
         self._client.reset()
 
     def setup_uc(self, call: Call) -> None:

@@ -75,7 +75,7 @@ class SystemInstructions:
         if found is None or attribute not in found.attributes:
             raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
         text = found.attributes[attribute]
-        type_ = resolved(call.place("CfgData").type)
+        type_ = resolved(call.reference("CfgData").type)
         if is_numeric(type_):
             try:
                 call["CfgData"] = float(text)
@@ -90,7 +90,7 @@ class SystemInstructions:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
         while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
-        point, tasks = call.place("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
+        point, tasks = call.reference("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
         arrival = self._sync_points.arrive(point, call.task.name)
         deadline = call.task.now + call.get("TimeOut", float("inf"))
         try:
