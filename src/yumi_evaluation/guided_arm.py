@@ -14,7 +14,7 @@ from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLine
 from yumi.control.requests import Event
 from yumi.control.shared_state import Snapshot, peek_snapshot
@@ -97,7 +97,7 @@ class GuidedArm:
         controllers: Mapping[str, Controller],
         *,
         side: Side = Side.LEFT,
-        guard: Guard | None = None,
+        guard: Limiter | None = None,
         model: ArmModel | None = None,
         position: Joints | None = None,
         speed: SpeedScale | None = None,
@@ -115,7 +115,7 @@ class GuidedArm:
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
+        self.line = ArmLine(side, arm, self.manager, guard or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

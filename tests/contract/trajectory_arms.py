@@ -15,7 +15,7 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLine
 from yumi.control.requests import ControllerNotice, Event
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLine(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryMailbox())
+        self.line = ArmLine(SIDE, self.arm, self.manager, Limiter(YUMI_LIMITS), MemoryMailbox())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 

@@ -30,7 +30,7 @@ from yumi.clock import SystemClock
 from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import ControllerFailed, ControllerNotice, Done, Refusal, Request
 from yumi.driver.arm import PerfectArm
@@ -83,7 +83,7 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
+        arm, guard = PerfectArm(home(Side.RIGHT)), Limiter(YUMI_LIMITS)
         self._desk = RequestDesk({Side.RIGHT: ArmLine(Side.RIGHT, arm, manager, guard, MemoryMailbox())})
 
     def _make(self, _: str) -> Watcher:

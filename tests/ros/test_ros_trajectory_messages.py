@@ -25,7 +25,7 @@ FIRST = joint_names(Side.RIGHT)[0]
 @pytest.mark.parametrize(
     ("fields", "remark"),
     [
-        ({"path_tolerance": [JointTolerance(name="elbow")]}, "'elbow' is no joint of this controller"),
+        ({"path_tolerance": [JointTolerance(name="elbow")]}, "'elbow' is not a joint of this controller"),
         (
             {"goal_tolerance": [JointTolerance(name=FIRST, position=-0.5)]},
             f"a tolerance of {FIRST} is negative; -1 is unlimited",

@@ -10,11 +10,11 @@ from yumi.control.commands import MemoryMailbox, put_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import Done, Event, Refusal, Request
 from yumi.control.shared_state import Snapshot, peek_snapshot
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup
 from yumi.driver.gripper import Gripper, HandIo, HandSignals
@@ -51,12 +51,12 @@ class DriverArm:
         manager.configure(CONTROLLER)
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
-        stations = StationClock()
+        stations = StageClock()
         self.line = ArmLine(
             side,
             EgmArm(link, session, stations),
             manager,
-            Guard(YUMI_LIMITS),
+            Limiter(YUMI_LIMITS),
             self.snapshots,
             self.recorder,
             stations,
@@ -66,7 +66,7 @@ class DriverArm:
     def advance(self, now: float) -> Sequence[Event]:
         cycle = self.line.run(now)
         if cycle is not None:
-            self.admitted.append(cycle.admitted.position)
+            self.admitted.append(cycle.sent.position)
             self.measured.append(cycle.state.position)
         self.line.watch_silence(now)
         events = self.line.take_events()

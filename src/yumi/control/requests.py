@@ -319,7 +319,7 @@ class RobotStoppedFollowing:
 
 
 @dataclass(frozen=True, slots=True)
-class FeedbackDoubted:
+class ImplausibleFeedback:
     """A position was reported that the arm cannot have reached; it was not used.
 
     Attributes:
@@ -355,7 +355,7 @@ class FeedbackDoubted:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotDoesNotFollow:
+class ReferencesIgnored:
     """The robot plans to stand although it is told to move.
 
     Attributes:
@@ -367,7 +367,7 @@ class RobotDoesNotFollow:
 
     def __str__(self) -> str:
         ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
-        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.NOT_FOLLOWING]}. The arm holds{ended}."
+        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.REFERENCES_IGNORED]}. The arm holds{ended}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,7 +379,7 @@ class ProblemOver:
 
     def __str__(self) -> str:
         arm = self.side.word.capitalize()
-        if self.problem is Problem.NOT_FOLLOWING:
+        if self.problem is Problem.REFERENCES_IGNORED:
             return f"{arm} arm: the robot follows the references again. Call recover to go on."
         return f"{arm} arm: the reported positions are plausible again. Call recover to go on."
 
@@ -441,9 +441,9 @@ def is_fault(event: Event) -> bool:
     """Whether ``event`` is one that nobody asked for."""
     if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
         return bool(event.deactivated)
-    if isinstance(event, FeedbackDoubted):
+    if isinstance(event, ImplausibleFeedback):
         return event.is_lost
-    return isinstance(event, RobotDoesNotFollow | ControllerFailed | CycleFailed | FastLineEnded)
+    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | FastLineEnded)
 
 
 Event = (
@@ -452,8 +452,8 @@ Event = (
     | SessionLost
     | RobotFollows
     | RobotStoppedFollowing
-    | FeedbackDoubted
-    | RobotDoesNotFollow
+    | ImplausibleFeedback
+    | ReferencesIgnored
     | ProblemOver
     | ControllerFailed
     | ControllerNotice

@@ -33,17 +33,17 @@ SNAPSHOT_SIZE = _SCALARS + 4 * JOINT_COUNT
 class Problem(IntEnum):
     """Why an arm holds whatever it is asked to do.
 
-    NOT_FOLLOWING: the robot plans to stand although it is told to move.
+    REFERENCES_IGNORED: the robot plans to stand although it is told to move.
     IMPLAUSIBLE: it reports positions that the arm cannot have reached.
     """
 
     NONE = 0
-    NOT_FOLLOWING = 1
+    REFERENCES_IGNORED = 1
     IMPLAUSIBLE = 2
 
 
 CAUSES = {
-    Problem.NOT_FOLLOWING: (
+    Problem.REFERENCES_IGNORED: (
         "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets "
         "UDP out to the controller"
     ),
@@ -70,7 +70,7 @@ class Snapshot:
         activity: counts every change of which controllers there are and of their and the hardware's states.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
-        admitted: the command sent last [rad].
+        sent: the position sent last [rad].
         reference: where the active controller is going [rad]; None when no controller commands.
         cycles: datagrams answered.
         missed: datagrams the robot sent that got no answer of their own.
@@ -101,7 +101,7 @@ class Snapshot:
     activity: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
-    admitted: Joints = ZERO
+    sent: Joints = ZERO
     reference: Joints | None = None
     cycles: int = 0
     missed: int = 0
@@ -162,7 +162,7 @@ def put_snapshot(box: Mailbox, snapshot: Snapshot) -> None:
             snapshot.cycle_time,
             *snapshot.position,
             *snapshot.velocity,
-            *snapshot.admitted,
+            *snapshot.sent,
             *(snapshot.reference or _NO_REFERENCE),
         )
     )
@@ -180,7 +180,7 @@ def _from_values(values: Values) -> Snapshot:
     counts = [int(number) for number in numbers[:-4]]
     cycles, missed, lost, late, stale, repeated, malformed, foreign = counts[:8]
     refused, position_limited, slowed, interruptions, implausible, problem = counts[8:]
-    position, velocity, admitted, reference = (
+    position, velocity, sent, reference = (
         joints(values[start : start + JOINT_COUNT]) for start in range(_SCALARS, SNAPSHOT_SIZE, JOINT_COUNT)
     )
     return Snapshot(
@@ -193,7 +193,7 @@ def _from_values(values: Values) -> Snapshot:
         activity=int(activity),
         position=position,
         velocity=velocity,
-        admitted=admitted,
+        sent=sent,
         reference=None if isnan(reference[0]) else reference,
         cycles=cycles,
         missed=missed,

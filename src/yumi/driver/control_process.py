@@ -63,7 +63,7 @@ from yumi.control.commands import GOAL_SIZE
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import run_cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import (
     CheckOrders,
@@ -71,7 +71,7 @@ from yumi.control.requests import (
     Done,
     Event,
     FastLineEnded,
-    FeedbackDoubted,
+    ImplausibleFeedback,
     Refusal,
     Reply,
     Request,
@@ -93,7 +93,7 @@ from yumi.control.shared_state import (
     put_snapshot,
     shared_numbers,
 )
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.control.trajectory import PARTNER_SIZE
 from yumi.driver.arm import EgmArm
 from yumi.egm.udp import HasFileno, Poller, UdpClient, UdpServer
@@ -299,14 +299,14 @@ class Rehearsal:
         socket: UdpServer,
         arm: EgmArm,
         manager: ControllerManager,
-        guard: Guard,
+        guard: Limiter,
         clock: Clock,
     ) -> None:
         self._heard = heard
         self._robot = UdpClient("127.0.0.1", socket.port)
         self._arm, self._manager, self._guard = arm, manager, guard
         self._clock = clock
-        self._stations = StationClock()
+        self._stations = StageClock()
         self._leading = next((each.name for each in manager.controllers() if each.required), None)
         self._poller = Poller()
         self._poller.watch(socket, self._run)
@@ -327,7 +327,7 @@ class Rehearsal:
     def _run(self) -> None:
         cycle = run_cycle(self._arm, self._manager, self._guard, self._clock.now(), self._stations)
         if cycle is not None:
-            self._guard.settle(cycle.state)
+            self._guard.observe(cycle.state)
             self._follow(cycle.state)
 
     def _follow(self, state: ArmState) -> None:
@@ -965,7 +965,7 @@ class FastLines:
 
     def _explain(self, on_event: Callable[[Event], None], event: Event) -> None:
         """Each arm's process knows its own positions only; those of both tell whether their datagrams are exchanged."""
-        if isinstance(event, FeedbackDoubted):
+        if isinstance(event, ImplausibleFeedback):
             own, other = self.snapshot(event.side).position, self.snapshot(event.side.other).position
             if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
                 event = replace(event, is_other_arm=True)

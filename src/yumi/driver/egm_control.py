@@ -9,10 +9,10 @@ from yumi.clock import Clock, wait_until
 from yumi.control.requests import (
     Done,
     Event,
-    FeedbackDoubted,
     HoldArm,
+    ImplausibleFeedback,
+    ReferencesIgnored,
     Request,
-    RobotDoesNotFollow,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
@@ -75,7 +75,7 @@ class ArmGuidance:
 
     def note(self, event: Event) -> None:
         """Remember which controllers EGM's end has deactivated."""
-        ends = SessionLost | SessionStarted | RobotStoppedFollowing | RobotDoesNotFollow | FeedbackDoubted
+        ends = SessionLost | SessionStarted | RobotStoppedFollowing | ReferencesIgnored | ImplausibleFeedback
         if isinstance(event, ends) and event.deactivated:
             self._fallen[event.side] = event.deactivated
 

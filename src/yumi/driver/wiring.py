@@ -35,11 +35,11 @@ from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcast
 from yumi.control.controllers.joint_trajectory import DualArmTrajectoryController, JointTrajectoryController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.flight_recorder import FlightRecorder
-from yumi.control.limiter import FULL, Guard, SpeedScale
+from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.loop import ArmLine
 from yumi.control.motion import EGM_GAIN
 from yumi.control.requests import Event
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBoxes, FastLines, Rehearsal, WiredArm
@@ -259,7 +259,7 @@ def _manager_of(
 def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> WiredArm:
     """An arm of the fast line, with the controllers that only watch already active."""
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stations = StationClock(time.monotonic)
+    stations = StageClock(time.monotonic)
     own = boxes[side]
     speed = SpeedScale(own.speed_scale)
     arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations, speed)
@@ -279,13 +279,13 @@ def _parts_of_arm(
     plan: EgmPlan,
     boxes: Mapping[Side, ArmBoxes],
     socket: UdpServer,
-    stations: StationClock | None = None,
+    stations: StageClock | None = None,
     speed: SpeedScale | None = None,
-) -> tuple[EgmArm, ControllerManager, Guard]:
+) -> tuple[EgmArm, ControllerManager, Limiter]:
     manager = _manager_of(side, boxes, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
     session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
+    return EgmArm(socket, session, stations), manager, Limiter(plan.limits, plan.period, plan.position_gain)
 
 
 def first_speed_scale(settings: Settings) -> float:

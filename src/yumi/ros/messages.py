@@ -362,7 +362,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
-            return own, f"{each.name!r} is no joint of this controller"
+            return own, f"{each.name!r} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")

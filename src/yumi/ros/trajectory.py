@@ -41,7 +41,7 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.motion import Setpoint
 from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
-from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, time_to_start
+from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, time_to_start
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -106,7 +106,7 @@ class TrajectoryQuery:
             spline, moment = plans[side].spline, feedback.progress + (time - feedback.time) * feedback.scale
             if not spline.begin <= moment <= spline.end:
                 return {}
-            setpoints[side] = Walk(spline).setpoint(moment)
+            setpoints[side] = SplineSampler(spline).setpoint(moment)
         return setpoints
 
 

@@ -7,7 +7,7 @@ from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLine
 from yumi.control.requests import (
     ControllerFailed,
@@ -81,7 +81,7 @@ def line(arm: ScriptedArm, snapshots: MemoryMailbox) -> ArmLine:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    return ArmLine(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
+    return ArmLine(Side.LEFT, arm, manager, Limiter(YUMI_LIMITS), snapshots)
 
 
 def feed(
@@ -139,7 +139,7 @@ def test_line_deactivates_controllers_when_the_robot_falls_silent(
         "Call start_egm when the controller is back."
     )
     assert peek_snapshot(snapshots) == Snapshot(
-        time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
+        time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
     )
 
 

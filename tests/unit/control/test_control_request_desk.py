@@ -8,7 +8,7 @@ from unit.control.controller_doubles import RUNNING, Double
 from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import State
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLine, RequestDesk
 from yumi.control.requests import (
     ArmRequest,
@@ -54,7 +54,7 @@ class Arms:
         manager.load("double", self.doubles[side])
         manager.configure("double")
         manager.switch(["double"], [], RUNNING)
-        return ArmLine(side, PerfectArm(ZERO), manager, Guard(YUMI_LIMITS), self.boxes[side])
+        return ArmLine(side, PerfectArm(ZERO), manager, Limiter(YUMI_LIMITS), self.boxes[side])
 
     def ask(self, request: Request) -> Done:
         reply = self.desk.serve(request, 5.0)

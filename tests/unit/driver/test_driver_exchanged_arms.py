@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from yumi.control.commands import MemoryMailbox
-from yumi.control.requests import Event, FeedbackDoubted
+from yumi.control.requests import Event, ImplausibleFeedback
 from yumi.control.shared_state import Problem, Snapshot, peek_snapshot, put_snapshot
 from yumi.driver.control_process import FastLines
 from yumi.robot.joints import ZERO, Joints, Side
@@ -23,9 +23,11 @@ def test_doubted_position_that_is_the_other_arms_is_reported_as_such(
     lines = FastLines(never_built, events.append)  # type: ignore[arg-type]
     snapshots = {Side.LEFT: Snapshot(position=LEFT), Side.RIGHT: Snapshot(position=ZERO)}
     monkeypatch.setattr(lines, "snapshot", snapshots.__getitem__)
-    lines._explain(events.append, FeedbackDoubted(Side.RIGHT, "yumi_joint_1_r", 0.5, position, ("a",), is_lost=True))
+    lines._explain(
+        events.append, ImplausibleFeedback(Side.RIGHT, "yumi_joint_1_r", 0.5, position, ("a",), is_lost=True)
+    )
     (event,) = events
-    assert isinstance(event, FeedbackDoubted)
+    assert isinstance(event, ImplausibleFeedback)
     assert event.is_other_arm is is_other_arm
     assert ("left and right EGM ports are exchanged?" in str(event)) is is_other_arm
     assert "yumi_joint_1_r is 28.6° from where the arm can be, the arm holds; a deactivated: " in str(event)
@@ -33,6 +35,6 @@ def test_doubted_position_that_is_the_other_arms_is_reported_as_such(
 
 def test_snapshot_passes_the_problem_on() -> None:
     box = MemoryMailbox()
-    told = Snapshot(implausible=3, problem=Problem.NOT_FOLLOWING, interruptions=2, drift_ppm=1.5)
+    told = Snapshot(implausible=3, problem=Problem.REFERENCES_IGNORED, interruptions=2, drift_ppm=1.5)
     put_snapshot(box, told)
     assert peek_snapshot(box) == told

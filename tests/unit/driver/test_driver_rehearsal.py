@@ -6,7 +6,7 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.driver.arm import CYCLE, EgmArm
 from yumi.driver.control_process import Rehearsal
 from yumi.egm.codec import JointCodec, RobotCodec
@@ -28,7 +28,7 @@ class Stage:
         self.session = SensorSession(JointCodec())
         manager = ControllerManager(joint_names(Side.RIGHT))
         arm = EgmArm(stand_in, self.session)
-        self.rehearsal = Rehearsal(heard, stand_in, arm, manager, Guard(YUMI_LIMITS), self.clock)
+        self.rehearsal = Rehearsal(heard, stand_in, arm, manager, Limiter(YUMI_LIMITS), self.clock)
 
     def say(self, seqno: int) -> None:
         running = (MotorState.ON, MciState.RUNNING, RapidState.RUNNING)

@@ -25,7 +25,7 @@ from typing import Protocol, cast
 from yumi.control.commands import Mailbox
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, stop
+from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback, put_feedback
 from yumi.control.trajectory import (
     PARTNER_SILENCE,
@@ -35,13 +35,13 @@ from yumi.control.trajectory import (
     Partner,
     PartnerReport,
     Phase,
-    Pieces,
     ResultCode,
+    Segments,
     SkewWatch,
     Spline,
+    SplineSampler,
     TrajectoryPoint,
-    Walk,
-    join,
+    blend,
     refused,
 )
 from yumi.errors import CommandRefused
@@ -305,7 +305,7 @@ class TrajectoryGoal:
         self.first = 0.0
         self.skew = SkewWatch()
         self._names = names
-        self._walk = Walk(spline)
+        self._walk = SplineSampler(spline)
         self.end = spline.end
         self._bounds = bounds
         self._watches_velocity = min(bounds.path_velocity) < inf
@@ -453,7 +453,7 @@ class JointTrajectoryController(Controller):
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
         self._feedback_due = -inf
-        self._calming: Calming | None = None
+        self._calming: StandstillDetector | None = None
         self._is_judged = True
         self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
@@ -474,7 +474,7 @@ class JointTrajectoryController(Controller):
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
         self._rest_at(state.planned)
-        self._calming = Calming(state)
+        self._calming = StandstillDetector(state)
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
@@ -527,7 +527,7 @@ class JointTrajectoryController(Controller):
     def reference(self) -> Joints | None:
         return self._position
 
-    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
+    def _has_come_to_rest(self, calming: StandstillDetector, state: ArmState) -> bool:
         self._rest_at(state.planned)
         is_over = calming.is_over(state)
         if is_over:
@@ -582,7 +582,7 @@ class JointTrajectoryController(Controller):
             setpoint = setpoint.unscaled(self._speed.value)
         if now > 0.0:
             now *= self._speed.value
-        spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
+        spline = blend(plan, setpoint, now, self._limits, settings.start_tolerance)
         self._checked = (order, state, spline, now)
         return spline, now
 
@@ -595,7 +595,7 @@ class JointTrajectoryController(Controller):
         self._goal = TrajectoryGoal(
             order.goal, self._names, spline, self._settings.bounds_with(order.tolerances), begin
         )
-        self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
+        self._source, self._time, self._checked, self._calming = SplineSampler(spline), now, None, None
 
     def _cancel(self, order: CancelTrajectory) -> None:
         goal = self._goal
@@ -695,8 +695,8 @@ class JointTrajectoryController(Controller):
         )
 
 
-def _resting(position: Joints) -> Walk:
-    return Walk(Spline(Pieces(), TrajectoryPoint(0.0, position)))
+def _resting(position: Joints) -> SplineSampler:
+    return SplineSampler(Spline(Segments(), TrajectoryPoint(0.0, position)))
 
 
 def _scaled(values: Joints, factor: float) -> Joints:
