@@ -13,7 +13,7 @@ from random import Random
 from typing import NamedTuple
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
@@ -328,6 +328,9 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 
 
 @settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
+    script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)

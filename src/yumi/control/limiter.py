@@ -248,6 +248,9 @@ class FeedForwardLimiter:
         if self._is_feeding:
             speeds = zip(self._led(position, planned), self.velocity, strict=True)
             self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
+        elif self._planned is not None:
+            # A speed that sets in now must not take the way since the last known plan for the motion of one cycle.
+            self._planned, self._position, self._position_before = planned, position, position
 
     def observe(self, planned: Joints, position: Joints) -> None:
         """Where the robot planned to be and the position reference it got then, both [rad], (7,), after each reply.
