@@ -155,11 +155,14 @@ class PositionLimiter:
         """Whether a joint that moves like this can still keep its speed, and brake before the end of its range."""
         limits = self._limits
         top, jerk = limits.acceleration[index], limits.jerk[index]
-        more = speed_to_come(acceleration, jerk) if velocity * acceleration > 0.0 else 0.0
-        if abs(velocity) + more > limits.velocity[index] * _ROUNDING:
+        speed, change = abs(velocity), speed_to_come(acceleration, jerk)
+        if speed + (change if velocity * acceleration > 0.0 else 0.0) > limits.velocity[index] * _ROUNDING:
             return False
+        # Nearly always it has more room than it could need, whatever its acceleration: see speed_to_stop.
+        low, high, fastest = limits.lower[index] - _CLOSE, limits.upper[index] + _CLOSE, speed + change
+        if 0.5 * fastest * (fastest / top + 3.0 * top / jerk) < min(position - low, high - position):
+            return True
         lowest, highest, _ = braking_path(velocity, acceleration, top, jerk)
-        low, high = limits.lower[index] - _CLOSE, limits.upper[index] + _CLOSE
         return (lowest == 0.0 or position + lowest >= low) and (highest == 0.0 or position + highest <= high)
 
     def _motion_of_goal(self, desired: Joints, dt: float, elapsed: float) -> Setpoint:
