@@ -63,7 +63,7 @@ class ArmPort(Protocol):
         """Time since the newest state [s]."""
 
     def lost_after(self, now: float) -> float | None:
-        """How long the robot has been silent [s], told once when it has become too long; else None."""
+        """How long the robot has been silent [s], returned once, when it has become too long; else None."""
 
     def wire_counters(self) -> WireCounters:
         """What the connection has seen so far."""

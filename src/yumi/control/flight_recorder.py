@@ -74,7 +74,7 @@ class Frame:
 
 
 def flight_memory() -> array[float]:
-    """Memory for a recorder that nobody else reads."""
+    """Memory for a recorder in one process."""
     return array("d", bytes(FLIGHT_SIZE * _NUMBER.size))
 
 
