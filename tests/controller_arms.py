@@ -13,8 +13,8 @@ from yumi.control.controllers.forward_command import JointGroupPositionControlle
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import run_cycle
-from yumi.control.limiter import Guard
-from yumi.control.statistics import StationClock
+from yumi.control.limiter import Limiter
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
 from yumi.settings import Values
@@ -129,7 +129,7 @@ class PerfectArmUnderTest(ArmUnderTest):
         self._manager = ControllerManager(joint_names(SIDE))
         self._manager.load(NAME, self._controller)
         self._manager.configure(NAME, case.values)
-        self._arm, self._guard, self._now = PerfectArm(home(SIDE)), Guard(YUMI_LIMITS), 0.0
+        self._arm, self._guard, self._now = PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS), 0.0
         self.cycle()
         self.activate()
 
@@ -143,7 +143,7 @@ class PerfectArmUnderTest(ArmUnderTest):
 
     def cycle(self) -> Joints:
         self._now += CYCLE
-        cycle = run_cycle(self._arm, self._manager, self._guard, self._now, StationClock())
+        cycle = run_cycle(self._arm, self._manager, self._guard, self._now, StageClock())
         assert cycle is not None
         self._state = cycle.state
         return cycle.state.position

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm, LoneArm, Wire
 
-__all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "LoneArm", "OpenGuard", "Wire"]
+__all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "LoneArm", "OpenLimiter", "Wire"]
 
 CONTROLLER = "joint_position_controller"
 
@@ -21,14 +21,14 @@ SUPERVISED = ArmModel(supervises_load=True)
 """An arm that stops with 50375 as the real one does."""
 
 
-class OpenGuard(Guard):
+class OpenLimiter(Limiter):
     """No guard at all: what the controllers want is what the robot gets."""
 
     def __init__(self) -> None:
         super().__init__(YUMI_LIMITS)
 
-    def admit(self, state: ArmState, wanted: ArmCommand | None) -> ArmCommand:
-        return wanted or ArmCommand(state.position)
+    def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
+        return desired or ArmCommand(state.position)
 
 
 class EgmLoop(GuidedArm):
@@ -36,11 +36,11 @@ class EgmLoop(GuidedArm):
 
     Args:
         side: the arm.
-        guard: of the fast line; the real one when left out, :class:`OpenGuard` for none.
+        guard: of the fast line; the real one when left out, :class:`OpenLimiter` for none.
         model: dynamics of the virtual arm.
     """
 
-    def __init__(self, side: Side = Side.LEFT, guard: Guard | None = None, model: ArmModel = SUPERVISED) -> None:
+    def __init__(self, side: Side = Side.LEFT, guard: Limiter | None = None, model: ArmModel = SUPERVISED) -> None:
         self._goals = MemoryBuffer()
         super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, guard=guard, model=model)
 

@@ -7,7 +7,7 @@ from math import sin
 from yumi.control.cycle import Cycle
 from yumi.control.events import SessionLost
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.statistics import AFTER_REPLY, SEND, StationClock
+from yumi.control.statistics import AFTER_REPLY, SEND, StageClock
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004
@@ -22,7 +22,7 @@ def swinging(time: float) -> Joints:
 def record_motion(recorder: FlightRecorder, count: int) -> float:
     """Record ``count`` more cycles of a motion, the first of them held; returns the time of the last one [s]."""
     times = iter([80e-6, 100e-6] * count)
-    stations = StationClock(lambda: next(times))
+    stations = StageClock(lambda: next(times))
     for number in range(recorder.newest + 1, recorder.newest + count + 1):
         time = number * CYCLE
         state = ArmState(time, CYCLE, 1, swinging(time), swinging(0.1), swinging(time), is_running=True)

@@ -19,7 +19,7 @@ from random import Random
 
 from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names, joints
 from yumi.settings import Values
@@ -186,7 +186,7 @@ def follow(reference: Reference, duration: float, values: Values | None = None, 
     """
     goals = MemoryBuffer[SessionGoal]()
     controller = JointPositionController(goals, LIMITS)
-    arm = GuidedArm({CONTROLLER: controller}, side=SIDE, guard=Guard(LIMITS))
+    arm = GuidedArm({CONTROLLER: controller}, side=SIDE, guard=Limiter(LIMITS))
     arm.manager.set_parameters(CONTROLLER, values or {})
     arm.start()
     arm.run(0.2)

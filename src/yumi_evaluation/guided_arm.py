@@ -15,7 +15,7 @@ from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import Cycle
 from yumi.control.events import Event
-from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.arm import EgmArm
@@ -98,7 +98,7 @@ class GuidedArm:
         controllers: Mapping[str, Controller],
         *,
         side: Side = Side.LEFT,
-        guard: Guard | None = None,
+        guard: Limiter | None = None,
         model: ArmModel | None = None,
         position: Joints | None = None,
         speed: SpeedScale | None = None,
@@ -116,7 +116,7 @@ class GuidedArm:
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLoop(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
+        self.line = ArmLoop(side, arm, self.manager, guard or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

@@ -252,8 +252,8 @@ class CommandedCycle(Protocol):
         time: when it was [s].
         position: measured positions [rad], (7,).
         planned: positions the robot was heading for [rad], (7,).
-        admitted: positions it was told [rad], (7,).
-        admitted_velocity: velocities it was told [rad/s], (7,).
+        sent: positions sent to it [rad], (7,).
+        sent_velocity: velocities sent to it [rad/s], (7,).
         is_running: whether it followed.
     """
 
@@ -264,9 +264,9 @@ class CommandedCycle(Protocol):
     @property
     def planned(self) -> Joints: ...
     @property
-    def admitted(self) -> Joints: ...
+    def sent(self) -> Joints: ...
     @property
-    def admitted_velocity(self) -> Joints: ...
+    def sent_velocity(self) -> Joints: ...
     @property
     def is_running(self) -> bool: ...
 
@@ -317,7 +317,7 @@ def _ordered_path(rows: Sequence[CommandedCycle], joint: int, gain: float) -> tu
     place, times, path = rows[0].planned[joint], [rows[0].time - 0.5 * CYCLE], [rows[0].planned[joint]]
     for before, row in pairwise(rows):
         dt = min(row.time - before.time, LONGEST)
-        place = _moved(place, before.admitted[joint], before.admitted_velocity[joint], gain, dt)
+        place = _moved(place, before.sent[joint], before.sent_velocity[joint], gain, dt)
         times.append(times[-1] + dt)
         path.append(place)
     return times, path

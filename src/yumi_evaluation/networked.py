@@ -209,7 +209,7 @@ def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recor
     """The round trips of ``goals``, with the cycles of the driver's ``recording``, which is complete."""
     frames = read_recording(recording, before=_ALL, after=_ALL).frames.get(Side.RIGHT, ())
     cycles = [
-        LoopCycle(frame.time, frame.time + frame.stations.reply, frame.reference[AXIS_6])
+        LoopCycle(frame.time, frame.time + frame.stages.reply, frame.reference[AXIS_6])
         for frame in frames
         if frame.reference is not None
     ]

@@ -25,7 +25,7 @@ from yumi.clock import Clock
 from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
@@ -293,7 +293,7 @@ def run_virtually(experiment: Experiment, system: System = System.SHIPPED, model
         return _run_planned(experiment)
     model = model or (FITTED if system is System.BARE else ArmModel())
     goals, limits = MemoryBuffer[SessionGoal](), _limits(experiment.mode)
-    guard = Guard(limits if system is System.SHIPPED else _unlimited(limits))
+    guard = Limiter(limits if system is System.SHIPPED else _unlimited(limits))
     controller = AnyGainController(goals, limits)
     arm = GuidedArm({EXPERIMENT_CONTROLLER: controller}, side=experiment.side, guard=guard, model=model)
     arm.manager.set_parameters(EXPERIMENT_CONTROLLER, experiment.law.values)

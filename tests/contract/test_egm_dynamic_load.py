@@ -13,7 +13,7 @@ from math import pi, radians, sin
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenGuard
+from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenLimiter
 from yumi.control.events import RobotStoppedFollowing
 from yumi.egm.messages import MciState, MotorState
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
@@ -33,7 +33,7 @@ def loop() -> EgmLoop:
 
 
 def begun(motion: object = FULL_SPEED) -> EgmLoop:
-    loop = EgmLoop(guard=OpenGuard())
+    loop = EgmLoop(guard=OpenLimiter())
     loop.begin(motion)
     loop.run(0.15)
     return loop
@@ -115,7 +115,7 @@ def test_ten_degrees_per_second_make_every_step_bearable():
 
 
 def test_arm_that_is_not_supervised_bears_everything():
-    loop = EgmLoop(guard=OpenGuard(), model=ArmModel(supervises_load=False))
+    loop = EgmLoop(guard=OpenLimiter(), model=ArmModel(supervises_load=False))
     loop.begin()
     loop.run(0.15)
     loop.go(beside({0: 40.0, 2: -40.0, 3: 40.0, 5: 40.0}))

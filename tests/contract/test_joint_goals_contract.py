@@ -15,8 +15,8 @@ from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.events import ControllerReport
-from yumi.control.limiter import Guard
-from yumi.control.statistics import StationClock
+from yumi.control.limiter import Limiter
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
@@ -45,7 +45,7 @@ class ArmUnderGoals(ABC):
 
     @property
     def commands(self) -> list[ArmCommand]:
-        return [cycle.admitted for cycle in self.cycles]
+        return [cycle.sent for cycle in self.cycles]
 
     def order(self, message: object) -> None:
         self.manager.receive(NAME, message, self.cycles[-1].state)
@@ -71,7 +71,7 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         manager.load(NAME, JointGoalController(MemoryBuffer()))
         manager.configure(NAME, FULL)
         super().__init__(manager)
-        self._arm, self._guard, self._stations = PerfectArm(start), Guard(YUMI_LIMITS), StationClock()
+        self._arm, self._guard, self._stations = PerfectArm(start), Limiter(YUMI_LIMITS), StageClock()
         self.cycle()
         manager.switch([NAME], [], self.cycles[-1].state)
 
@@ -142,8 +142,8 @@ def test_arm_follows_without_lag_beyond_the_transport_delay(arm: ArmUnderGoals) 
 def test_guard_has_nothing_to_slow_down_on_the_way(arm: ArmUnderGoals) -> None:
     arm.order(JointGoal(moved(arm.position), 1))
     arm.until(lambda: bool(arm.notices), 2.0)
-    assert all(cycle.admitted.velocity == pytest.approx(cycle.wanted.velocity) for cycle in arm.cycles if cycle.wanted)
-    assert [cycle for cycle in arm.cycles if cycle.wanted and cycle.admitted.position != cycle.wanted.position] == []
+    assert all(cycle.sent.velocity == pytest.approx(cycle.desired.velocity) for cycle in arm.cycles if cycle.desired)
+    assert [cycle for cycle in arm.cycles if cycle.desired and cycle.sent.position != cycle.desired.position] == []
 
 
 def test_arm_that_is_told_to_stop_decelerates_and_stands(arm: ArmUnderGoals) -> None:

@@ -24,7 +24,7 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
 from yumi.control.events import ControllerReport
-from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.guided_arm import GuidedArm
@@ -57,7 +57,7 @@ class ScaledArm:
                 "forward_velocity": JointGroupVelocityController(self.goals, self.speeds, LIMITS, speed),
             },
             side=SIDE,
-            guard=Guard(LIMITS),
+            guard=Limiter(LIMITS),
             speed=speed,
         )
         self.arm.manager.set_parameters("goal", {"speed_scale": 0.8, "acceleration_scale": 0.5})
@@ -107,7 +107,7 @@ def steps(values: list[Joints]) -> list[Joints]:
 
 def assert_smooth(cycles: list[Cycle]) -> None:
     """What was sent keeps the joints' speeds, accelerations and jerks."""
-    motion = [cycle.admitted.position for cycle in cycles]
+    motion = [cycle.sent.position for cycle in cycles]
     for limit in (LIMITS.velocity, LIMITS.acceleration, LIMITS.jerk):
         motion = steps(motion)
         for values in motion:
@@ -116,7 +116,7 @@ def assert_smooth(cycles: list[Cycle]) -> None:
 
 def fastest(cycles: list[Cycle]) -> float:
     """The largest share of its limit that any joint's command moved with."""
-    speeds = steps([cycle.admitted.position for cycle in cycles])
+    speeds = steps([cycle.sent.position for cycle in cycles])
     return max(abs(value) / most for speed in speeds for value, most in zip(speed, LIMITS.velocity, strict=True))
 
 
@@ -137,7 +137,7 @@ def test_trajectory_takes_as_much_longer_and_keeps_its_tolerances_and_its_path(s
         assert end.outcome is Outcome.SUCCEEDED
         arm.duration = arm.arm.clock.now() - begin  # type: ignore[attr-defined]
         assert_smooth(arm.arm.cycles[first:])
-        paths.append([cycle.admitted.position for cycle in arm.arm.cycles[first:]])
+        paths.append([cycle.sent.position for cycle in arm.arm.cycles[first:]])
     assert slow.duration - full.duration == pytest.approx(0.8 / scale - 0.8, abs=0.1)  # type: ignore[attr-defined]
     assert max(distance_to_path(point, paths[1]) for point in paths[0]) < 0.02
 
@@ -203,7 +203,7 @@ def test_point_to_point_motion_takes_as_much_longer(scale: float) -> None:
         assert isinstance(end, GoalEnded)
         assert end.outcome is GoalOutcome.REACHED
         cycles = arm.arm.cycles[first:]
-        durations.append(sum(dist(cycle.admitted.position, goal) > 1e-4 for cycle in cycles) * CYCLE)
+        durations.append(sum(dist(cycle.sent.position, goal) > 1e-4 for cycle in cycles) * CYCLE)
         assert_smooth(cycles)
     full, slow = durations
     assert slow == pytest.approx(full / scale, rel=0.03)

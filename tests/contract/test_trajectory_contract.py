@@ -38,7 +38,7 @@ def arm(request: pytest.FixtureRequest) -> TrajectoryArm:
 
 def assert_within_limits(cycles: list[Cycle]) -> None:
     """No step in the admitted command: speeds and accelerations within the limits."""
-    ways = [cycle.admitted.position for cycle in cycles]
+    ways = [cycle.sent.position for cycle in cycles]
     speeds = [[(new - old) / CYCLE for old, new in zip(*pair, strict=True)] for pair in pairwise(ways)]
     for before, after in pairwise(speeds):
         for index, (old, new) in enumerate(zip(before, after, strict=True)):
@@ -196,7 +196,7 @@ def test_tolerance_that_is_no_number_is_refused(tolerances: Tolerances) -> None:
 def test_controller_gives_a_trajectory_back_when_it_is_deactivated() -> None:
     arm = perfect_arm()
     plan = swing(HOME, 1.0, 2.0)
-    pieces = plan.spline.pieces
+    pieces = plan.spline.segments
     before = getrefcount(pieces)
     arm.follow(plan)
     arm.run(0.1)

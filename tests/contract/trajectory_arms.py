@@ -16,7 +16,7 @@ from yumi.control.controllers.joint_trajectory import (
 )
 from yumi.control.cycle import Cycle
 from yumi.control.events import ControllerReport, Event
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLoop(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryBuffer())
+        self.line = ArmLoop(SIDE, self.arm, self.manager, Limiter(YUMI_LIMITS), MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 

@@ -95,7 +95,7 @@ def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
 def assert_within_limits(loop: SwitchedLoop) -> None:
     """Neither the admitted command nor what the robot makes of it and of the speeds beside it moves too fast."""
     for before, after in pairwise(loop.cycles):
-        assert_step(before.admitted.position, after.admitted.position, after.state.dt)
+        assert_step(before.sent.position, after.sent.position, after.state.dt)
         assert_step(before.state.planned, after.state.planned, after.state.dt)
 
 
@@ -141,7 +141,7 @@ def test_hardware_that_leaves_in_mid_motion_brings_the_arm_to_rest_within_its_li
     loop.run(0.7)
     assert_within_limits(loop)
     assert (loop.line.is_still, loop.snapshot.is_running, loop.snapshot.is_commanded) == (True, True, False)
-    place = loop.snapshot.admitted
+    place = loop.snapshot.sent
     loop.manager.set_hardware_state("arm", State.ACTIVE)
     loop.run(0.1)
-    assert loop.snapshot.admitted == place
+    assert loop.snapshot.sent == place

@@ -96,10 +96,10 @@ ACTIONS = st.one_of(
 
 def assert_no_jump(before: Cycle, after: Cycle) -> None:
     is_new = after.state.session != before.state.session or not after.state.is_running
-    if is_new and after.admitted.position == after.state.position:
+    if is_new and after.sent.position == after.state.position:
         return  # a robot that did not follow begins where it is; else it may follow, and the last command goes on
     room = min(after.state.dt, LATE_CYCLE * CYCLE)
-    steps = zip(before.admitted.position, after.admitted.position, YUMI_LIMITS.velocity, strict=True)
+    steps = zip(before.sent.position, after.sent.position, YUMI_LIMITS.velocity, strict=True)
     assert all(abs(new - old) <= speed * room * 1.001 + 1e-9 for old, new, speed in steps)
 
 
@@ -110,7 +110,7 @@ def test_no_command_jumps_and_no_load_is_too_high_whatever_happens(actions: list
     loop.begin()
     for action in actions:
         action(loop)
-    assert loop.cycles[0].admitted.position == loop.cycles[0].state.position
+    assert loop.cycles[0].sent.position == loop.cycles[0].state.position
     for before, after in pairwise(loop.cycles):
         assert_no_jump(before, after)
     assert loop.robot.arm.overload is None

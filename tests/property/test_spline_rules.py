@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.control.motion import Setpoint
-from yumi.control.trajectory import TrajectoryPoint, Walk, derivative, excess, spline_through, value_at
+from yumi.control.trajectory import SplineSampler, TrajectoryPoint, derivative, excess, spline_through, value_at
 from yumi.robot.joints import ZERO
 
 angles = st.floats(-1.5, 1.5)
@@ -27,14 +27,14 @@ def points(draw: st.DrawFn, fields: int) -> list[TrajectoryPoint]:
 
 @given(st.one_of(points(1), points(2), points(3)))
 def test_spline_passes_through_its_points(way: list[TrajectoryPoint]) -> None:
-    walk = Walk(spline_through(way))
+    walk = SplineSampler(spline_through(way))
     for point in way:
         assert walk.position(point.time) == pytest.approx(point.position, abs=1e-9)
 
 
 @given(st.one_of(points(2), points(3)))
 def test_spline_has_the_velocities_of_its_points_from_both_sides(way: list[TrajectoryPoint]) -> None:
-    for piece, start, end in zip(spline_through(way).pieces, way, way[1:], strict=False):
+    for piece, start, end in zip(spline_through(way).segments, way, way[1:], strict=False):
         for index, row in enumerate(piece.rows):
             speed = derivative(row)
             assert value_at(speed, 0.0) == pytest.approx(start.velocity[index], abs=1e-9)
@@ -43,7 +43,7 @@ def test_spline_has_the_velocities_of_its_points_from_both_sides(way: list[Traje
 
 @given(points(3))
 def test_quintic_spline_has_the_accelerations_of_its_points_from_both_sides(way: list[TrajectoryPoint]) -> None:
-    for piece, start, end in zip(spline_through(way).pieces, way, way[1:], strict=False):
+    for piece, start, end in zip(spline_through(way).segments, way, way[1:], strict=False):
         for index, row in enumerate(piece.rows):
             acceleration = derivative(derivative(row))
             assert value_at(acceleration, 0.0) == pytest.approx(start.acceleration[index], abs=1e-9)
@@ -53,15 +53,15 @@ def test_quintic_spline_has_the_accelerations_of_its_points_from_both_sides(way:
 @given(points(3), st.lists(st.floats(-1.0, 20.0), min_size=1, max_size=10))
 def test_walk_tells_the_same_at_times_in_any_order(way: list[TrajectoryPoint], times: list[float]) -> None:
     spline = spline_through(way)
-    walk = Walk(spline)
+    walk = SplineSampler(spline)
     for time in times:
-        assert walk.setpoint(time) == Walk(spline).setpoint(time)
+        assert walk.setpoint(time) == SplineSampler(spline).setpoint(time)
         assert walk.motion(time)[0] == walk.position(time)
 
 
 @given(points(2))
 def test_walk_rests_before_the_begin_and_after_the_end(way: list[TrajectoryPoint]) -> None:
-    walk = Walk(spline_through(way))
+    walk = SplineSampler(spline_through(way))
     assert walk.setpoint(way[0].time - 0.01) == Setpoint(pytest.approx(way[0].position))
     assert walk.motion(way[-1].time)[1] is ZERO
 

@@ -84,7 +84,7 @@ def tracking(frames: Sequence[Frame], begin: float, end: float) -> Tracking:
     """That of the cycles between two times [s]."""
     followed = [frame for frame in frames if frame.is_running and frame.dt > 0.0 and begin <= frame.time <= end]
     missed = sum(round(frame.dt / CYCLE) - 1 for frame in followed) / len(followed)
-    leads = (abs(a - b) for frame in followed for a, b in zip(frame.admitted, frame.position, strict=True))
+    leads = (abs(a - b) for frame in followed for a, b in zip(frame.sent, frame.position, strict=True))
     return Tracking(missed, max(leads))
 
 

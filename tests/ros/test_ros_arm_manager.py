@@ -31,7 +31,7 @@ from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.events import ControllerFailed, ControllerReport
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.driver.arm import PerfectArm
 from yumi.driver.settings import ControllerSettings
@@ -85,7 +85,7 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
+        arm, guard = PerfectArm(home(Side.RIGHT)), Limiter(YUMI_LIMITS)
         loop = ArmLoop(Side.RIGHT, arm, manager, guard, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 

@@ -50,4 +50,4 @@ def test_power_cut_leaves_flight_records_of_both_arms_and_the_recording_goes_on(
         assert flight.stop is not None
         assert flight.stop.kind == "SessionLost"
         assert flight.frames[side][-1] == session.frames[side][-1]
-        assert all(frame.stations.reply > 0.0 for frame in flight.frames[side])
+        assert all(frame.stages.reply > 0.0 for frame in flight.frames[side])

@@ -85,11 +85,11 @@ def largest_jump(frames: tuple[Frame, ...], begin: float = -inf, end: float = in
         abs(new - old) / (speed * CYCLE)
         for before, frame in zip((None, *frames), frames, strict=False)
         if frame.is_running and begin <= frame.time <= end
-        for old, new, speed in zip(_origin(before, frame), frame.admitted, YUMI_LIMITS.velocity, strict=True)
+        for old, new, speed in zip(_origin(before, frame), frame.sent, YUMI_LIMITS.velocity, strict=True)
     )
     return max(steps, default=0.0)
 
 
 def _origin(before: Frame | None, frame: Frame) -> Joints:
     is_followed = before is not None and before.is_running and before.session == frame.session
-    return before.admitted if before is not None and is_followed else frame.position
+    return before.sent if before is not None and is_followed else frame.position

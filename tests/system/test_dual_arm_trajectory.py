@@ -123,7 +123,7 @@ def test_other_arm_brakes_within_its_limits(arms: DualArms) -> None:
     cycles = arms.arms[Side.RIGHT].cycles
     first = len(cycles)
     arms.run(0.5)
-    ways = [cycle.admitted.position for cycle in cycles[first - 2 :]]
+    ways = [cycle.sent.position for cycle in cycles[first - 2 :]]
     speeds = [[(new - old) / CYCLE for old, new in zip(*pair, strict=True)] for pair in pairwise(ways)]
     for before, after in pairwise(speeds):
         for old, new, limit in zip(before, after, YUMI_LIMITS.acceleration, strict=True):

@@ -21,7 +21,7 @@ from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
 from yumi.control.loop import Commands
 from yumi.control.shared_state import SharedNumbers, shared_numbers
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
@@ -94,7 +94,7 @@ def test_fault_in_motion_leaves_the_last_ten_seconds(
     frames = recording.frames[RIGHT]
     assert len(frames) >= 2470
     assert frames[-1].time - frames[0].time == pytest.approx(10.0, abs=0.1)
-    assert frames[-1].admitted == arm.admitted[-1]
+    assert frames[-1].sent == arm.admitted[-1]
     assert [frame.number for frame in frames] == list(range(frames[0].number, frames[-1].number + 1))
     assert frames[-30].reference == GOAL
 
@@ -103,7 +103,7 @@ def test_flight_recorder_follows_both_arms_without_a_gap(system: System) -> None
     system.wait(1.0)
     for arm in system.arms.values():
         frames = arm.recorder.frames()
-        assert [frame.admitted for frame in frames] == arm.admitted[-len(frames) :]
+        assert [frame.sent for frame in frames] == arm.admitted[-len(frames) :]
         assert all(frame.dt == pytest.approx(CYCLE) for frame in frames[1:])
 
 
@@ -147,14 +147,14 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     frames = recording.frames[RIGHT]
     assert [frame.number for frame in frames] == [1, 2, 3, 4, 5, 6]
     assert frames[-1].reference == ELSEWHERE
-    assert 0.0 < frames[-1].admitted[0] < ELSEWHERE[0]
-    assert all(0.0 < frame.stations.reply < 0.1 and frame.stations.after_reply > 0.0 for frame in frames)
+    assert 0.0 < frames[-1].sent[0] < ELSEWHERE[0]
+    assert all(0.0 < frame.stages.reply < 0.1 and frame.stages.after_reply > 0.0 for frame in frames)
     assert 0.04 < recording.stop.time - frames[-1].time < 0.2
 
 
 def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
     """In a process of its own: cycles whose numbers are all the same."""
-    recorder, stations = FlightRecorder(memory), StationClock()
+    recorder, stations = FlightRecorder(memory), StageClock()
     for number in range(1, count + 1):
         all_same = joints([float(number)] * 7)
         command = ArmCommand(all_same, all_same)
@@ -164,7 +164,7 @@ def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
 
 
 def is_whole(frame: Frame) -> bool:
-    vectors = (frame.position, frame.velocity, frame.planned, frame.wanted, frame.admitted, frame.reference)
+    vectors = (frame.position, frame.velocity, frame.planned, frame.desired, frame.sent, frame.reference)
     return {frame.time, *(value for vector in vectors for value in vector or ())} == {float(frame.number)}
 
 

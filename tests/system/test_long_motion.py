@@ -64,7 +64,7 @@ class Watch:
         for side in Side:
             frames = self._lines.recorders[side].since(self._seen[side])
             self._seen[side] = frames[-1].number if frames else self._seen[side]
-            self.slowest = max([self.slowest, *(frame.stations.reply for frame in frames)])
+            self.slowest = max([self.slowest, *(frame.stages.reply for frame in frames)])
 
     @property
     def missed(self) -> int:

@@ -91,7 +91,7 @@ def braking_distance(before: Snapshot, index: int) -> float:
     """How far a joint may go on [rad]: delay, until the command leads no further than the speed, and braking."""
     speed, gain, top = abs(before.velocity[index]), YUMI_LIMITS.acceleration[index], YUMI_LIMITS.velocity[index]
     delay = 0.05  # transport, servo, and a cycle each way [s]
-    useless_lead = abs(before.admitted[index] - before.position[index]) - speed / EGM_GAIN
+    useless_lead = abs(before.sent[index] - before.position[index]) - speed / EGM_GAIN
     taking_back = max(0.0, useless_lead) / (top + speed)
     faster = speed + gain * delay
     return speed * (delay + taking_back) + faster * faster / (2.0 * gain) + radians(0.1)

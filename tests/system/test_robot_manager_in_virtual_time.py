@@ -262,7 +262,7 @@ def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: 
     system.faults.happen(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, Way.TO_ROBOT)
     arm.go(joints([value + 0.2 for value in arm.snapshot.position]))
     system.wait(0.5)
-    assert arm.snapshot.problem is Problem.NOT_FOLLOWING
+    assert arm.snapshot.problem is Problem.REFERENCES_IGNORED
     assert not arm.snapshot.is_commanded
     assert "the controllers are active" in system.manager.recover(lambda _: None)
     assert (arm.snapshot.problem, arm.snapshot.is_commanded) == (Problem.NONE, True)

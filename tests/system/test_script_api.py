@@ -91,7 +91,7 @@ def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
     assert not motion.is_done
     robot.stop()
     assert robot.right.state is ArmMode.HOLDING
-    with pytest.raises(GoalNotReached, match="The right arm did not reach its goal: the arm was told to stop"):
+    with pytest.raises(GoalNotReached, match="The right arm did not reach its goal: the arm was commanded to stop"):
         motion.wait()
 
 

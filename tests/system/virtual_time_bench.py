@@ -12,10 +12,10 @@ from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.limiter import Guard, SpeedScale
+from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import Snapshot, read_snapshot
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup
 from yumi.driver.gripper import Gripper, HandIo, HandSignals
@@ -54,12 +54,12 @@ class DriverArm:
         manager.configure(CONTROLLER)
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
-        stations = StationClock()
+        stations = StageClock()
         self.line = ArmLoop(
             side,
             EgmArm(link, session, stations),
             manager,
-            Guard(YUMI_LIMITS),
+            Limiter(YUMI_LIMITS),
             self.snapshots,
             self.recorder,
             stations,
@@ -69,7 +69,7 @@ class DriverArm:
     def advance(self, now: float) -> Sequence[Event]:
         cycle = self.line.run(now)
         if cycle is not None:
-            self.admitted.append(cycle.admitted.position)
+            self.admitted.append(cycle.sent.position)
             self.measured.append(cycle.state.position)
         self.line.watch_silence(now)
         events = self.line.take_events()

@@ -28,7 +28,7 @@ from yumi.control.controller import (
     Transition,
     allowed,
 )
-from yumi.control.statistics import ADMIT, BEGIN, DECODE, SEND, UPDATE, RunningStatistics
+from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
 from yumi.settings import Value, Values
@@ -114,10 +114,10 @@ class HardwareComponent:
         Args:
             session: EGM session of the cycle.
             now: when the datagram arrived [s].
-            marks: of the cycle's stations, see :class:`yumi.control.statistics.StationClock`.
+            marks: of the cycle's stations, see :class:`yumi.control.statistics.StageClock`.
         """
         self._read_time.add(marks[DECODE] - marks[BEGIN])
-        self._write_time.add(max(0.0, marks[SEND] - marks[ADMIT]))
+        self._write_time.add(max(0.0, marks[SEND] - marks[LIMIT]))
         if self._last is not None and self._last[0] == session:
             self._period.add(now - self._last[1])
         self._last = (session, now)

@@ -1,6 +1,6 @@
 """The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here.
 
-The port of an arm: what the fast line needs from hardware, real, virtual or perfect.
+:class:`ArmPort` is what it needs of an arm's hardware, real or virtual.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Guard
-from yumi.control.statistics import ADMIT, DECODE, UPDATE, StationClock
+from yumi.control.limiter import Limiter
+from yumi.control.statistics import DECODE, LIMIT, UPDATE, StageClock
 from yumi.robot.joints import ArmCommand, ArmState
 
 
 class WireCounters(NamedTuple):
-    """What an arm's connection has seen: counts since the start, the rest of the session.
+    """What an arm's connection has received: counts since the start, the rest of the session.
 
     Attributes:
         session: number of the session, 0 before the first.
@@ -63,7 +63,7 @@ class ArmPort(Protocol):
         """Time since the newest state [s]."""
 
     def lost_after(self, now: float) -> float | None:
-        """How long the robot has been silent [s], told once when it has become too long; else None."""
+        """How long the robot has been silent [s], returned once, when it has become too long; else None."""
 
     def wire_counters(self) -> WireCounters:
         """What the connection has seen so far."""
@@ -74,25 +74,25 @@ class Cycle:
     """What happened in one cycle.
 
     Attributes:
-        state: what the arm reported, as far as the guard believes it.
-        wanted: what the controllers wanted; None where they wanted it to hold.
-        admitted: what the guard let through and the arm was told.
+        state: what the arm reported, as far as it is plausible.
+        desired: the command of the controllers; None where they hold.
+        sent: the command that the limiter made of it.
     """
 
     state: ArmState
-    wanted: ArmCommand | None
-    admitted: ArmCommand
+    desired: ArmCommand | None
+    sent: ArmCommand
 
 
 def run_cycle(
-    arm: ArmPort, manager: ControllerManager, guard: Guard, now: float, stations: StationClock
+    arm: ArmPort, manager: ControllerManager, limiter: Limiter, now: float, timing: StageClock
 ) -> Cycle | None:
-    """Answer the newest state of ``arm``; None when there is no new one that can be. ``stations`` only looks on."""
-    reported = stations.timed(DECODE, arm.read(now))
-    state = None if reported is None else guard.believe(reported)
+    """Reply to the newest state of ``arm``; None when there is no new one that can be replied to."""
+    reported = timing.timed(DECODE, arm.read(now))
+    state = None if reported is None else limiter.check(reported)
     if state is None:
         return None
-    wanted = stations.timed(UPDATE, manager.update(state))
-    admitted = stations.timed(ADMIT, guard.admit(state, wanted))
-    arm.write(admitted)
-    return Cycle(state, wanted, admitted)
+    desired = timing.timed(UPDATE, manager.update(state))
+    sent = timing.timed(LIMIT, limiter.limit(state, desired))
+    arm.write(sent)
+    return Cycle(state, desired, sent)

@@ -99,7 +99,7 @@ class RobotStoppedFollowing:
 
 
 @dataclass(frozen=True, slots=True)
-class FeedbackDoubted:
+class ImplausibleFeedback:
     """A position was reported that the arm cannot have reached; it was not used.
 
     Attributes:
@@ -135,7 +135,7 @@ class FeedbackDoubted:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotDoesNotFollow:
+class ReferencesIgnored:
     """The robot plans to stand although it is commanded to move.
 
     Attributes:
@@ -147,7 +147,7 @@ class RobotDoesNotFollow:
 
     def __str__(self) -> str:
         ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
-        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.NOT_FOLLOWING]}. The arm holds{ended}."
+        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.REFERENCES_IGNORED]}. The arm holds{ended}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class ProblemOver:
 
     def __str__(self) -> str:
         arm = self.side.word.capitalize()
-        if self.problem is Problem.NOT_FOLLOWING:
+        if self.problem is Problem.REFERENCES_IGNORED:
             return f"{arm} arm: the robot follows the references again. Call recover to go on."
         return f"{arm} arm: the reported positions are plausible again. Call recover to go on."
 
@@ -221,9 +221,9 @@ def is_fault(event: Event) -> bool:
     """Whether ``event`` is a fault: nothing had asked for it."""
     if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
         return bool(event.deactivated)
-    if isinstance(event, FeedbackDoubted):
+    if isinstance(event, ImplausibleFeedback):
         return event.is_lost
-    return isinstance(event, RobotDoesNotFollow | ControllerFailed | CycleFailed | ControlProcessEnded)
+    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ControlProcessEnded)
 
 
 Event = (
@@ -232,8 +232,8 @@ Event = (
     | SessionLost
     | RobotFollows
     | RobotStoppedFollowing
-    | FeedbackDoubted
-    | RobotDoesNotFollow
+    | ImplausibleFeedback
+    | ReferencesIgnored
     | ProblemOver
     | ControllerFailed
     | ControllerReport

@@ -1,8 +1,8 @@
 """The flight recorder: the last ten seconds of every cycle of one arm, in memory that never grows.
 
-It works on a block of memory that is handed in: an array for tests and virtual time, shared memory in the driver, so
-that another process reads it while the fast line goes on recording. Each cycle has a slot that bears the cycle's
-number at both ends; what was replaced while a reader looked is left out.
+It works on a block of memory that is passed in: an array for tests and virtual time, shared memory in the driver, so
+that another process reads it while the control loop goes on recording. Each cycle has a slot with the cycle's
+number at both ends; a slot that was replaced while it was read is left out.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import isnan, nan
 from struct import Struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from yumi.control.cycle import Cycle
-from yumi.control.statistics import MARK_COUNT, StationClock, StationTimes, station_times
+from yumi.control.statistics import MARK_COUNT, StageClock, StageTimes
 from yumi.robot.joints import JOINT_COUNT, Joints
 
 if TYPE_CHECKING:
@@ -52,11 +51,11 @@ class Frame:
         position: measured positions.
         velocity: measured velocities.
         planned: positions the controller was heading for.
-        wanted: positions the controllers wanted; None where they held.
-        admitted: positions the arm was told.
-        admitted_velocity: velocities the arm was told.
+        desired: positions the controllers asked for; None where they held.
+        sent: positions sent to the arm.
+        sent_velocity: velocities sent to the arm.
         reference: where the active controller was going; None when none commanded.
-        stations: how long each station of the cycle took.
+        stages: how long each stage of the cycle took.
     """
 
     number: int
@@ -67,15 +66,15 @@ class Frame:
     position: Joints
     velocity: Joints
     planned: Joints
-    wanted: Joints | None
-    admitted: Joints
-    admitted_velocity: Joints
+    desired: Joints | None
+    sent: Joints
+    sent_velocity: Joints
     reference: Joints | None
-    stations: StationTimes
+    stages: StageTimes
 
 
 def flight_memory() -> array[float]:
-    """Memory for a recorder that nobody else reads."""
+    """Memory for a recorder in one process."""
     return array("d", bytes(FLIGHT_SIZE * _NUMBER.size))
 
 
@@ -95,9 +94,9 @@ class FlightRecorder:
         """Number of the cycle recorded last, 0 before the first."""
         return int(_NUMBER.unpack_from(self._memory, 0)[0])
 
-    def record(self, cycle: Cycle, reference: Joints | None, stations: StationClock) -> None:
+    def record(self, cycle: Cycle, reference: Joints | None, timing: StageClock) -> None:
         """Remember ``cycle``, and forget the one that is too old; takes microseconds and no new memory."""
-        state, wanted, admitted = cycle.state, cycle.wanted, cycle.admitted
+        state, desired, sent = cycle.state, cycle.desired, cycle.sent
         number = self._number = self._number + 1
         # One pass from front to back: the number at the front is new before, the one at the back after the rest.
         _SLOT.pack_into(
@@ -108,13 +107,13 @@ class FlightRecorder:
             state.dt,
             state.session,
             state.is_running,
-            *stations.marks,
+            *timing.marks,
             *state.position,
             *state.velocity,
             *state.planned,
-            *(_NOTHING if wanted is None else wanted.position),
-            *admitted.position,
-            *admitted.velocity,
+            *(_NOTHING if desired is None else desired.position),
+            *sent.position,
+            *sent.velocity,
             *(_NOTHING if reference is None else reference),
             number,
         )
@@ -126,35 +125,32 @@ class FlightRecorder:
 
     def since(self, number: int) -> tuple[Frame, ...]:
         """The cycles after cycle ``number`` that are remembered, oldest first."""
-        newest = self.newest
-        wanted = range(max(number, newest - RECORDED_CYCLES) + 1, newest + 1)
-        return tuple(chain.from_iterable(self._frame(each) for each in wanted))
+        newest, frames = self.newest, []
+        for each in range(max(number, newest - RECORDED_CYCLES) + 1, newest + 1):
+            offset = _offset(each)
+            last = _NUMBER.unpack_from(self._memory, offset + _SLOT.size - _NUMBER.size)[0]
+            values = _SLOT.unpack_from(self._memory, offset)
+            first = _NUMBER.unpack_from(self._memory, offset)[0]
+            if first == last == each:  # else a later cycle took its slot meanwhile
+                frames.append(_frame(values))
+        return tuple(frames)
 
     def copy(self) -> FlightRecorder:
         """A recorder with the same memories, to be read at leisure while this one goes on."""
         with memoryview(self._memory) as view:
             return FlightRecorder(bytearray(view))
 
-    def _frame(self, number: int) -> tuple[Frame, ...]:
-        """The cycle of that number; nothing when a later one took its slot meanwhile."""
-        offset = _offset(number)
-        last = _NUMBER.unpack_from(self._memory, offset + _SLOT.size - _NUMBER.size)[0]
-        values = _SLOT.unpack_from(self._memory, offset)
-        first = _NUMBER.unpack_from(self._memory, offset)[0]
-        return (_from_values(values),) if first == last == number else ()
-
 
 def _offset(number: int) -> int:
     return _NUMBER.size + number % _SLOTS * _SLOT.size
 
 
-def _from_values(values: Sequence[float]) -> Frame:
+def _frame(values: Sequence[float]) -> Frame:
     number, time, dt, session, is_running = values[: 1 + _SCALARS]
     marks = values[1 + _SCALARS : 1 + _SCALARS + MARK_COUNT]
     begin = 1 + _SCALARS + MARK_COUNT
-    position, velocity, planned, wanted, admitted, admitted_velocity, reference = (
-        _vector(values, begin + index * JOINT_COUNT) for index in range(_VECTORS)
-    )
+    vectors = [cast("Joints", tuple(values[start : start + JOINT_COUNT])) for start in range(begin, _SLOT_SIZE - 1, 7)]
+    position, velocity, planned, desired, sent, sent_velocity, reference = vectors
     return Frame(
         number=int(number),
         time=time,
@@ -164,17 +160,12 @@ def _from_values(values: Sequence[float]) -> Frame:
         position=position,
         velocity=velocity,
         planned=planned,
-        wanted=_something(wanted),
-        admitted=admitted,
-        admitted_velocity=admitted_velocity,
+        desired=_something(desired),
+        sent=sent,
+        sent_velocity=sent_velocity,
         reference=_something(reference),
-        stations=station_times(marks),
+        stages=StageTimes.of(marks),
     )
-
-
-def _vector(values: Sequence[float], begin: int) -> Joints:
-    a, b, c, d, e, f, g = values[begin : begin + JOINT_COUNT]
-    return (a, b, c, d, e, f, g)
 
 
 def _something(vector: Joints) -> Joints | None:

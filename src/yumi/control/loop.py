@@ -16,9 +16,9 @@ from yumi.control.events import (
     ControllerFailed,
     ControllerReport,
     Event,
-    FeedbackDoubted,
+    ImplausibleFeedback,
     ProblemOver,
-    RobotDoesNotFollow,
+    ReferencesIgnored,
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
@@ -26,9 +26,9 @@ from yumi.control.events import (
     SessionStarted,
 )
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.limiter import FULL, Guard, SpeedScale
+from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
-from yumi.control.statistics import AFTER_REPLY, StationClock
+from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values
@@ -66,10 +66,10 @@ class ArmLoop:
         side: Side,
         arm: ArmPort,
         manager: ControllerManager,
-        guard: Guard,
+        guard: Limiter,
         snapshots: Buffer[Snapshot],
         recorder: FlightRecorder | None = None,
-        stations: StationClock | None = None,
+        stations: StageClock | None = None,
         period: float = CYCLE,
         speed: SpeedScale | None = None,
     ) -> None:
@@ -79,7 +79,7 @@ class ArmLoop:
         self._guard = guard
         self._snapshots = snapshots
         self._recorder = recorder or FlightRecorder(flight_memory())
-        self._stations = stations or StationClock()
+        self._stations = stations or StageClock()
         self._speed = speed or SpeedScale()
         if self._speed.value != FULL:
             guard.scale_speed(self._speed.value)
@@ -156,7 +156,7 @@ class ArmLoop:
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):
                 self._guard.scale_speed(self._speed.value)
-            self._guard.settle(cycle.state)
+            self._guard.observe(cycle.state)
             self.manager.watch(cycle.state)
             self.manager.note_times(cycle.state, self._stations.marks)
             self._note_changes(before.state if before else None, cycle.state)
@@ -203,8 +203,8 @@ class ArmLoop:
         if self._problem is not before:
             if self._problem is Problem.NONE:
                 self._events.append(ProblemOver(self._side, before))
-            elif self._problem is Problem.NOT_FOLLOWING:
-                self._events.append(RobotDoesNotFollow(self._side, self.manager.deactivate_commanding()))
+            elif self._problem is Problem.REFERENCES_IGNORED:
+                self._events.append(ReferencesIgnored(self._side, self.manager.deactivate_commanding()))
             else:
                 self._events.append(self._doubted(is_lost=True))
         elif is_doubted and self._problem is Problem.NONE and now - self._doubt_reported >= DOUBTS_REPORTED:
@@ -212,13 +212,13 @@ class ArmLoop:
             self._events.append(self._doubted(is_lost=False))
         self.publish(now)
 
-    def _doubted(self, *, is_lost: bool) -> FeedbackDoubted:
-        reported = self._guard.doubted
+    def _doubted(self, *, is_lost: bool) -> ImplausibleFeedback:
+        reported = self._guard.implausible_position
         distances = [abs(is_at - was) for is_at, was in zip(reported, self._position, strict=True)]
         index = distances.index(max(distances))
         deactivated = self.manager.deactivate_commanding() if is_lost else ()
         name = joint_names(self._side)[index]
-        return FeedbackDoubted(self._side, name, distances[index], reported, deactivated, is_lost)
+        return ImplausibleFeedback(self._side, name, distances[index], reported, deactivated, is_lost)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if state.session != self._session:
@@ -249,7 +249,7 @@ class ArmLoop:
                 goal_kind=self.manager.goal_kind,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
-                admitted=last.admitted.position if last else self._position,
+                sent=last.sent.position if last else self._position,
                 reference=reference,
                 cycles=self._cycles,
                 missed=wire.missed,
@@ -430,7 +430,7 @@ class CommandPort(Protocol):
 
 def name_the_arm(event: Event, arms: Mapping[Side, ArmLoop]) -> Event:
     """Say of a doubted position whether the other arm is there: its datagrams may have been exchanged."""
-    if isinstance(event, FeedbackDoubted):
+    if isinstance(event, ImplausibleFeedback):
         own, other = arms[event.side].position, arms[event.side.other].position
         if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
             return replace(event, is_other_arm=True)

@@ -29,17 +29,17 @@ from yumi.robot.joints import JOINT_COUNT, ZERO, Joints
 class Problem(IntEnum):
     """Why an arm holds whatever it is asked to do.
 
-    NOT_FOLLOWING: the robot plans to stand although it is commanded to move.
+    REFERENCES_IGNORED: the robot plans to stand although it is commanded to move.
     IMPLAUSIBLE: it reports positions that the arm cannot have reached.
     """
 
     NONE = 0
-    NOT_FOLLOWING = 1
+    REFERENCES_IGNORED = 1
     IMPLAUSIBLE = 2
 
 
 CAUSES = {
-    Problem.NOT_FOLLOWING: (
+    Problem.REFERENCES_IGNORED: (
         "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets "
         "UDP out to the controller"
     ),
@@ -66,7 +66,7 @@ class Snapshot:
         activity: counts every change of which controllers there are and of their and the hardware's states.
         position: measured positions [rad].
         velocity: measured velocities [rad/s].
-        admitted: the command sent last [rad].
+        sent: the position sent last [rad].
         reference: where the active controller is going [rad]; None when no controller commands.
         cycles: datagrams answered.
         missed: datagrams the robot sent that got no answer of their own.
@@ -97,7 +97,7 @@ class Snapshot:
     activity: int = 0
     position: Joints = ZERO
     velocity: Joints = ZERO
-    admitted: Joints = ZERO
+    sent: Joints = ZERO
     reference: Joints | None = None
     cycles: int = 0
     missed: int = 0

@@ -1,13 +1,11 @@
-"""Running statistics by Welford's method: no memory that grows, a handful of operations for each value.
-
-The stations of a cycle and the clock that notes when each was done: where the microseconds of a reply go.
+"""Running statistics, and the timing of the stages of a cycle: where the microseconds of a reply go.
 
 ::
 
-    begin ─ receive ─ decode ─ update ─ admit ─ encode ─ send ─ after the reply
-            └ the arm's read ┘ manager  guard   └ the arm's write ┘
+    begin ─ receive ─ decode ─ update ─ limit ─ encode ─ send ─ after the reply
+            └ the arm's read ┘ manager limiter  └ the arm's write ┘
 
-The cycle notes those of the middle, the arm those within its read and write, the arm's line the first and the last.
+The cycle notes the stages of the middle, the arm those within its read and write, the control loop the first and last.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from typing import TypeVar
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """What a series of values was like; all zero while there was none.
+    """A series of values; all zero without any.
 
     Attributes:
         count: how many values.
@@ -40,7 +38,7 @@ class Statistics:
 
 
 class RunningStatistics:
-    """Adds up a series of values."""
+    """Adds up a series of values by Welford's method: no memory that grows, a handful of operations for each value."""
 
     __slots__ = ("_count", "_current", "_maximum", "_mean", "_minimum", "_squares")
 
@@ -54,17 +52,16 @@ class RunningStatistics:
         self._minimum, self._maximum = inf, -inf
 
     def add(self, value: float) -> None:
-        """Take one more value; done several times in each cycle, hence the plain comparisons."""
-        self._count = count = self._count + 1
+        """Take one more value."""
+        self._count += 1
         self._current = value
         step = value - self._mean
-        self._mean = mean = self._mean + step / count
-        self._squares += step * (value - mean)
-        if value > self._maximum or value < self._minimum:
-            self._maximum, self._minimum = max(self._maximum, value), min(self._minimum, value)
+        self._mean += step / self._count
+        self._squares += step * (value - self._mean)
+        self._minimum, self._maximum = min(self._minimum, value), max(self._maximum, value)
 
     def result(self) -> Statistics:
-        """What the values were like until now."""
+        """The statistics of the values until now."""
         if not self._count:
             return Statistics()
         deviation = sqrt(self._squares / self._count)
@@ -73,21 +70,21 @@ class RunningStatistics:
 
 T = TypeVar("T")
 
-BEGIN, RECEIVE, DECODE, UPDATE, ADMIT, ENCODE, SEND, AFTER_REPLY = range(8)
-"""What a mark means: the cycle began, or the station of that name was done."""
+BEGIN, RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY = range(8)
+"""Indices of marks: the cycle began, or the stage of that name was done."""
 
 MARK_COUNT = 8
 
 
 @dataclass(frozen=True, slots=True)
-class StationTimes:
-    """How long each station of one cycle took [s].
+class StageTimes:
+    """How long each stage of one cycle took [s].
 
     Attributes:
         receive: taking the datagrams from the socket.
         decode: bytes to state, with what the session counts.
         update: the controllers.
-        admit: the guard.
+        limit: the limiter.
         encode: command to bytes.
         send: handing them to the socket.
         after_reply: what can wait until after the reply, without the flight recorder itself.
@@ -96,22 +93,31 @@ class StationTimes:
     receive: float
     decode: float
     update: float
-    admit: float
+    limit: float
     encode: float
     send: float
     after_reply: float
 
+    @staticmethod
+    def of(marks: Sequence[float]) -> StageTimes:
+        """From the marks of one cycle [s]; a stage that was not noted took no time."""
+        durations, last = [], marks[BEGIN]
+        for mark in marks[RECEIVE:]:
+            durations.append(max(0.0, mark - last))
+            last = max(last, mark)
+        return StageTimes(*durations)
+
     @property
     def reply(self) -> float:
         """From the beginning of the cycle until the reply had left [s]."""
-        return self.receive + self.decode + self.update + self.admit + self.encode + self.send
+        return self.receive + self.decode + self.update + self.limit + self.encode + self.send
 
 
-class StationClock:
-    """Notes when the stations of the cycle that runs now were done.
+class StageClock:
+    """Notes when the stages of the current cycle were done.
 
     Args:
-        now: tells the time on the machine's monotonic clock [s]. Without it every station takes no time.
+        now: returns the time on the machine's monotonic clock [s]. Without it every stage takes no time.
     """
 
     __slots__ = ("_now", "marks")
@@ -124,20 +130,11 @@ class StationClock:
         """A cycle begins; ``now`` by the same clock."""
         self.marks = [now] * MARK_COUNT
 
-    def note(self, station: int) -> None:
-        """``station`` is done."""
-        self.marks[station] = self._now()
+    def note(self, stage: int) -> None:
+        """``stage`` is done."""
+        self.marks[stage] = self._now()
 
-    def timed(self, station: int, result: T) -> T:
-        """``station`` is done and this is its ``result``."""
-        self.marks[station] = self._now()
+    def timed(self, stage: int, result: T) -> T:
+        """``stage`` is done and this is its ``result``."""
+        self.marks[stage] = self._now()
         return result
-
-
-def station_times(marks: Sequence[float]) -> StationTimes:
-    """Durations from the marks of one cycle; a station that nobody noted took no time."""
-    durations, last = [], marks[BEGIN]
-    for mark in marks[RECEIVE:]:
-        durations.append(max(0.0, mark - last))
-        last = max(last, mark)
-    return StationTimes(*durations)

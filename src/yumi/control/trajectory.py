@@ -1,11 +1,9 @@
-"""Trajectories as they are asked for, checked, and as one arm can follow them.
+"""Trajectories: checked where they come in, as splines that one arm can follow, and the blend onto a running one.
 
 Everything that can be checked without the arm is checked here, by whoever takes the trajectory from the outside; the
 splines are calculated here, too, so that nothing of it costs the control loop time.
 
-Splines through the points of a trajectory: coefficients once, a few multiplications in each cycle.
-
-The order of a piece is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
+The order of a segment is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
 quintic, as in ros2_control's joint trajectory controller (reference/ros2_control.md §3.2).
 
 Polynomials over a stretch of time: whether they stay within a range, and where they leave it farthest.
@@ -32,7 +30,16 @@ from yumi.control.motion import Setpoint
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names
 
+# ---- polynomials: the sequence of their coefficients, the constant one first
+#
+# Without numpy: its linear algebra starts threads, not wanted in the control process, where blends are checked.
+
 _HALVINGS = 50
+
+_BERNSTEIN = {
+    count: [[comb(i, k) / comb(count - 1, k) for k in range(i + 1)] for i in range(count)] for count in range(1, 7)
+}
+"""How much of each scaled coefficient is in each Bernstein coefficient, for polynomials of so many coefficients."""
 
 
 class Excess(NamedTuple):
@@ -66,63 +73,46 @@ def excess(polynomial: Sequence[float], length: float, lowest: float, highest: f
     Its Bernstein coefficients bound it from both sides, which is enough for most. A polynomial whose numbers are too
     large to be calculated with is nowhere inside: its value is NaN.
     """
-    hull = _bernstein(polynomial, length)
+    scaled = [coefficient * length**power for power, coefficient in enumerate(polynomial)]
+    hull = [sum([part * term for part, term in zip(row, scaled, strict=False)]) for row in _BERNSTEIN[len(scaled)]]
     if not all(map(isfinite, hull)):
         return Excess(0.0, nan)
     if lowest <= min(hull) and max(hull) <= highest:
         return None
-    times = (0.0, *roots(derivative(polynomial), length), length)
-    worst = max(
-        (Excess(time, value_at(polynomial, time)) for time in times), key=lambda each: _outside(each, lowest, highest)
-    )
-    return None if _outside(worst, lowest, highest) <= 0.0 else worst
+
+    def outside(point: Excess) -> float:
+        return max(lowest - point.value, point.value - highest)
+
+    times = (0.0, *_roots(derivative(polynomial), length), length)
+    worst = max((Excess(time, value_at(polynomial, time)) for time in times), key=outside)
+    return None if outside(worst) <= 0.0 else worst
 
 
-def roots(polynomial: Sequence[float], length: float) -> list[float]:
+def _roots(polynomial: Sequence[float], length: float) -> list[float]:
     """Where it changes its sign between 0 and ``length``, in order: by halving between the points where it turns."""
     if len(polynomial) < 2:
         return []
-    turns = (0.0, *roots(derivative(polynomial), length), length)
-    values = [value_at(polynomial, turn) for turn in turns]
-    stretches = zip(pairwise(turns), pairwise(values), strict=True)
-    return [_root(polynomial, *stretch, before) for stretch, (before, after) in stretches if before * after <= 0.0]
+    turns = (0.0, *_roots(derivative(polynomial), length), length)
+    found = []
+    for begin, end in pairwise(turns):
+        low, high, start = begin, end, value_at(polynomial, begin)
+        if start * value_at(polynomial, end) > 0.0:
+            continue
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if value_at(polynomial, middle) * start > 0.0 else (low, middle)
+        found.append(0.5 * (low + high))
+    return found
 
 
-def _outside(point: Excess, lowest: float, highest: float) -> float:
-    return max(lowest - point.value, point.value - highest)
-
-
-def _root(polynomial: Sequence[float], low: float, high: float, value_low: float) -> float:
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if value_at(polynomial, middle) * value_low > 0.0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
-
-
-def _bernstein(polynomial: Sequence[float], length: float) -> list[float]:
-    shares = _SHARES[len(polynomial)]
-    scaled, power = [], 1.0
-    for coefficient in polynomial:
-        scaled.append(coefficient * power)
-        power *= length
-    return [sum([share * term for share, term in zip(row, scaled, strict=False)]) for row in shares]
-
-
-_SHARES = {
-    count: [[comb(i, k) / comb(count - 1, k) for k in range(i + 1)] for i in range(count)] for count in range(1, 7)
-}
-"""How much of each scaled coefficient is in each Bernstein coefficient, for polynomials of so many coefficients."""
-
+# ---- splines
 
 Coefficients = tuple[float, float, float, float, float, float]
-"""Of one joint's position over the time since its piece began, the constant one first."""
+"""Of one joint's position over the time since its segment began, the constant one first."""
 
 
 class TrajectoryPoint(NamedTuple):
-    """Where joints shall be at one time.
+    """Where the joints are at one time.
 
     Attributes:
         time: since the start of the trajectory [s].
@@ -137,7 +127,7 @@ class TrajectoryPoint(NamedTuple):
     acceleration: tuple[float, ...] = ()
 
 
-class Piece(NamedTuple):
+class Segment(NamedTuple):
     """A spline between two points.
 
     Attributes:
@@ -152,105 +142,99 @@ class Piece(NamedTuple):
 
 
 _TERMS = 6  # coefficients of a joint
-_PIECES_PER_BLOCK = 1500  # half a megabyte for seven joints: mapped and unmapped in less than 0.1 ms
+_BLOCK = 1 << 16  # numbers, half a megabyte: read by the control process between two cycles
 
 
-class Pieces(Sequence[Piece]):
-    """The pieces of a spline as plain numbers in blocks of bounded size.
+class Segments(Sequence[Segment]):
+    """The segments of a spline as plain numbers in one array.
 
-    A long trajectory crosses to the control process as these blocks, each read between two cycles, without an object
-    for each number: unpickling 20 000 pieces as tuples takes 100 ms, and freeing them 20 ms.
+    A long trajectory crosses to the control process as blocks of it, without an object for each number: unpickling
+    20 000 segments as tuples takes 100 ms, and freeing them 20 ms.
 
     Args:
-        pieces: in the order of time.
+        segments: in the order of time.
     """
 
-    __slots__ = ("_blocks", "_count", "_first", "_lead", "_width")
+    __slots__ = ("_first", "_lead", "_numbers", "_width")
 
-    def __init__(self, pieces: Iterable[Piece] = ()) -> None:
-        self._lead: tuple[Piece, ...] = ()
-        self._first = self._count = self._width = 0
-        blocks: list[array[float]] = []
-        for piece in pieces:
-            if self._count % _PIECES_PER_BLOCK == 0:
-                blocks.append(array("d"))
-                self._width = 2 + _TERMS * len(piece.rows)
-            blocks[-1].extend(piece[:2])
-            for row in piece.rows:
-                blocks[-1].extend(row)
-            self._count += 1
-        self._blocks: tuple[memoryview[float], ...] = tuple(memoryview(block) for block in blocks)
+    def __init__(self, segments: Iterable[Segment] = ()) -> None:
+        self._numbers = array("d")
+        self._width = 1
+        self._first = 0
+        self._lead: tuple[Segment, ...] = ()
+        for segment in segments:
+            self._width = 2 + _TERMS * len(segment.rows)
+            self._numbers.extend(segment[:2])
+            for row in segment.rows:
+                self._numbers.extend(row)
 
-    def behind(self, lead: Piece) -> Pieces:
-        """``lead``, then what of these pieces is not over by its end; the numbers are not copied."""
-        joined = Pieces()
-        joined._blocks, joined._count, joined._width = self._blocks, self._count, self._width
-        joined._first = bisect_right(range(self._count), lead.end, lo=self._first, key=self._end)
-        joined._lead = (lead,)
+    def after(self, lead: Segment) -> Segments:
+        """``lead``, then what of these segments is not over by its end; the numbers are not copied."""
+        joined = Segments()
+        joined._numbers, joined._width, joined._lead = self._numbers, self._width, (lead,)
+        count = len(self._numbers) // self._width
+        joined._first = bisect_right(range(count), lead.end, lo=self._first, key=self._end)
         return joined
 
     def end(self, index: int) -> float:
-        """When the piece ``index`` >= 0 ends [s]."""
+        """When the segment ``index`` >= 0 ends [s]."""
         before = len(self._lead)
         return self._lead[index].end if index < before else self._end(index - before + self._first)
 
+    def _end(self, place: int) -> float:
+        return self._numbers[place * self._width + 1]
+
     def __len__(self) -> int:
-        return len(self._lead) + self._count - self._first
+        return len(self._lead) + len(self._numbers) // self._width - self._first
 
     @overload
-    def __getitem__(self, index: SupportsIndex) -> Piece: ...
+    def __getitem__(self, index: SupportsIndex) -> Segment: ...
 
     @overload
-    def __getitem__(self, index: slice) -> tuple[Piece, ...]: ...
+    def __getitem__(self, index: slice) -> tuple[Segment, ...]: ...
 
-    def __getitem__(self, index: SupportsIndex | slice) -> Piece | tuple[Piece, ...]:
+    def __getitem__(self, index: SupportsIndex | slice) -> Segment | tuple[Segment, ...]:
         if isinstance(index, slice):
             return tuple(self[each] for each in range(*index.indices(len(self))))
-        place = range(len(self))[index]
+        number = range(len(self))[index]
         before = len(self._lead)
-        if place < before:
-            return self._lead[place]
-        block, place = divmod(place - before + self._first, _PIECES_PER_BLOCK)
-        begin, end, *terms = self._blocks[block][place * self._width : (place + 1) * self._width]
+        if number < before:
+            return self._lead[number]
+        place = (number - before + self._first) * self._width
+        begin, end, *terms = self._numbers[place : place + self._width]
         rows = [tuple(terms[start : start + _TERMS]) for start in range(0, len(terms), _TERMS)]
-        return Piece(begin, end, cast("tuple[Coefficients, ...]", tuple(rows)))
-
-    def __iter__(self) -> Iterator[Piece]:
-        return (self[index] for index in range(len(self)))
+        return Segment(begin, end, cast("tuple[Coefficients, ...]", tuple(rows)))
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple[Any, ...]:
-        blocks = [PickleBuffer(block) if int(protocol) >= 5 else block.tobytes() for block in self._blocks]
-        return _unpickled, (blocks, self._count, self._width, self._first, self._lead)
-
-    def _end(self, number: int) -> float:
-        block, place = divmod(number, _PIECES_PER_BLOCK)
-        return self._blocks[block][place * self._width + 1]
+        view = memoryview(self._numbers)
+        blocks = [view[start : start + _BLOCK] for start in range(0, len(view), _BLOCK)]
+        shown = [PickleBuffer(block) if int(protocol) >= 5 else block.tobytes() for block in blocks]
+        return _unpickled, (shown, self._width, self._first, self._lead)
 
 
-def _unpickled(
-    blocks: Sequence[bytes | memoryview], count: int, width: int, first: int, lead: tuple[Piece, ...]
-) -> Pieces:
-    pieces = Pieces()
-    pieces._blocks = tuple(memoryview(block).cast("B").cast("d") for block in blocks)
-    pieces._count, pieces._width, pieces._first, pieces._lead = count, width, first, lead
-    return pieces
+def _unpickled(blocks: Sequence[bytes], width: int, first: int, lead: tuple[Segment, ...]) -> Segments:
+    segments = Segments()
+    for block in blocks:
+        segments._numbers.frombytes(block)
+    segments._width, segments._first, segments._lead = width, first, lead
+    return segments
 
 
 class Spline(NamedTuple):
     """The way through all points.
 
     Attributes:
-        pieces: in the order of time, without gaps; none for a single point.
+        segments: in the order of time, without gaps; none for a single point.
         last: the last point, where the joints stay.
     """
 
-    pieces: Pieces
+    segments: Segments
     last: TrajectoryPoint
 
     @property
     def begin(self) -> float:
         """When it begins [s]."""
-        return self.pieces[0].begin if self.pieces else self.last.time
+        return self.segments[0].begin if self.segments else self.last.time
 
     @property
     def end(self) -> float:
@@ -260,63 +244,66 @@ class Spline(NamedTuple):
 
 def spline_through(points: Sequence[TrajectoryPoint]) -> Spline:
     """The spline through ``points``, whose times increase."""
-    return Spline(Pieces(piece_between(start, end) for start, end in pairwise(points)), points[-1])
+    return Spline(Segments(segment_between(start, end) for start, end in pairwise(points)), points[-1])
 
 
-def piece_between(start: TrajectoryPoint, end: TrajectoryPoint) -> Piece:
-    """The piece from ``start`` to ``end``, as smooth as what both of them give."""
-    length = end.time - start.time
+def resting_at(position: Joints) -> Spline:
+    """A spline that stays at one place."""
+    return Spline(Segments(), TrajectoryPoint(0.0, position))
+
+
+def segment_between(start: TrajectoryPoint, end: TrajectoryPoint) -> Segment:
+    """The segment from ``start`` to ``end``, as smooth as what both of them give."""
+    t = end.time - start.time
+    rows: list[Coefficients] = []
     if start.acceleration and end.acceleration:
-        ends = zip(
-            start.position,
-            start.velocity,
-            start.acceleration,
-            end.position,
-            end.velocity,
-            end.acceleration,
-            strict=True,
-        )
-        rows: Iterable[Coefficients] = (_quintic(length, *each) for each in ends)
+        for p0, v0, a0, p1, v1, a1 in zip(*start[1:], *end[1:], strict=True):
+            way = p1 - p0
+            c3 = (20.0 * way - (8.0 * v1 + 12.0 * v0) * t + (a1 - 3.0 * a0) * t**2) / (2.0 * t**3)
+            c4 = (-30.0 * way + (14.0 * v1 + 16.0 * v0) * t + (3.0 * a0 - 2.0 * a1) * t**2) / (2.0 * t**4)
+            c5 = (12.0 * way - 6.0 * (v1 + v0) * t + (a1 - a0) * t**2) / (2.0 * t**5)
+            rows.append((p0, v0, 0.5 * a0, c3, c4, c5))
     elif start.velocity and end.velocity:
-        slopes = zip(start.position, start.velocity, end.position, end.velocity, strict=True)
-        rows = (_cubic(length, *each) for each in slopes)
+        for p0, v0, p1, v1 in zip(*start[1:3], *end[1:3], strict=True):
+            way = p1 - p0
+            c2 = (3.0 * way - (2.0 * v0 + v1) * t) / t**2
+            rows.append((p0, v0, c2, (-2.0 * way + (v0 + v1) * t) / t**3, 0.0, 0.0))
     else:
-        rows = (_linear(length, *each) for each in zip(start.position, end.position, strict=True))
-    return Piece(start.time, end.time, tuple(rows))
+        rows += [(p0, (p1 - p0) / t, 0.0, 0.0, 0.0, 0.0) for p0, p1 in zip(start.position, end.position, strict=True)]
+    return Segment(start.time, end.time, tuple(rows))
 
 
-class Walk:
-    """Reads a spline of seven joints at times that mostly increase; it remembers in which piece it was.
+class SplineSampler:
+    """Reads a spline of seven joints at times that mostly increase; it remembers in which segment it was.
 
     Args:
         spline: of seven joints.
     """
 
     def __init__(self, spline: Spline) -> None:
-        self._pieces = spline.pieces
+        self._segments = spline.segments
         self._begin, self._end = spline.begin, spline.end
         self._last = cast("Joints", spline.last.position)
         self._index = -1
-        self._entry, self._exit = inf, -inf  # when the piece was entered that is read now, and when it is left
-        self._current = Piece(0.0, 0.0, ())
+        self._entry, self._exit = inf, -inf  # when the segment was entered that is read now, and when it is left
+        self._current = Segment(0.0, 0.0, ())
 
     def motion(self, time: float) -> tuple[Joints, Joints]:
         """Positions [rad] and velocities [rad/s]; at rest before the begin and from the end on."""
+        position = self.position(time)
         if not self._begin <= time < self._end:
-            return self.position(time), ZERO
-        piece = self._piece(time)
-        t = time - piece.begin
-        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
-        velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in piece.rows]
-        return cast("Joints", tuple(position)), cast("Joints", tuple(velocity))
+            return position, ZERO
+        t, rows = time - self._current.begin, self._current.rows
+        velocity = [b + t * (2.0 * c + t * (3.0 * d + t * (4.0 * e + t * 5.0 * f))) for _, b, c, d, e, f in rows]
+        return position, cast("Joints", tuple(velocity))
 
     def position(self, time: float) -> Joints:
         """Positions [rad]; those of the ends before the begin and from the end on."""
-        if time >= self._end or not self._pieces:
+        if time >= self._end or not self._segments:
             return self._last
-        piece = self._piece(time)
-        t = max(0.0, time - piece.begin)
-        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in piece.rows]
+        segment = self._find(time)
+        t = max(0.0, time - segment.begin)
+        position = [a + t * (b + t * (c + t * (d + t * (e + t * f)))) for a, b, c, d, e, f in segment.rows]
         return cast("Joints", tuple(position))
 
     def setpoint(self, time: float) -> Setpoint:
@@ -324,41 +311,23 @@ class Walk:
         position, velocity = self.motion(time)
         if velocity is ZERO:
             return Setpoint(position)
-        piece = self._piece(time)
-        t = time - piece.begin
-        acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in piece.rows]
+        t, rows = time - self._current.begin, self._current.rows
+        acceleration = [2.0 * c + t * (6.0 * d + t * (12.0 * e + t * 20.0 * f)) for _, _, c, d, e, f in rows]
         return Setpoint(position, velocity, cast("Joints", tuple(acceleration)))
 
-    def _piece(self, time: float) -> Piece:
-        """The first piece that ends after ``time``; it may be entered later than it begins."""
+    def _find(self, time: float) -> Segment:
+        """The first segment that ends after ``time``; it may be entered later than it begins."""
         if self._entry <= time < self._exit:
             return self._current
-        pieces, index = self._pieces, self._index + 1
-        if not (self._exit <= time and index < len(pieces) and time < pieces.end(index)):
-            index = bisect_right(range(len(pieces)), time, key=pieces.end)
-        self._index, self._current = index, pieces[index]
-        self._entry, self._exit = pieces.end(index - 1) if index else -inf, self._current.end
+        segments, index = self._segments, self._index + 1
+        if not (self._exit <= time and index < len(segments) and time < segments.end(index)):
+            index = bisect_right(range(len(segments)), time, key=segments.end)
+        self._index, self._current = index, segments[index]
+        self._entry, self._exit = segments.end(index - 1) if index else -inf, self._current.end
         return self._current
 
 
-def _linear(length: float, p0: float, p1: float) -> Coefficients:
-    return (p0, (p1 - p0) / length, 0.0, 0.0, 0.0, 0.0)
-
-
-def _cubic(length: float, p0: float, v0: float, p1: float, v1: float) -> Coefficients:
-    t, way = length, p1 - p0
-    c2 = (3.0 * way - (2.0 * v0 + v1) * t) / t**2
-    c3 = (-2.0 * way + (v0 + v1) * t) / t**3
-    return (p0, v0, c2, c3, 0.0, 0.0)
-
-
-def _quintic(length: float, p0: float, v0: float, a0: float, p1: float, v1: float, a1: float) -> Coefficients:
-    t, way = length, p1 - p0
-    c3 = (20.0 * way - (8.0 * v1 + 12.0 * v0) * t + (a1 - 3.0 * a0) * t**2) / (2.0 * t**3)
-    c4 = (-30.0 * way + (14.0 * v1 + 16.0 * v0) * t + (3.0 * a0 - 2.0 * a1) * t**2) / (2.0 * t**4)
-    c5 = (12.0 * way - 6.0 * (v1 + v0) * t + (a1 - a0) * t**2) / (2.0 * t**5)
-    return (p0, v0, 0.5 * a0, c3, c4, c5)
-
+# ---- what is asked for, and its checks
 
 MOST_POINTS = 20_000
 """A trajectory has at most so many points: 80 s at 250 Hz, or hours of waypoints."""
@@ -385,7 +354,7 @@ class ResultCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class JointTrajectory:
-    """A trajectory as somebody asks for it, for any joints in any order.
+    """A trajectory as it is asked for, for any joints in any order.
 
     Attributes:
         joint_names: whose values the points have.
@@ -400,7 +369,7 @@ class JointTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class ArmPlan:
-    """What one arm does of a checked trajectory.
+    """One arm's part of a checked trajectory.
 
     Attributes:
         side: which arm.
@@ -420,90 +389,49 @@ def time_to_start(points: int) -> float:
     return max(_TOGETHER, points * _HANDING_OVER)
 
 
-def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, ArmPlan]:
-    """What each of ``sides`` does of a trajectory that names all their joints, in any order.
-
-    Args:
-        trajectory: what is asked for.
-        sides: the arms that shall follow it.
-        limits: what the joints of an arm may do.
-
-    Raises:
-        TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than that may do.
-    """
-    check_count(len(trajectory.points))
-    _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)])
-    _check_points(trajectory)
-    return {side: _plan_arm(trajectory, side, limits) for side in sides}
+def refused(reason: str, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
+    """The error for a trajectory that cannot be followed because of ``reason``."""
+    return TrajectoryRefused(f"Trajectory refused: {reason}", code)
 
 
 def check_count(points: int) -> None:
-    """Refuse a trajectory of more points than are taken, before anything is done with them.
-
-    Raises:
-        TrajectoryRefused: it has more than :data:`MOST_POINTS`.
-    """
+    """Refuse a trajectory of more than :data:`MOST_POINTS` points, before anything is done with them."""
     if points > MOST_POINTS:
         raise refused(
             f"it has {points} points; at most {MOST_POINTS} are taken: leave out points, or send it in several goals."
         )
 
 
-def check_motion(pieces: Sequence[Piece], names: Sequence[str], limits: JointLimits) -> None:
-    """Refuse a way on which a joint leaves its range or is too fast, between the points, too.
+def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, ArmPlan]:
+    """The plan of each of ``sides`` for a trajectory that names all their joints, in any order.
+
+    Args:
+        trajectory: what is asked for.
+        sides: the arms that follow it.
+        limits: of the joints of an arm.
 
     Raises:
-        TrajectoryRefused: with the joint, the time and the limit.
+        TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than its limits allow.
     """
-    bounds = list(zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, strict=True))
-    for piece in pieces:
-        length = piece.end - piece.begin
-        for index, (row, (low, high, speed, strength)) in enumerate(zip(piece.rows, bounds, strict=True)):
-            # Sums of what each term adds bound the motion; for dense points that is all there is to calculate.
-            start, b, c, d, e, f = row
-            b, c, d, e, f = abs(b), abs(c) * length, abs(d) * length**2, abs(e) * length**3, abs(f) * length**4
-            way = length * (b + c + d + e + f)
-            if not (
-                low <= start - way
-                and start + way <= high
-                and b + 2.0 * c + 3.0 * d + 4.0 * e + 5.0 * f <= speed
-                and 2.0 * c + 6.0 * d + 12.0 * e + 20.0 * f <= strength * length
-            ):
-                _check_row(piece, row, names[index], index, limits)
-
-
-def check_jerk(piece: Piece, names: Sequence[str], jerk: Sequence[float]) -> None:
-    """Refuse a piece that jerks a joint too much; a way that is chosen here does not, one that is given may.
-
-    Raises:
-        TrajectoryRefused: with the joint, the time and the limit.
-    """
-    for name, row, limit in zip(names, piece.rows, jerk, strict=True):
-        jerks = derivative(derivative(derivative(row)))
-        _check_rate("jerk", "rad/s³", jerks, limit, name, piece)
-
-
-def refused(reason: str, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
-    """The error for a trajectory that cannot be followed because of ``reason``."""
-    return TrajectoryRefused(f"Trajectory refused: {reason}", code)
-
-
-def _plan_arm(trajectory: JointTrajectory, side: Side, limits: JointLimits) -> ArmPlan:
-    names = joint_names(side)
-    columns = [trajectory.joint_names.index(name) for name in names]
-    points = [
-        TrajectoryPoint(point.time, *(_picked(values, columns) for values in point[1:])) for point in trajectory.points
-    ]
-    _check_range(points, names, limits)
-    _check_rates(points, names, limits)
-    spline = spline_through(points)
-    check_motion(spline.pieces, names, limits)
-    return ArmPlan(side, points[0], spline, trajectory.start)
-
-
-def _picked(values: object, columns: Sequence[int]) -> tuple[float, ...]:
-    assert isinstance(values, tuple)
-    return tuple([float(values[column]) for column in columns]) if values else ()
+    check_count(len(trajectory.points))
+    _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)])
+    _check_points(trajectory)
+    plans = {}
+    for side in sides:
+        names = joint_names(side)
+        columns = [trajectory.joint_names.index(name) for name in names]
+        points = [
+            TrajectoryPoint(
+                point.time,
+                *(tuple([float(values[column]) for column in columns]) if values else () for values in point[1:]),
+            )
+            for point in trajectory.points
+        ]
+        _check_values(points, names, limits)
+        spline = spline_through(points)
+        check_motion(spline.segments, names, limits)
+        plans[side] = ArmPlan(side, points[0], spline, trajectory.start)
+    return plans
 
 
 def _check_joints(given: Sequence[str], known: Sequence[str]) -> None:
@@ -515,7 +443,7 @@ def _check_joints(given: Sequence[str], known: Sequence[str]) -> None:
             raise refused(f"it names the joint {name!r} twice; name each once.", ResultCode.INVALID_JOINTS)
         if name not in known:
             raise refused(
-                f"{name!r} is no joint of this controller; its joints are {choices}.", ResultCode.INVALID_JOINTS
+                f"{name!r} is not a joint of this controller; its joints are {choices}.", ResultCode.INVALID_JOINTS
             )
     missing = [name for name in known if name not in given]
     if missing:
@@ -523,6 +451,7 @@ def _check_joints(given: Sequence[str], known: Sequence[str]) -> None:
 
 
 def _check_points(trajectory: JointTrajectory) -> None:
+    """Times, counts and numbers, whatever the joints."""
     points, count = trajectory.points, len(trajectory.joint_names)
     if not points:
         raise refused("it has no points; to stop a motion, cancel its goal.")
@@ -531,12 +460,6 @@ def _check_points(trajectory: JointTrajectory) -> None:
     for number, point in enumerate(points, 1):
         for reason in _faults(point, count):
             raise refused(f"point {number} {reason}")
-    _check_times(points)
-    if any(abs(speed) > _AT_REST for speed in points[-1].velocity):
-        raise refused("its last point has a velocity; a trajectory ends at rest.")
-
-
-def _check_times(points: Sequence[TrajectoryPoint]) -> None:
     if points[0].time < 0.0:
         raise refused(f"point 1 is due at {points[0].time:g} s; time_from_start is 0 s or later.")
     for number, (before, after) in enumerate(pairwise(points), 2):
@@ -547,6 +470,8 @@ def _check_times(points: Sequence[TrajectoryPoint]) -> None:
             )
     if not points[-1].time < _LATEST:
         raise refused(f"its last point is due at {points[-1].time:g} s; the latest is at {_LATEST:.0f} s.")
+    if any(abs(speed) > _AT_REST for speed in points[-1].velocity):
+        raise refused("its last point has a velocity; a trajectory ends at rest.")
 
 
 def _faults(point: TrajectoryPoint, count: int) -> Iterator[str]:
@@ -564,7 +489,8 @@ def _faults(point: TrajectoryPoint, count: int) -> Iterator[str]:
                 yield f"has {value} among its {what}; all values are finite numbers."
 
 
-def _check_range(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
+def _check_values(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
+    """Those of the points themselves: a first point has no segment before it, on which they would be seen."""
     for number, point in enumerate(points, 1):
         for index, value in enumerate(point.position):
             if not limits.lower[index] <= value <= limits.upper[index]:
@@ -573,10 +499,6 @@ def _check_range(points: Sequence[TrajectoryPoint], names: Sequence[str], limits
                     f"point {number} wants {names[index]} at {degrees(value):.1f}°; "
                     f"its range is {limits.range_deg(index)}{hint}."
                 )
-
-
-def _check_rates(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
-    """Those of the points themselves: a first point has no piece before it, on which they would be seen."""
     for number, point in enumerate(points, 1):
         for values, most, what, unit in (
             (point.velocity, limits.velocity, "move", "rad/s"),
@@ -590,28 +512,47 @@ def _check_rates(points: Sequence[TrajectoryPoint], names: Sequence[str], limits
                     )
 
 
-def _check_row(piece: Piece, row: Sequence[float], name: str, index: int, limits: JointLimits) -> None:
-    length, low, high = piece.end - piece.begin, limits.lower[index], limits.upper[index]
-    low, high = min(low, row[0]) - _RANGE_ROUNDING, max(high, row[0]) + _RANGE_ROUNDING
-    out = excess(row, length, low, high)
-    if out is not None:
-        raise refused(
-            f"{name} would be at {degrees(out.value):.1f}° at {piece.begin + out.time:.3f} s, between two points; "
-            f"its range is {limits.range_deg(index)}."
-        )
-    velocity = derivative(row)
-    _check_rate("velocity", "rad/s", velocity, limits.velocity[index], name, piece)
-    _check_rate("acceleration", "rad/s²", derivative(velocity), limits.acceleration[index], name, piece)
+def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: JointLimits) -> None:
+    """Refuse a way on which a joint leaves its range or is too fast, between the points, too.
+
+    Raises:
+        TrajectoryRefused: with the joint, the time and the limit.
+    """
+    bounds = list(zip(limits.lower, limits.upper, limits.velocity, limits.acceleration, strict=True))
+    for segment in segments:
+        length = segment.end - segment.begin
+        for index, (row, (low, high, speed, strength)) in enumerate(zip(segment.rows, bounds, strict=True)):
+            # Sums of what each term adds bound the motion; for dense points that is all there is to calculate.
+            start, b, c, d, e, f = row
+            b, c, d, e, f = abs(b), abs(c) * length, abs(d) * length**2, abs(e) * length**3, abs(f) * length**4
+            way = length * (b + c + d + e + f)
+            if not (
+                low <= start - way
+                and start + way <= high
+                and b + 2.0 * c + 3.0 * d + 4.0 * e + 5.0 * f <= speed
+                and 2.0 * c + 6.0 * d + 12.0 * e + 20.0 * f <= strength * length
+            ):
+                out = excess(row, length, min(low, start) - _RANGE_ROUNDING, max(high, start) + _RANGE_ROUNDING)
+                if out is not None:
+                    raise refused(
+                        f"{names[index]} would be at {degrees(out.value):.1f}° at {segment.begin + out.time:.3f} s, "
+                        f"between two points; its range is {limits.range_deg(index)}."
+                    )
+                velocity = derivative(row)
+                _check_rate("velocity", "rad/s", velocity, speed, names[index], segment)
+                _check_rate("acceleration", "rad/s²", derivative(velocity), strength, names[index], segment)
 
 
-def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, piece: Piece) -> None:
-    out = excess(rate, piece.end - piece.begin, -limit * _ROUNDING, limit * _ROUNDING)
+def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
+    out = excess(rate, segment.end - segment.begin, -limit * _ROUNDING, limit * _ROUNDING)
     if out is not None:
         raise refused(
-            f"{name} would have the {what} {out.value:.2f} {unit} at {piece.begin + out.time:.3f} s; "
+            f"{name} would have the {what} {out.value:.2f} {unit} at {segment.begin + out.time:.3f} s; "
             f"its limit is {limit:.2f} {unit}; give it more time."
         )
 
+
+# ---- the blend from what an arm gets now onto a trajectory: without a step, within the limits
 
 START_TOLERANCE = 0.02
 """A trajectory whose first point is due at 0 s begins at most so far from the arm [rad], a little over 1°."""
@@ -621,7 +562,7 @@ _SAME_POSITION = 1e-6  # [rad]
 _SAME_VELOCITY = 1e-4  # [rad/s]
 
 
-def join(
+def blend(
     plan: ArmPlan, setpoint: Setpoint, now: float, limits: JointLimits, tolerance: float = START_TOLERANCE
 ) -> Spline:
     """The whole way, from ``setpoint`` to the end of the trajectory.
@@ -631,85 +572,68 @@ def join(
 
     Args:
         plan: the trajectory.
-        setpoint: what the arm is told now.
+        setpoint: what the arm gets now.
         now: the time on the trajectory's own clock [s], below 0 before its start.
-        limits: what the joints may do.
+        limits: of the joints.
         tolerance: how far from ``setpoint`` the trajectory may begin where it leaves no time to go there [rad].
 
     Raises:
         TrajectoryRefused: it is over, it begins somewhere else, or its first point cannot be reached in time.
     """
-    spline = plan.spline
+    spline, names = plan.spline, joint_names(plan.side)
     if now > spline.end:
         raise refused(
             f"it ended {now - spline.end:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
             ResultCode.OLD_HEADER_TIMESTAMP,
         )
     is_at_rest = setpoint.velocity is ZERO
+    sampler = SplineSampler(spline)
     begin = max(now, 0.0) if is_at_rest else now
     if begin < plan.first.time > 0.0:
-        return _lead_in(plan, setpoint, begin, limits)
+        # To the first point, in the time it leaves; as smooth as its fields at rest, without any step in motion.
+        end = plan.first
+        if not is_at_rest:
+            after = sampler.setpoint(end.time)
+            end = end._replace(
+                velocity=end.velocity or after.velocity, acceleration=end.acceleration or after.acceleration
+            )
+        lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
+        check_motion((lead,), names, limits)
+        return Spline(spline.segments.after(lead), spline.last)
     begin = max(begin, 0.0)
-    _check_begin(plan, setpoint, begin, tolerance)
-    return _merge(plan, setpoint, begin, limits)
+    by_now = sampler.setpoint(begin)
+    _check_begin(plan, setpoint, begin, by_now.position, tolerance)
+    if (
+        max(abs(a - b) for a, b in zip(setpoint.position, by_now.position, strict=True)) <= _SAME_POSITION
+        and max(abs(a - b) for a, b in zip(setpoint.velocity, by_now.velocity, strict=True)) <= _SAME_VELOCITY
+    ):
+        return spline
+    # Onto the running trajectory, as soon as the limits let it.
+    refusal: TrajectoryRefused | None = None
+    for duration in _DURATIONS:
+        end = TrajectoryPoint(begin + duration, *sampler.setpoint(begin + duration))
+        lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
+        try:
+            check_motion((lead,), names, limits)
+            # A way that is chosen here must not jerk a joint too much; one that is given may.
+            for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
+                _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
+        except TrajectoryRefused as error:
+            refusal = error
+            continue
+        return Spline(spline.segments.after(lead), spline.last if spline.end > end.time else end)
+    raise refused(f"the arm is too far from it to join it in motion, within {_DURATIONS[-1]:g} s.") from refusal
 
 
-def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, tolerance: float) -> None:
+def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, by_now: Joints, tolerance: float) -> None:
     """The arm must be where the trajectory begins, or between there and where it is by now."""
-    by_now = Walk(plan.spline).position(begin)
-    for index, (first, now, told) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
-        if min(first, now) - tolerance <= told <= max(first, now) + tolerance:
+    for index, (first, now, place) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
+        if min(first, now) - tolerance <= place <= max(first, now) + tolerance:
             continue
         where = f"{joint_names(plan.side)[index]} at {degrees(first):.1f}°"
         if begin > plan.first.time:
             where += f" and moved it to {degrees(now):.1f}° in the {begin - plan.first.time:.3f} s since then"
         raise refused(
-            f"its first point, due at {plan.first.time:g} s, has {where}, while the arm is told to be at "
-            f"{degrees(told):.1f}°; begin where the arm is, or give it time to go there."
+            f"its first point, due at {plan.first.time:g} s, has {where}, while the arm is commanded to be at "
+            f"{degrees(place):.1f}°; begin where the arm is, or give it time to go there."
         )
-
-
-def _lead_in(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:
-    """To the first point, in the time it leaves; as smooth as its fields at rest, without any step in motion."""
-    first = plan.first
-    if setpoint.velocity is ZERO:
-        end = first
-    else:
-        after = Walk(plan.spline).setpoint(first.time)
-        end = TrajectoryPoint(
-            first.time, first.position, first.velocity or after.velocity, first.acceleration or after.acceleration
-        )
-    piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
-    check_motion((piece,), joint_names(plan.side), limits)
-    return Spline(plan.spline.pieces.behind(piece), plan.spline.last)
-
-
-def _merge(plan: ArmPlan, setpoint: Setpoint, begin: float, limits: JointLimits) -> Spline:
-    """Onto the running trajectory, as soon as the limits let it."""
-    spline, walk = plan.spline, Walk(plan.spline)
-    if _is_there(setpoint, walk.setpoint(begin)):
-        return spline
-    refusal: TrajectoryRefused | None = None
-    for duration in _DURATIONS:
-        meeting = begin + duration
-        end = TrajectoryPoint(meeting, *walk.setpoint(meeting))
-        piece = piece_between(TrajectoryPoint(begin, *setpoint), end)
-        try:
-            check_motion((piece,), joint_names(plan.side), limits)
-            check_jerk(piece, joint_names(plan.side), limits.jerk)
-        except TrajectoryRefused as error:
-            refusal = error
-            continue
-        return _continued(piece, end, spline)
-    raise refused(f"the arm is too far from it to join it in motion, within {_DURATIONS[-1]:g} s.") from refusal
-
-
-def _continued(piece: Piece, meeting: TrajectoryPoint, spline: Spline) -> Spline:
-    return Spline(spline.pieces.behind(piece), spline.last if spline.end > meeting.time else meeting)
-
-
-def _is_there(setpoint: Setpoint, wanted: Setpoint) -> bool:
-    return (
-        max(abs(a - b) for a, b in zip(setpoint.position, wanted.position, strict=True)) <= _SAME_POSITION
-        and max(abs(a - b) for a, b in zip(setpoint.velocity, wanted.velocity, strict=True)) <= _SAME_VELOCITY
-    )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.control.cycle import WireCounters
-from yumi.control.statistics import ENCODE, RECEIVE, SEND, StationClock
+from yumi.control.statistics import ENCODE, RECEIVE, SEND, StageClock
 from yumi.egm.messages import (
     JointReport,
     MciState,
@@ -79,11 +79,11 @@ class EgmArm:
     """
 
     def __init__(
-        self, link: DatagramLink, session: SensorSession[JointReport], stations: StationClock | None = None
+        self, link: DatagramLink, session: SensorSession[JointReport], stations: StageClock | None = None
     ) -> None:
         self._link = link
         self._session = session
-        self._stations = stations or StationClock()
+        self._stations = stations or StageClock()
         self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:

@@ -8,8 +8,8 @@ from typing import Protocol
 from yumi.clock import Clock, wait_until
 from yumi.control.events import (
     Event,
-    FeedbackDoubted,
-    RobotDoesNotFollow,
+    ImplausibleFeedback,
+    ReferencesIgnored,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
@@ -69,7 +69,7 @@ class ArmGuidance:
 
     def note(self, event: Event) -> None:
         """Remember which controllers EGM's end has deactivated."""
-        ends = SessionLost | SessionStarted | RobotStoppedFollowing | RobotDoesNotFollow | FeedbackDoubted
+        ends = SessionLost | SessionStarted | RobotStoppedFollowing | ReferencesIgnored | ImplausibleFeedback
         if isinstance(event, ends) and event.deactivated:
             self._fallen[event.side] = event.deactivated
 

@@ -36,10 +36,10 @@ from yumi.control.controllers.joint_trajectory import DualArmTrajectoryControlle
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder
-from yumi.control.limiter import FULL, Guard, SpeedScale
+from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
@@ -273,11 +273,11 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
 
 def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stations, speed = StationClock(time.monotonic), SpeedScale(own.speed_scale)
+    stations, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
     manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
     arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stations)
-    guard = Guard(plan.limits, plan.period, plan.position_gain)
+    guard = Limiter(plan.limits, plan.period, plan.position_gain)
     recorder = FlightRecorder(own.flight)
     loop = ArmLoop(side, arm, manager, guard, own.snapshots, recorder, stations, plan.period, speed)
     return ConnectedArm(loop, socket)

@@ -21,7 +21,7 @@ from typing import IO, Any
 from yumi import __version__
 from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import Frame
-from yumi.control.statistics import StationTimes
+from yumi.control.statistics import StageTimes
 from yumi.errors import MissingPrerequisite, ProtocolError
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
 
@@ -60,8 +60,8 @@ def _vector(description: str) -> dict[str, object]:
     }
 
 
-STATIONS = tuple(item.name for item in fields(StationTimes))
-"""The stations of a cycle in their order."""
+STAGES = tuple(item.name for item in fields(StageTimes))
+"""The stages of a cycle in their order."""
 
 CYCLE_SCHEMA: Mapping[str, object] = {
     "title": "yumi.Cycle",
@@ -75,14 +75,14 @@ CYCLE_SCHEMA: Mapping[str, object] = {
         "position": _vector("measured positions [rad]"),
         "velocity": _vector("measured velocities [rad/s]"),
         "planned": _vector("positions the controller was heading for [rad]"),
-        "wanted": {**_vector("positions the controllers wanted [rad], null: hold"), "type": ["array", "null"]},
-        "admitted": _vector("positions the arm was told [rad]"),
-        "admitted_velocity": _vector("velocities the arm was told [rad/s]"),
+        "desired": {**_vector("positions the controllers asked for [rad], null: hold"), "type": ["array", "null"]},
+        "sent": _vector("positions sent to the arm [rad]"),
+        "sent_velocity": _vector("velocities sent to the arm [rad/s]"),
         "reference": {**_vector("goal of the active controller [rad], null: none"), "type": ["array", "null"]},
-        "stations": {
+        "stages": {
             "type": "object",
-            "description": "how long each station of the cycle took [s]",
-            "properties": {name: {"type": "number"} for name in STATIONS},
+            "description": "how long each stage of the cycle took [s]",
+            "properties": {name: {"type": "number"} for name in STAGES},
         },
     },
 }
@@ -113,11 +113,11 @@ def frame_message(frame: Frame) -> dict[str, object]:
         "position": _numbers(frame.position),
         "velocity": _numbers(frame.velocity),
         "planned": _numbers(frame.planned),
-        "wanted": None if frame.wanted is None else _numbers(frame.wanted),
-        "admitted": _numbers(frame.admitted),
-        "admitted_velocity": _numbers(frame.admitted_velocity),
+        "desired": None if frame.desired is None else _numbers(frame.desired),
+        "sent": _numbers(frame.sent),
+        "sent_velocity": _numbers(frame.sent_velocity),
         "reference": None if frame.reference is None else _numbers(frame.reference),
-        "stations": {name: getattr(frame.stations, name) for name in STATIONS},
+        "stages": {name: getattr(frame.stages, name) for name in STAGES},
     }
 
 
@@ -129,7 +129,7 @@ def frame_from_message(message: Mapping[str, Any]) -> Frame:
         TypeError: a part is of the wrong kind.
         ValueError: a vector has not seven numbers.
     """
-    wanted, reference = message["wanted"], message["reference"]
+    wanted, reference = message["desired"], message["reference"]
     return Frame(
         number=int(message["number"]),
         time=float(message["time"]),
@@ -139,11 +139,11 @@ def frame_from_message(message: Mapping[str, Any]) -> Frame:
         position=_joints(message["position"]),
         velocity=_joints(message["velocity"]),
         planned=_joints(message["planned"]),
-        wanted=None if wanted is None else _joints(wanted),
-        admitted=_joints(message["admitted"]),
-        admitted_velocity=_joints(message["admitted_velocity"]),
+        desired=None if wanted is None else _joints(wanted),
+        sent=_joints(message["sent"]),
+        sent_velocity=_joints(message["sent_velocity"]),
         reference=None if reference is None else _joints(reference),
-        stations=StationTimes(*(float(message["stations"][name]) for name in STATIONS)),
+        stages=StageTimes(*(float(message["stages"][name]) for name in STAGES)),
     )
 
 

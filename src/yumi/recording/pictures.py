@@ -1,6 +1,6 @@
 """A recording as a table: what stopped the motion on top, then the cycles around it, then where the time went.
 
-A recording as a picture: a panel a joint with measured, wanted and admitted positions, one for the stations.
+A recording as a picture: a panel a joint with measured, desired and sent positions, one for the stages.
 
 A picture of the paths that joints took: one panel an arm, one line a joint.
 """
@@ -20,7 +20,7 @@ from rich.text import Text
 
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import STATIONS, RecordedEvent, Recording
+from yumi.recording.mcap import STAGES, RecordedEvent, Recording
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 
@@ -38,7 +38,7 @@ def recording_table(recording: Recording, side: Side, cycles: int) -> Renderable
         Text(_headline(recording.stop), style="bold red" if recording.stop else "bold"),
         Text(_summary(side, frames, is_complete=recording.is_complete)),
         _cycles(shown, zero),
-        _stations(frames),
+        _stages(frames),
     )
 
 
@@ -59,7 +59,7 @@ def _summary(side: Side, frames: Sequence[Frame], *, is_complete: bool) -> str:
 def _cycles(frames: Sequence[Frame], zero: float) -> Table:
     table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
     measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}"
-    for name in ("cycle", "time", "dt", "follows", measured, "wanted ahead (axis)", "admitted ahead (axis)", "reply"):
+    for name in ("cycle", "time", "dt", "follows", measured, "desired ahead (axis)", "sent ahead (axis)", "reply"):
         table.add_column(name, justify="right")
     for frame in frames:
         table.add_row(
@@ -68,19 +68,19 @@ def _cycles(frames: Sequence[Frame], zero: float) -> Table:
             f"{frame.dt * 1e3:.2f}",
             "yes" if frame.is_running else "no",
             " ".join(f"{degrees(value):.1f}" for value in frame.position),
-            "hold" if frame.wanted is None else _ahead(frame.wanted, frame.position),
-            _ahead(frame.admitted, frame.position),
-            f"{frame.stations.reply * 1e6:.0f}",
+            "hold" if frame.desired is None else _ahead(frame.desired, frame.position),
+            _ahead(frame.sent, frame.position),
+            f"{frame.stages.reply * 1e6:.0f}",
         )
     return table
 
 
-def _stations(frames: Sequence[Frame]) -> Table:
+def _stages(frames: Sequence[Frame]) -> Table:
     table = Table(title="Stations of a cycle in µs", title_justify="left")
-    for name in ("station", "p50", "p99", "max"):
-        table.add_column(name, justify="left" if name == "station" else "right")
-    for name in (*STATIONS, "reply"):
-        times = sorted(getattr(frame.stations, name) * 1e6 for frame in frames)
+    for name in ("stage", "p50", "p99", "max"):
+        table.add_column(name, justify="left" if name == "stage" else "right")
+    for name in (*STAGES, "reply"):
+        times = sorted(getattr(frame.stages, name) * 1e6 for frame in frames)
         values = (quantile(times, 0.5), quantile(times, 0.99), times[-1])
         table.add_row(name.replace("_", " "), *(f"{value:.1f}" for value in values))
     return table
@@ -101,7 +101,7 @@ def _ahead(command: Joints, position: Joints) -> str:
 _GAP = 0.1
 """Where no cycle was recorded for so long, no line is drawn [s]."""
 
-_LINES = (("reference", ":", "0.6"), ("admitted", "-", "C1"), ("wanted", "--", "C2"), ("position", "-", "C0"))
+_LINES = (("reference", ":", "0.6"), ("sent", "-", "C1"), ("desired", "--", "C2"), ("position", "-", "C0"))
 
 
 def draw_recording(recording: Recording, side: Side, file: Path) -> None:
@@ -125,7 +125,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     for index, axis in enumerate(CHAIN_AXES):
         _draw_joint(panels[index], times, frames, index)
         panels[index].set_title(f"axis {axis} [°]")
-    _draw_stations(panels[-1], times, frames)
+    _draw_stages(panels[-1], times, frames)
     for panel in panels:
         panel.axvline(0.0, color="red", linewidth=0.8)
         panel.grid(alpha=0.3)
@@ -162,14 +162,13 @@ def _angle(positions: Sequence[float] | None, index: int) -> float:
     return nan if positions is None else degrees(positions[index])
 
 
-def _draw_stations(panel: Any, times: Sequence[float], frames: Sequence[Frame | _Gap]) -> None:
+def _draw_stages(panel: Any, times: Sequence[float], frames: Sequence[Frame | _Gap]) -> None:
     """Stacked, so that the upper edge is the whole cycle."""
     layers = [
-        [0.0 if isinstance(frame, _Gap) else getattr(frame.stations, name) * 1e6 for frame in frames]
-        for name in STATIONS
+        [0.0 if isinstance(frame, _Gap) else getattr(frame.stages, name) * 1e6 for frame in frames] for name in STAGES
     ]
-    panel.stackplot(times, *layers, labels=[name.replace("_", " ") for name in STATIONS], linewidth=0.0)
-    panel.set_title("stations of a cycle [µs]")
+    panel.stackplot(times, *layers, labels=[name.replace("_", " ") for name in STAGES], linewidth=0.0)
+    panel.set_title("stages of a cycle [µs]")
     panel.legend(loc="upper left", fontsize="x-small", ncols=2)
 
 

@@ -7,7 +7,7 @@ masses in [kg] unless the name says otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import atan2, dist, hypot, pi
 from xml.etree import ElementTree as ET
@@ -98,7 +98,7 @@ _LINKS = (
 )
 # ABB's base mass and centre (§1.9); inertia of a block of the torso's size.
 BODY_MASS = Mass(24.18, (-0.061, 0.0, 0.063), (0.98, 0.0, 0.0, 0.98, 0.0, 0.82))
-# ABB's loads of the hand's five kinds, without fingers and cups (§2.3); a cup with its filter adds 7.5 g.
+# ABB's loads of the gripper's five kinds, without fingers and cups (§2.3); a cup with its filter adds 7.5 g.
 GRIPPER_MASSES: Mapping[GripperModules, Mass] = {
     GripperModules.SERVO: Mass(0.215, (0.0087, 0.0123, 0.0492), (0.00017, 0.0, 0.0, 0.00020, 0.0, 0.00008)),
     GripperModules.VISION: Mass(0.229, (0.0079, 0.0124, 0.0487), (0.00017, 0.0, 0.0, 0.00019, 0.0, 0.00008)),
@@ -160,18 +160,17 @@ def robot_description(limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side,
     """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
 
     Args:
-        limits: what the joints may do; tools take the speeds they plan with from here.
-        grippers: what each hand is made of, for its mass.
+        limits: of the joints; tools take the speeds they plan with from here.
+        grippers: the modules of each gripper, for its mass.
     """
-    robot = ET.Element("robot", name="yumi")
-    for name, rgba in MATERIALS.items():
-        ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
-    _add_link(robot, "yumi_base_link")
-    _add_link(robot, "yumi_body", BODY_MASS, BODY_SHAPES, "abb_grey")
-    _add_joint(robot, "yumi_base_link_to_body", "fixed", ("yumi_base_link", "yumi_body"), Origin())
+    parts = [f'<material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in MATERIALS.items()]
+    parts.append(_link("yumi_base_link"))
+    parts.append(_link("yumi_body", BODY_MASS, BODY_SHAPES, "abb_grey"))
+    parts.append(_joint("yumi_base_link_to_body", "fixed", "yumi_base_link", "yumi_body", Origin()))
     for side in (Side.LEFT, Side.RIGHT):
-        _add_arm(robot, side, limits)
-        _add_gripper(robot, side, GRIPPER_MASSES[grippers[side]])
+        parts += _arm(side, limits)
+        parts += _gripper(side, GRIPPER_MASSES[grippers[side]])
+    robot = ET.fromstring(f'<robot name="yumi">{"".join(parts)}</robot>')
     ET.indent(robot)
     # No encoding in the declaration: lxml refuses a decoded string that names one.
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode")
@@ -190,131 +189,87 @@ def link_mass(index: int) -> Mass:
     return Mass(mass, centre, (xx * scale, xy * scale, xz * scale, yy * scale, yz * scale, zz * scale))
 
 
-def _add_arm(robot: ET.Element, side: Side, limits: JointLimits) -> None:
-    parent = "yumi_body"
-    origins = (joint_1_origin(side), *JOINT_ORIGINS)
+def _arm(side: Side, limits: JointLimits) -> Iterator[str]:
+    parent, origins = "yumi_body", (joint_1_origin(side), *JOINT_ORIGINS)
     for index, (name, origin) in enumerate(zip(joint_names(side), origins, strict=True)):
         link = f"yumi_link_{index + 1}_{side.value}"
-        _add_link(robot, link, link_mass(index), LINK_SHAPES[index], "abb_white")
-        joint = _add_joint(robot, name, "revolute", (parent, link), origin)
-        ET.SubElement(joint, "axis", xyz="0 0 1")
-        _add_limit(
-            joint,
-            limits.lower[index],
-            limits.upper[index],
-            JOINT_EFFORT,
-            limits.velocity[index],
-        )
-        friction = _number(JOINT_FRICTION[index])
-        ET.SubElement(joint, "dynamics", damping=_number(JOINT_DAMPING), friction=friction)
+        yield _link(link, link_mass(index), LINK_SHAPES[index], "abb_white")
+        limit = _limit(limits.lower[index], limits.upper[index], JOINT_EFFORT, limits.velocity[index])
+        dynamics = f'<dynamics damping="{JOINT_DAMPING}" friction="{JOINT_FRICTION[index]}"/>'
+        yield _joint(name, "revolute", parent, link, origin, f'<axis xyz="0 0 1"/>{limit}{dynamics}')
         parent = link
     tool0 = f"yumi_tool0_{side.value}"
-    _add_link(robot, tool0)
-    _add_joint(robot, f"{tool0}_joint", "fixed", (parent, tool0), TOOL0_ORIGIN)
+    yield _link(tool0)
+    yield _joint(f"{tool0}_joint", "fixed", parent, tool0, TOOL0_ORIGIN)
 
 
-def _add_gripper(robot: ET.Element, side: Side, mass: Mass) -> None:
+def _gripper(side: Side, mass: Mass) -> Iterator[str]:
     base = f"gripper_{side.value}_base"
-    _add_link(robot, base, mass, GRIPPER_SHAPES, "abb_graphite")
-    _add_joint(robot, f"{base}_joint", "fixed", (f"yumi_tool0_{side.value}", base), Origin())
+    yield _link(base, mass, GRIPPER_SHAPES, "abb_graphite")
+    yield _joint(f"{base}_joint", "fixed", f"yumi_tool0_{side.value}", base, Origin())
     first, second = finger_names(side)
+    mimic = {second: f'<mimic joint="{first}" multiplier="1" offset="0"/>'}  # one motor drives both fingers
+    limit = _limit(0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
         finger = name.replace("joint", "finger")
-        _add_link(robot, finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
-        joint = _add_joint(robot, name, "prismatic", (base, finger), origin)
-        ET.SubElement(joint, "axis", xyz="-1 0 0")
-        _add_limit(joint, 0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
-        if name == second:  # one motor drives both fingers
-            ET.SubElement(joint, "mimic", joint=first, multiplier="1", offset="0")
+        yield _link(finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
+        yield _joint(name, "prismatic", base, finger, origin, f'<axis xyz="-1 0 0"/>{limit}{mimic.get(name, "")}')
 
 
-def _add_joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], origin: Origin) -> ET.Element:
-    parent, child = ends
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    _add_origin(joint, origin)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    return joint
+def _joint(name: str, kind: str, parent: str, child: str, origin: Origin, rest: str = "") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{_origin(origin)}{ends}{rest}</joint>'
 
 
-def _add_limit(joint: ET.Element, lower: float, upper: float, effort: float, velocity: float) -> None:
-    numbers = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
-    ET.SubElement(joint, "limit", {key: _number(value) for key, value in numbers.items()})
+def _limit(lower: float, upper: float, effort: float, velocity: float) -> str:
+    return f"<limit {_attributes(lower=lower, upper=upper, effort=effort, velocity=velocity)}/>"
 
 
-def _add_link(
-    robot: ET.Element,
-    name: str,
-    mass: Mass | None = None,
-    shapes: tuple[Shape, ...] = (),
-    material: str = "abb_white",
-) -> None:
-    link = ET.SubElement(robot, "link", name=name)
+def _link(name: str, mass: Mass | None = None, shapes: tuple[Shape, ...] = (), material: str = "abb_white") -> str:
+    parts = []
     if mass is not None:
-        _add_inertial(link, mass)
-    for shape in shapes:
-        for origin, geometry in _solids(shape):
-            visual = ET.SubElement(link, "visual")
-            _add_solid(visual, origin, geometry)
-            ET.SubElement(visual, "material", name=material)
-            _add_solid(ET.SubElement(link, "collision"), origin, geometry)
+        inertia = _attributes(**dict(zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), mass.inertia, strict=True)))
+        body = f'<mass value="{mass.mass:.15g}"/><inertia {inertia}/>'
+        parts.append(f"<inertial>{_origin(Origin(mass.centre))}{body}</inertial>")
+    for solid in [solid for shape in shapes for solid in _solids(shape)]:
+        parts.append(f'<visual>{solid}<material name="{material}"/></visual><collision>{solid}</collision>')
+    return f'<link name="{name}">{"".join(parts)}</link>'
 
 
-def _add_inertial(link: ET.Element, mass: Mass) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    _add_origin(inertial, Origin(mass.centre))
-    ET.SubElement(inertial, "mass", value=_number(mass.mass))
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = zip(names, mass.inertia, strict=True)
-    ET.SubElement(inertial, "inertia", {name: _number(value) for name, value in values})
-
-
-Geometry = tuple[str, dict[str, str]]
-
-
-def _solids(shape: Shape) -> list[tuple[Origin, Geometry]]:
+def _solids(shape: Shape) -> Iterator[str]:
     """URDF's solids that make up the shape; it has no capsule."""
     if isinstance(shape, Box):
-        size = [high - low for low, high in zip(shape.low_mm, shape.high_mm, strict=True)]
-        return [(Origin(_middle(shape.low_mm, shape.high_mm)), ("box", {"size": _numbers(*_metres(size))}))]
-    radius = _number(shape.radius_mm / 1000.0)
-    start, end = _metres(shape.start_mm), _metres(shape.end_mm)
-    cylinder = Origin(_middle(shape.start_mm, shape.end_mm), _rpy_of_z_along(start, end))
-    solids: list[tuple[Origin, Geometry]] = [
-        (cylinder, ("cylinder", {"radius": radius, "length": _number(dist(start, end))}))
-    ]
-    if isinstance(shape, Capsule):
-        solids += [(Origin(point), ("sphere", {"radius": radius})) for point in (start, end)]
-    return solids
-
-
-def _rpy_of_z_along(start: Vector, end: Vector) -> Vector:
+        low, high = _metres(shape.low_mm), _metres(shape.high_mm)
+        size = [b - a for a, b in zip(low, high, strict=True)]
+        yield f'{_origin(Origin(_middle(low, high)))}<geometry><box size="{_numbers(size)}"/></geometry>'
+        return
+    start, end, radius = _metres(shape.start_mm), _metres(shape.end_mm), f"{shape.radius_mm / 1000.0:.15g}"
     x, y, z = (b - a for a, b in zip(start, end, strict=True))
-    return (0.0, atan2(hypot(x, y), z), atan2(y, x))
+    along = Origin(_middle(start, end), (0.0, atan2(hypot(x, y), z), atan2(y, x)))  # z along the axis
+    sizes = f'radius="{radius}" length="{dist(start, end):.15g}"'
+    yield f"{_origin(along)}<geometry><cylinder {sizes}/></geometry>"
+    if isinstance(shape, Capsule):
+        for point in (start, end):
+            yield f'{_origin(Origin(point))}<geometry><sphere radius="{radius}"/></geometry>'
 
 
-def _middle(a_mm: Vector, b_mm: Vector) -> Vector:
-    x, y, z = ((a + b) / 2.0 for a, b in zip(a_mm, b_mm, strict=True))
-    return _metres((x, y, z))
+def _origin(origin: Origin) -> str:
+    return f'<origin xyz="{_numbers(origin.xyz)}" rpy="{_numbers(origin.rpy)}"/>'
 
 
-def _metres(values_mm: Vector | list[float]) -> Vector:
-    x, y, z = (value / 1000.0 for value in values_mm)
+def _attributes(**values: float) -> str:
+    return " ".join(f'{name}="{value:.15g}"' for name, value in values.items())
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.15g}" for value in values)
+
+
+def _middle(a: Vector, b: Vector) -> Vector:
+    x, y, z = ((low + high) / 2.0 for low, high in zip(a, b, strict=True))
     return (x, y, z)
 
 
-def _add_solid(parent: ET.Element, origin: Origin, geometry: Geometry) -> None:
-    _add_origin(parent, origin)
-    ET.SubElement(ET.SubElement(parent, "geometry"), *geometry)
-
-
-def _add_origin(parent: ET.Element, origin: Origin) -> None:
-    ET.SubElement(parent, "origin", xyz=_numbers(*origin.xyz), rpy=_numbers(*origin.rpy))
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(_number(value) for value in values)
-
-
-def _number(value: float) -> str:
-    return f"{value:.15g}"
+def _metres(values_mm: Vector) -> Vector:
+    x, y, z = (value / 1000.0 for value in values_mm)
+    return (x, y, z)

@@ -4,13 +4,8 @@ Chain order lists the axes from body to flange in ABB's numbers: 1, 2, 7, 3, 4, 
 apart: ``robax`` (EGM ``joints``) holds axes 1-6 and ``extax.eax_a`` (EGM ``externalJoints[0]``) axis 7
 (reference/yumi.md §1.1, reference/egm.md §3.2).
 
-The values that flow along the fast line: what an arm reports, what it is told, and where its tool is.
-
-The cycle of the robot's motion control: how often it sends a datagram and takes a reference.
-
-Named joint positions of the robot.
-
-What the joints may do: positions from the robot's own motion configuration, speeds from ABB, the rest ours.
+Beside it: the states and commands of an arm, the cycle of the robot's motion control, home, and the limits: positions
+from the robot's own motion configuration, speeds from ABB, accelerations and jerks ours.
 """
 
 from __future__ import annotations
@@ -108,7 +103,7 @@ class Pose:
 
 
 class ArmState(NamedTuple):
-    """One arm as the robot reported it in one datagram; a tuple, since that is made fastest.
+    """One arm as the robot reported it in one datagram; a tuple, which is made in half the time of a frozen class.
 
     Attributes:
         time: when the datagram arrived, on the machine's monotonic clock [s].
@@ -130,7 +125,7 @@ class ArmState(NamedTuple):
 
 
 class ArmCommand(NamedTuple):
-    """What an arm is told in one datagram; a tuple, since that is made fastest.
+    """The references in one datagram to an arm.
 
     Attributes:
         position: joint positions to reach, chain order [rad], (7,).
@@ -153,14 +148,14 @@ def home(side: Side) -> Joints:
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """What the joints of one arm may do, in chain order.
+    """The limits of the joints of one arm, in chain order.
 
     Attributes:
         lower: lowest positions [rad], (7,).
         upper: highest positions [rad], (7,).
         velocity: highest speeds [rad/s], (7,).
-        acceleration: highest accelerations a commander should ask for [rad/s²], (7,).
-        jerk: highest jerks a commander should ask for [rad/s³], (7,).
+        acceleration: highest accelerations of a command [rad/s²], (7,).
+        jerk: highest jerks of a command [rad/s³], (7,).
     """
 
     lower: Joints
@@ -170,7 +165,7 @@ class JointLimits:
     jerk: Joints
 
     def slowed_to(self, speed: float) -> JointLimits:
-        """The same joints where none may be faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation has it."""
+        """The same joints none faster than ``speed`` [rad/s], as EGM's MaxSpeedDeviation limits them."""
         return replace(self, velocity=joints([min(top, speed) for top in self.velocity]))
 
     def outside(self, position: Joints) -> int | None:
@@ -188,7 +183,7 @@ class JointLimits:
 # Positions: MOC.cfg of three real robots, equal for both arms (reference/yumi.md §1.2); speeds: ABB's specification.
 # ABB publishes no accelerations of joints, only 11 m/s² at the tool. Ours give about that at half a metre with one
 # large joint, and the drives' torque (ArmModel.torque) suffices for all joints at once, at full speed, in any pose,
-# with 0.5 kg in the hand. The jerks build that up in 67 ms, over the period of what bends in the arm.
+# with 0.5 kg in the gripper. The jerks build that up in 67 ms, over the period of what bends in the arm.
 YUMI_LIMITS = JointLimits(
     lower=(-2.94088, -2.50455, -2.94088, -2.15548, -5.06145, -1.53589, -3.9968),
     upper=(2.94088, 0.759218, 2.94088, 1.39626, 5.06145, 2.40855, 3.9968),

@@ -38,7 +38,7 @@ from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
+from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -104,7 +104,7 @@ class TrajectoryQuery:
             spline, moment = plans[side].spline, feedback.progress + (time - feedback.time) * feedback.scale
             if not spline.begin <= moment <= spline.end:
                 return {}
-            setpoints[side] = Walk(spline).setpoint(moment)
+            setpoints[side] = SplineSampler(spline).setpoint(moment)
         return setpoints
 
 

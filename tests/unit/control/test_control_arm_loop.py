@@ -15,7 +15,7 @@ from yumi.control.events import (
     SessionResumed,
     SessionStarted,
 )
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
@@ -81,7 +81,7 @@ def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
     manager = ControllerManager(joint_names(Side.LEFT))
     manager.load("pusher", Pusher())
     manager.configure("pusher")
-    return ArmLoop(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
+    return ArmLoop(Side.LEFT, arm, manager, Limiter(YUMI_LIMITS), snapshots)
 
 
 def feed(

@@ -134,7 +134,7 @@ def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: GuidedArm) -> 
     arm.order(StopMotion(2))
     arm.until(lambda: len(arm.notices) == 2)
     assert arm.notices == [
-        GoalEnded(1, GoalOutcome.STOPPED, "the arm was told to stop"),
+        GoalEnded(1, GoalOutcome.STOPPED, "the arm was commanded to stop"),
         replace(REACHED, identity=2),
     ]
     speeds = [command.velocity[0] for command in arm.told[begun:]]

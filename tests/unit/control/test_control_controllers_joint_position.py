@@ -158,6 +158,6 @@ def test_gain_that_is_set_between_two_cycles_counts_in_the_next(goals: MemoryBuf
         arm.manager.set_parameters("controller", {"p": gain})
         arm.cycle()
         cycle = arm.cycles[-1]
-        assert cycle.wanted is not None
+        assert cycle.desired is not None
         measured = cycle.state.position[6]
-        assert cycle.wanted.position[6] == pytest.approx(measured + gain * (goal[6] - measured))
+        assert cycle.desired.position[6] == pytest.approx(measured + gain * (goal[6] - measured))

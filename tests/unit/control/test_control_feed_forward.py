@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.controller import Controller
-from yumi.control.limiter import Guard
-from yumi.control.motion import FeedForward
+from yumi.control.limiter import FeedForwardLimiter, Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
 from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm
@@ -44,7 +43,7 @@ def added(base: Joints, value: float) -> Joints:
 
 
 def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> GuidedArm:
-    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Guard(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
+    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Limiter(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
     arm.start(motion)
     arm.switch_to("dictated")
     return arm
@@ -93,8 +92,8 @@ def test_smooth_motion_with_its_speed_passes_unchanged() -> None:
     arm = dictated(sine)
     arm.run(3.0)
     for cycle in arm.cycles[60:]:
-        assert cycle.wanted is not None
-        assert cycle.admitted.velocity == pytest.approx(cycle.wanted.velocity, abs=2e-3)
+        assert cycle.desired is not None
+        assert cycle.sent.velocity == pytest.approx(cycle.desired.velocity, abs=2e-3)
 
 
 def test_speed_that_the_position_runs_ahead_of_already_is_not_added() -> None:
@@ -125,23 +124,23 @@ def test_arm_that_is_told_to_hold_stops_on_its_way_and_does_not_turn_back(gain: 
     assert min(each[6] for each in speeds) > -0.04
     assert abs(speeds[-1][6]) < 1e-4
     assert arm.robot.arm.planned[6] - before < speed * 0.012 + speed * (speed / 40.0 + 40.0 / 600.0)
-    assert arm.cycles[-1].admitted == ArmCommand(arm.cycles[-100].admitted.position)
+    assert arm.cycles[-1].sent == ArmCommand(arm.cycles[-100].sent.position)
 
 
 def test_nothing_is_fed_forward_where_nothing_is_wanted() -> None:
-    speeds = FeedForward(YUMI_LIMITS)
-    assert speeds.admit(ZERO, ZERO, ZERO, CYCLE) is ZERO
+    speeds = FeedForwardLimiter(YUMI_LIMITS)
+    assert speeds.next(ZERO, ZERO, ZERO, CYCLE) is ZERO
 
 
 def test_speed_fades_when_it_is_not_wanted_any_more() -> None:
-    speeds, wanted = FeedForward(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
+    speeds, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
     for _ in range(100):
-        speeds.admit(ZERO, ZERO, wanted, CYCLE)
+        speeds.next(ZERO, ZERO, wanted, CYCLE)
     assert speeds.velocity == pytest.approx(wanted, abs=1e-6)
-    first = speeds.admit(ZERO, ZERO, ZERO, CYCLE)
+    first = speeds.next(ZERO, ZERO, ZERO, CYCLE)
     assert 0.4 < first[6] < 0.5
     for _ in range(100):
-        speeds.admit(ZERO, ZERO, ZERO, CYCLE)
+        speeds.next(ZERO, ZERO, ZERO, CYCLE)
     assert speeds.velocity is ZERO
 
 
@@ -149,4 +148,4 @@ def test_guard_refuses_a_speed_that_is_no_number() -> None:
     arm = dictated(lambda time: (0.0, inf), FULL_SPEED)
     arm.run(0.1)
     assert arm.snapshot.refused >= 24
-    assert arm.cycles[-1].admitted.velocity is ZERO
+    assert arm.cycles[-1].sent.velocity is ZERO

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from yumi.control.cycle import Cycle
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, flight_memory
-from yumi.control.statistics import RECEIVE, StationClock
+from yumi.control.statistics import RECEIVE, StageClock
 from yumi.robot.joints import ArmCommand, ArmState, Joints, joints
 
-STATIONS = StationClock()
+STATIONS = StageClock()
 
 
 def vector(number: float) -> Joints:
@@ -47,30 +47,30 @@ def test_recorder_gives_back_what_a_cycle_was(recorder: FlightRecorder) -> None:
     (frame,) = recorder.frames()
     assert (frame.number, frame.time, frame.dt, frame.session, frame.is_running) == (1, 0.004, 0.004, 1, True)
     assert (frame.position, frame.velocity, frame.planned) == (vector(1), vector(0.1), vector(0.2))
-    assert (frame.wanted, frame.admitted, frame.admitted_velocity) == (vector(0.3), vector(0.3), vector(0.4))
+    assert (frame.desired, frame.sent, frame.sent_velocity) == (vector(0.3), vector(0.3), vector(0.4))
     assert frame.reference == vector(0.5)
 
 
 def test_recorder_knows_that_nothing_was_wanted(recorder: FlightRecorder) -> None:
     recorder.record(cycle(1, wanted=False), None, STATIONS)
     (frame,) = recorder.frames()
-    assert (frame.wanted, frame.reference) == (None, None)
+    assert (frame.desired, frame.reference) == (None, None)
 
 
 def test_recorder_keeps_a_wanted_position_that_is_no_number(recorder: FlightRecorder) -> None:
     broken = ArmCommand((nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    recorder.record(Cycle(cycle(1).state, broken, cycle(1).admitted), None, STATIONS)
-    wanted = recorder.frames()[0].wanted
+    recorder.record(Cycle(cycle(1).state, broken, cycle(1).sent), None, STATIONS)
+    wanted = recorder.frames()[0].desired
     assert wanted is not None
     assert str(wanted[0]) == "nan"
 
 
 def test_recorder_keeps_the_times_of_the_stations(recorder: FlightRecorder) -> None:
-    stations = StationClock(lambda: 1.25)
+    stations = StageClock(lambda: 1.25)
     stations.begin(1.0)
     stations.note(RECEIVE)
     recorder.record(cycle(1), None, stations)
-    assert recorder.frames()[0].stations.receive == 0.25
+    assert recorder.frames()[0].stages.receive == 0.25
 
 
 @settings(max_examples=25, deadline=None)

@@ -9,7 +9,7 @@ from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.events import ControllerReport
-from yumi.control.limiter import Guard
+from yumi.control.limiter import Limiter
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.arm import PerfectArm
@@ -33,7 +33,7 @@ class Arms:
         manager.load("double", self.doubles[side])
         manager.configure("double")
         manager.switch(["double"], [], RUNNING)
-        return ArmLoop(side, PerfectArm(ZERO), manager, Guard(YUMI_LIMITS), self.buffers[side])
+        return ArmLoop(side, PerfectArm(ZERO), manager, Limiter(YUMI_LIMITS), self.buffers[side])
 
     def call(self, command: Any, *args: Any) -> Any:
         return serve(self.commands, command, *args)

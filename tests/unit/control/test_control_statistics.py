@@ -1,12 +1,26 @@
 from __future__ import annotations
 
 import statistics
+from dataclasses import astuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.control.statistics import RunningStatistics, Statistics
+from yumi.clock import ManualClock
+from yumi.control.statistics import (
+    AFTER_REPLY,
+    DECODE,
+    ENCODE,
+    LIMIT,
+    RECEIVE,
+    SEND,
+    UPDATE,
+    RunningStatistics,
+    StageClock,
+    StageTimes,
+    Statistics,
+)
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=50))
@@ -26,3 +40,34 @@ def test_running_statistics_of_nothing_are_zero_again_after_a_reset() -> None:
     running.add(3.0)
     running.reset()
     assert running.result() == Statistics()
+
+
+def test_stage_clock_measures_each_stage(clock: ManualClock) -> None:
+    timing = StageClock(clock.now)
+    clock.advance(5.0)
+    timing.begin(clock.now())
+    for number, stage in enumerate((RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY), start=1):
+        clock.advance(number * 1e-6)
+        assert timing.timed(stage, "result") == "result"
+    times = StageTimes.of(timing.marks)
+    assert astuple(times) == pytest.approx([number * 1e-6 for number in range(1, 8)])
+    assert times.reply == pytest.approx(21e-6)
+
+
+def test_stage_that_was_not_noted_took_no_time(clock: ManualClock) -> None:
+    timing = StageClock(clock.now)
+    clock.advance(1.0)
+    timing.begin(clock.now())
+    clock.advance(2e-6)
+    timing.note(UPDATE)
+    assert StageTimes.of(timing.marks).update == pytest.approx(2e-6)
+    assert StageTimes.of(timing.marks).send == 0.0
+
+
+def test_stage_clock_forgets_the_cycle_before(clock: ManualClock) -> None:
+    timing = StageClock(clock.now)
+    timing.begin(clock.now())
+    clock.advance(1.0)
+    timing.note(AFTER_REPLY)
+    timing.begin(clock.now())
+    assert StageTimes.of(timing.marks) == StageTimes(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -61,7 +61,7 @@ def test_plan_of_both_arms_gives_each_its_own_joints() -> None:
     [
         ((), "it names no joints; name yumi_joint_1_r, "),
         ((*RIGHT[:6], RIGHT[0]), "it names the joint 'yumi_joint_1_r' twice; name each once."),
-        ((*RIGHT[:6], LEFT[6]), "'yumi_joint_6_l' is no joint of this controller; its joints are yumi_joint_1_r, "),
+        ((*RIGHT[:6], LEFT[6]), "'yumi_joint_6_l' is not a joint of this controller; its joints are yumi_joint_1_r, "),
         (RIGHT[:5], "it leaves out yumi_joint_5_r, yumi_joint_6_r; all joints must be named."),
     ],
 )
@@ -155,7 +155,7 @@ def long_trajectory(points: int) -> JointTrajectory:
 
 def test_twenty_thousand_points_are_taken_and_one_more_is_refused() -> None:
     plan = plan_trajectory(long_trajectory(MOST_POINTS), [Side.RIGHT], YUMI_LIMITS)[Side.RIGHT]
-    assert len(plan.spline.pieces) == MOST_POINTS - 1
+    assert len(plan.spline.segments) == MOST_POINTS - 1
     assert refusal(long_trajectory(MOST_POINTS + 1))[0] == (
         "it has 20001 points; at most 20000 are taken: leave out points, or send it in several goals."
     )

@@ -8,7 +8,7 @@ import pytest
 from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import DELAY, JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
-from yumi.control.statistics import StationClock
+from yumi.control.statistics import StageClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values
@@ -29,7 +29,7 @@ def recorded(model: ArmModel | None = None, values: Values | None = None) -> tup
         way = radians(15.0) * sin(2.0 * pi * 0.7 * number * CYCLE)
         write_goal(goals, 1, joints([*start[:6], start[6] + way]))
         arm.cycle()
-        recorder.record(arm.cycles[-1], None, StationClock())
+        recorder.record(arm.cycles[-1], None, StageClock())
     return recorder.frames()
 
 

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from flight import CYCLE, LOST, flown
 from yumi.control.events import RobotFollows
 from yumi.control.flight_recorder import Frame
-from yumi.control.statistics import StationTimes
+from yumi.control.statistics import StageTimes
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import (
     CYCLE_SCHEMA,
@@ -79,7 +79,7 @@ def test_cycle_has_exactly_what_its_schema_says(frames: tuple[Frame, ...]) -> No
 def test_cycle_survives_the_way_through_json(
     position: tuple[float, ...], velocity: tuple[float, ...], wanted: tuple[float, ...] | None, number: int, runs: bool
 ) -> None:
-    stations = StationTimes(*position)
+    stations = StageTimes(*position)
     frame = Frame(
         number, 1.5, 0.004, 2, runs, position, velocity, position, wanted, velocity, velocity, wanted, stations
     )
@@ -87,8 +87,8 @@ def test_cycle_survives_the_way_through_json(
 
 
 def test_number_that_is_none_becomes_null_and_back(frames: tuple[Frame, ...]) -> None:
-    message = {**frame_message(frames[0]), "wanted": [None, *frames[0].position[1:]]}
-    wanted = frame_from_message(message).wanted
+    message = {**frame_message(frames[0]), "desired": [None, *frames[0].position[1:]]}
+    wanted = frame_from_message(message).desired
     assert wanted is not None
     assert isnan(wanted[0])
     assert frame_message(frame_from_message(message)) == message

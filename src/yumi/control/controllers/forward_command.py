@@ -4,9 +4,9 @@ Where they differ from upstream (reference/ros2_control.md §3.3), on purpose:
 
 - an array of the wrong length is refused with a sentence, where upstream the controller fails and is deactivated;
 - a position out of its range is refused, as everywhere else;
-- speeds that nobody confirms end after ``timeout``, where upstream they go on for ever; 0 switches this off;
+- speeds that are not confirmed end after ``timeout``, where upstream they go on for ever; 0 switches this off;
 - ``joints`` has to be all joints of the arm in chain order, since ranges are checked where the message arrives;
-- speeds claim the positions, too: the robot is told positions that move along.
+- speeds claim the positions, too: the robot gets positions that move along.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _TIMEOUT = Parameter(
 
 
 class ForwardCommandController(Controller):
-    """Forwards what arrives for all joints of an arm, as it is; the guard sees that the arm can do it.
+    """Forwards what arrives for all joints of an arm, as it is; the limiter keeps it within what the arm can do.
 
     Args:
         positions: where positions arrive.
@@ -65,12 +65,17 @@ class ForwardCommandController(Controller):
         return (_JOINTS, *choice, _TIMEOUT)
 
     def configure(self, values: Values) -> None:
-        self._check_joints(texts(values, "joints"))
+        names = texts(values, "joints")
+        if names and names != self._joint_names:
+            raise CommandRefused(
+                f"Parameter 'joints' is {', '.join(names)}; commands are for {', '.join(self._joint_names)}: "
+                "name these or none."
+            )
         self._forwarded = self._interface or text(values, "interface_name")
         self._timeout = number(values, "timeout")
 
     @property
-    def goal_kind(self) -> GoalKind:  # type: ignore[override]  # a parameter tells
+    def goal_kind(self) -> GoalKind:  # type: ignore[override]  # a parameter decides
         return GoalKind.FORWARD_POSITION if self._forwarded == "position" else GoalKind.FORWARD_VELOCITY
 
     def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
@@ -101,13 +106,6 @@ class ForwardCommandController(Controller):
         if self._forwarded == "position":
             return self._wanted
         return None if self._wanted is None else self._motion.position
-
-    def _check_joints(self, names: tuple[str, ...]) -> None:
-        if names and names != self._joint_names:
-            raise CommandRefused(
-                f"Parameter 'joints' is {', '.join(names)}; commands are for {', '.join(self._joint_names)}: "
-                "name these or none."
-            )
 
 
 class JointGroupPositionController(ForwardCommandController):

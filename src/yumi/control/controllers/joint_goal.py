@@ -1,4 +1,4 @@
-"""The joint goal controller: takes an arm to single points, on ways it plans itself and may change at any moment.
+"""The joint goal controller: takes an arm to single points, on ways it plans and may replan at any moment.
 
 The way keeps the joints' speeds, accelerations and jerks (:mod:`yumi.control.motion`). Its speed is fed forward
 beside its position, so that the robot's own loop has no error left to make speed of and follows without lag
@@ -15,7 +15,16 @@ from math import degrees
 from yumi.control.commands import GoalBuffer, check_position, read_goal
 from yumi.control.controller import Controller
 from yumi.control.limiter import LATE_CYCLE, SpeedScale
-from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, largest_difference, slower, stop, travel
+from yumi.control.motion import (
+    STANDING,
+    PointMotion,
+    Setpoint,
+    StandstillDetector,
+    largest_difference,
+    slower,
+    stop,
+    travel,
+)
 from yumi.errors import CommandRefused
 from yumi.robot.joints import (
     CHAIN_AXES,
@@ -38,12 +47,14 @@ _PARAMETERS = (
     Parameter("goal_time", 2.0, 0.05, 60.0, "s", "So much later than planned the goal may be reached."),
     Parameter("path_tolerance", 0.5, 0.0, 3.0, "rad", "A joint this far from the way ends it; 0 is off."),
 )
-_ROOM = 0.9  # the guard counts what the position adds to the speed fed forward; a plan at the limits would exceed them
+_ROOM = (
+    0.9  # the limiter counts what the position adds to the speed fed forward: a plan at the limits would exceed them
+)
 _DEFAULTS = {item.name: number({item.name: item.default}, item.name) for item in _PARAMETERS}
 
 
 class GoalOutcome(Enum):
-    """How an order ended."""
+    """How a command ended."""
 
     REACHED = "reached"
     REPLACED = "replaced"
@@ -53,12 +64,12 @@ class GoalOutcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class JointGoal:
-    """An order: go there and stay.
+    """A command: go there and stay.
 
     Attributes:
         position: where to, chain order [rad], (7,).
-        identity: number by which its end is told.
-        speed_scale: share of the joints' speeds, above 0 up to 1; None takes the parameter's.
+        identity: its number in :class:`GoalEnded`.
+        speed_scale: factor on the joints' speeds, above 0 up to 1; None takes the parameter's.
         acceleration_scale: the same for accelerations and jerks.
     """
 
@@ -70,10 +81,10 @@ class JointGoal:
 
 @dataclass(frozen=True, slots=True)
 class StopMotion:
-    """An order: come to rest as fast as the joints may, and stay.
+    """A command: come to rest as fast as the joints may, and stay.
 
     Attributes:
-        identity: number by which its end is told.
+        identity: its number in :class:`GoalEnded`.
     """
 
     identity: int = 0
@@ -81,12 +92,12 @@ class StopMotion:
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded:
-    """A notice: an order has ended.
+    """An event: a command has ended.
 
     Attributes:
-        identity: the order's number.
+        identity: the command's number.
         outcome: how.
-        sentence: why, for a person.
+        sentence: why.
     """
 
     identity: int
@@ -97,13 +108,13 @@ class GoalEnded:
 class JointGoalController(Controller):
     """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
 
-    Orders come by :meth:`receive`, goals also by a buffer. Each order's end is a notice. An arm that moves when the
-    controller is activated is held until it stands, and then sent to its goal: what commanded it until then may have
-    led it by another law, whose command is no place to go on from.
+    Commands come by :meth:`receive`, goals also by a buffer; each command's end is an event. An arm that moves when
+    the controller is activated is held until it stands, and then sent to its goal
+    (:class:`yumi.control.motion.StandstillDetector`).
 
     Args:
-        goals: where goals arrive that nobody waits for, see :mod:`yumi.control.commands`.
-        limits: what the joints may do.
+        goals: where goals arrive without an identity, see :mod:`yumi.control.commands`.
+        limits: of the joints.
         period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
         speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.
     """
@@ -125,7 +136,7 @@ class JointGoalController(Controller):
         self._letter = 0
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
-        self._calming: Calming | None = None
+        self._standstill: StandstillDetector | None = None
         self._rest_at(ZERO)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -139,8 +150,8 @@ class JointGoalController(Controller):
 
     def activate(self, state: ArmState) -> None:
         self._order = None
-        letter = self._goals.read()
-        self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
+        newest = self._goals.read()
+        self._letter = newest[0] if newest else 0  # what was sent before does not count
         self._hold(state)
 
     def deactivate(self) -> None:
@@ -154,7 +165,7 @@ class JointGoalController(Controller):
         is_stop = isinstance(order, StopMotion)
         self._end(
             GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
-            "the arm was told to stop" if is_stop else "another goal replaced this one",
+            "the arm was commanded to stop" if is_stop else "another goal replaced this one",
         )
         self._order = order
         self._start(motion)
@@ -162,15 +173,28 @@ class JointGoalController(Controller):
     def update(self, state: ArmState) -> ArmCommand | None:
         letter = self._goals.read()
         if letter is not None and letter[0] != self._letter:
-            self._take(state)
-        if self._calming is not None and not self._has_come_to_rest(self._calming, state):
-            return None
-        pace = self._pace
-        self._time += min(state.dt, self._longest_step) * (pace if self._time < self._motion.duration else 1.0)
+            number, goal = read_goal(self._goals, state.session)
+            if goal is not None:
+                self._letter = number
+                try:
+                    self.receive(JointGoal(goal.position), state)
+                except CommandRefused as error:
+                    self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
+        if self._standstill is not None:
+            # The command that came meanwhile begins from where the robot plans to be then: loads make it creep.
+            self._setpoint = Setpoint(state.planned)
+            if not self._standstill.is_over(state):
+                return None
+            self._standstill = None
+            self._rest_at(state.planned)
+            if self._order is not None:
+                self._start(self._planned(self._order)[1])
+        scale = self._scale
+        self._time += min(state.dt, self._longest_step) * (scale if self._time < self._motion.duration else 1.0)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
-            self._watch(state)
-        return ArmCommand(*self._setpoint.scaled(pace)[:2])
+            self._check_progress(state)
+        return ArmCommand(*self._setpoint.scaled(scale)[:2])
 
     def take_reports(self) -> Sequence[object]:
         if not self._notices:
@@ -183,34 +207,23 @@ class JointGoalController(Controller):
         return self._motion.end
 
     @property
-    def _pace(self) -> float:
+    def _scale(self) -> float:
         """How fast time goes by on the way to a goal; coming to rest is not slowed down."""
         return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
 
-    def _take(self, state: ArmState) -> None:
-        """A goal from the buffer; one that cannot be reached is told and left."""
-        number, goal = read_goal(self._goals, state.session)
-        if goal is None:
-            return
-        self._letter = number
-        try:
-            self.receive(JointGoal(goal.position), state)
-        except CommandRefused as error:
-            self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
-
     def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
         if isinstance(message, StopMotion):
-            return message, stop(self._setpoint.scaled(self._pace), slower(self._limits, 1.0, _ROOM))
+            return message, stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
         if not isinstance(message, JointGoal):
             raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
         check_goal(message.position)
         return message, self._way_to(message)
 
     def _way_to(self, goal: JointGoal) -> PointMotion:
-        speed = self._scale("speed_scale", goal.speed_scale)
-        acceleration = self._scale("acceleration_scale", goal.acceleration_scale)
+        speed = self._factor("speed_scale", goal.speed_scale)
+        acceleration = self._factor("acceleration_scale", goal.acceleration_scale)
         top = self._values["top_speed"]
-        start = self._setpoint.unscaled(self._speed.value / self._pace)  # in the time of the new way
+        start = self._setpoint.unscaled(self._speed.value / self._scale)  # in the time of the new way
         try:
             return travel(start, goal.position, slower(self._limits, speed, _ROOM * acceleration, top))
         except CommandRefused:
@@ -218,7 +231,7 @@ class JointGoalController(Controller):
                 raise
         return travel(start, goal.position, slower(self._limits, speed, 1.0, top))  # brakes harder
 
-    def _scale(self, name: str, value: float | None) -> float:
+    def _factor(self, name: str, value: float | None) -> float:
         if value is None:
             return self._values[name]
         if not 0.0 < value <= 1.0:
@@ -226,19 +239,8 @@ class JointGoalController(Controller):
         return value
 
     def _hold(self, state: ArmState) -> None:
-        self._calming = Calming(state)
+        self._standstill = StandstillDetector(state)
         self._rest_at(state.planned)
-
-    def _has_come_to_rest(self, calming: Calming, state: ArmState) -> bool:
-        """Once it has, the order that came meanwhile begins, from where the robot plans to be: loads make it creep."""
-        self._setpoint = Setpoint(state.planned)
-        if not calming.is_over(state):
-            return False
-        self._calming = None
-        self._rest_at(state.planned)
-        if self._order is not None:
-            self._start(self._planned(self._order)[1])
-        return True
 
     def _rest_at(self, position: Joints) -> None:
         self._setpoint = Setpoint(position)
@@ -248,7 +250,7 @@ class JointGoalController(Controller):
         self._motion = motion
         self._time = 0.0
 
-    def _watch(self, state: ArmState) -> None:
+    def _check_progress(self, state: ArmState) -> None:
         values, wanted = self._values, self._setpoint.position
         worst = largest_difference(state.position, wanted)
         if self._time < self._motion.duration:
@@ -272,7 +274,7 @@ class JointGoalController(Controller):
 
 
 def check_goal(position: Joints) -> None:
-    """Refuse what is no position of an arm.
+    """Refuse what is not a position of an arm.
 
     Raises:
         CommandRefused: not seven numbers, or one of them is impossible.

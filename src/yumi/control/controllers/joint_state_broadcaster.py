@@ -1,4 +1,4 @@
-"""The joint state broadcaster: hands every measured state of an arm to whoever publishes it."""
+"""The joint state broadcaster: passes every measured state of an arm on for publishing."""
 
 from __future__ import annotations
 

@@ -17,16 +17,16 @@ from typing import Protocol, cast
 from yumi.control.commands import Buffer
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, stop
+from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
     ArmPlan,
-    Pieces,
     ResultCode,
+    Segments,
     Spline,
+    SplineSampler,
     TrajectoryPoint,
-    Walk,
-    join,
+    blend,
     refused,
 )
 from yumi.errors import CommandRefused
@@ -300,7 +300,7 @@ class TrajectoryGoal:
         self.phase = Phase.RUNNING
         self.first = 0.0
         self._names = names
-        self._walk = Walk(spline)
+        self._walk = SplineSampler(spline)
         self.end = spline.end
         self._bounds = bounds
         self._watches_velocity = min(bounds.path_velocity) < inf
@@ -423,7 +423,7 @@ class JointTrajectoryController(Controller):
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
         self._feedback_due = -inf
-        self._calming: Calming | None = None
+        self._calming: StandstillDetector | None = None
         self._is_judged = True
         self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
@@ -444,7 +444,7 @@ class JointTrajectoryController(Controller):
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
         self._rest_at(state.planned)
-        self._calming = Calming(state)
+        self._calming = StandstillDetector(state)
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
@@ -541,7 +541,7 @@ class JointTrajectoryController(Controller):
             setpoint = setpoint.unscaled(self._speed.value)
         if now > 0.0:
             now *= self._speed.value
-        spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
+        spline = blend(plan, setpoint, now, self._limits, settings.start_tolerance)
         self._checked = (command, state, spline, now)
         return spline, now
 
@@ -553,7 +553,7 @@ class JointTrajectoryController(Controller):
         if isinstance(self._source, _Brake):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
-        self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
+        self._source, self._time, self._checked, self._calming = SplineSampler(spline), now, None, None
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
@@ -642,8 +642,8 @@ class JointTrajectoryController(Controller):
         )
 
 
-def _resting(position: Joints) -> Walk:
-    return Walk(Spline(Pieces(), TrajectoryPoint(0.0, position)))
+def _resting(position: Joints) -> SplineSampler:
+    return SplineSampler(Spline(Segments(), TrajectoryPoint(0.0, position)))
 
 
 def _scaled(values: Joints, factor: float) -> Joints:

@@ -1,6 +1,6 @@
 """The joint velocity controller: speeds for all joints of an arm, with a stop when no more come.
 
-The speeds are ramped within the joints' limits and told to the robot together with positions that move along
+The speeds are ramped within the joints' limits and sent to the robot together with positions that move along
 (:mod:`yumi.control.motion`), so that it works with PosCorrGain 0 as with 1.
 """
 

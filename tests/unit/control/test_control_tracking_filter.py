@@ -10,19 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controller_states import moved
-from yumi.control.tracking import Pursuit, Target
+from yumi.control.motion import Setpoint
+from yumi.control.tracking import TrackingFilter
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints
 
 Path = Callable[[float], tuple[float, float, float]]
 
 
-def target_at(path: Path, time: float) -> Target:
+def target_at(path: Path, time: float) -> Setpoint:
     position, velocity, acceleration = path(time)
-    return Target(moved(ZERO, 6, position), moved(ZERO, 6, velocity), moved(ZERO, 6, acceleration))
+    return Setpoint(moved(ZERO, 6, position), moved(ZERO, 6, velocity), moved(ZERO, 6, acceleration))
 
 
-def pursued(path: Path, seconds: float, start: Joints = ZERO) -> list[Target]:
-    pursuit = Pursuit(YUMI_LIMITS)
+def pursued(path: Path, seconds: float, start: Joints = ZERO) -> list[Setpoint]:
+    pursuit = TrackingFilter(YUMI_LIMITS)
     pursuit.begin(start)
     return [pursuit.step(target_at(path, number * CYCLE), CYCLE) for number in range(round(seconds / CYCLE))]
 
@@ -32,7 +33,7 @@ def sine(time: float) -> tuple[float, float, float]:
     return size * (1.0 - cos(turn * time)), size * turn * sin(turn * time), size * turn * turn * cos(turn * time)
 
 
-def assert_within_limits(steps: list[Target]) -> None:
+def assert_within_limits(steps: list[Setpoint]) -> None:
     for before, after in pairwise(steps):
         assert abs(after.velocity[6]) <= YUMI_LIMITS.velocity[6]
         assert abs(after.acceleration[6]) <= YUMI_LIMITS.acceleration[6]
@@ -89,9 +90,9 @@ def test_joints_are_pursued_apart_from_each_other() -> None:
 
 
 def test_pursuit_that_begins_in_motion_goes_on_smoothly() -> None:
-    pursuit = Pursuit(YUMI_LIMITS)
+    pursuit = TrackingFilter(YUMI_LIMITS)
     pursuit.begin(ZERO, moved(ZERO, 6, 1.0))
-    steps = [pursuit.step(Target(ZERO), CYCLE) for _ in range(300)]
+    steps = [pursuit.step(Setpoint(ZERO), CYCLE) for _ in range(300)]
     assert steps[0].velocity[6] == pytest.approx(1.0, abs=0.02)
     assert steps[-1].position[6] == pytest.approx(0.0, abs=1e-6)
     assert_within_limits(steps)

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 
 from trajectories import REST, moved, planned, swing
 from yumi.control.motion import Setpoint
-from yumi.control.trajectory import START_TOLERANCE, ResultCode, Spline, TrajectoryPoint, Walk, check_motion, join
+from yumi.control.trajectory import (
+    START_TOLERANCE,
+    ResultCode,
+    Spline,
+    SplineSampler,
+    TrajectoryPoint,
+    blend,
+    check_motion,
+)
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 
@@ -26,91 +34,91 @@ def moving(speed: float, position: float = 0.0) -> Setpoint:
 def assert_smooth(spline: Spline, setpoint: Setpoint, begin: float) -> None:
     """It begins with ``setpoint``, and no velocity steps at a seam."""
     assert spline.begin == pytest.approx(begin)
-    first = Walk(spline).setpoint(spline.begin)
+    first = SplineSampler(spline).setpoint(spline.begin)
     assert first.position == pytest.approx(setpoint.position, abs=1e-9)
     assert first.velocity == pytest.approx(setpoint.velocity, abs=1e-9)
-    for piece in spline.pieces[:-1]:
-        before, after = Walk(spline).setpoint(piece.end - 1e-9), Walk(spline).setpoint(piece.end)
+    for piece in spline.segments[:-1]:
+        before, after = SplineSampler(spline).setpoint(piece.end - 1e-9), SplineSampler(spline).setpoint(piece.end)
         assert before.velocity == pytest.approx(after.velocity, abs=1e-5)
 
 
 def test_trajectory_that_begins_where_the_arm_is_is_followed_as_it_is() -> None:
     plan = swing(HOME, 0.5, 2.0)
-    assert join(plan, AT_HOME, 0.0, YUMI_LIMITS) == plan.spline
+    assert blend(plan, AT_HOME, 0.0, YUMI_LIMITS) == plan.spline
 
 
 def test_arm_at_rest_waits_for_the_start() -> None:
-    spline = join(swing(HOME, 0.5, 2.0), AT_HOME, -3.0, YUMI_LIMITS)
-    assert Walk(spline).motion(-1.0) == (pytest.approx(HOME), REST)
+    spline = blend(swing(HOME, 0.5, 2.0), AT_HOME, -3.0, YUMI_LIMITS)
+    assert SplineSampler(spline).motion(-1.0) == (pytest.approx(HOME), REST)
     assert spline.begin == 0.0
 
 
 def test_arm_goes_to_a_first_point_that_is_due_later() -> None:
-    spline = join(planned([TrajectoryPoint(1.0, moved(HOME, 0.5), REST)]), AT_HOME, 0.0, YUMI_LIMITS)
+    spline = blend(planned([TrajectoryPoint(1.0, moved(HOME, 0.5), REST)]), AT_HOME, 0.0, YUMI_LIMITS)
     assert_smooth(spline, AT_HOME, 0.0)
-    assert Walk(spline).position(1.0) == moved(HOME, 0.5)
+    assert SplineSampler(spline).position(1.0) == moved(HOME, 0.5)
 
 
 def test_moving_arm_blends_into_a_first_point_that_is_due_later() -> None:
     plan = planned([TrajectoryPoint(0.8, moved(HOME, 0.5), moved(REST, 0.3)), TrajectoryPoint(2.0, HOME, REST)])
-    assert_smooth(join(plan, moving(-0.5), 0.0, YUMI_LIMITS), moving(-0.5), 0.0)
+    assert_smooth(blend(plan, moving(-0.5), 0.0, YUMI_LIMITS), moving(-0.5), 0.0)
 
 
 def test_moving_arm_blends_into_points_without_velocities() -> None:
     plan = planned([TrajectoryPoint(0.8, moved(HOME, 0.5)), TrajectoryPoint(2.0, HOME)])
-    assert_smooth(join(plan, moving(-0.5), 0.0, YUMI_LIMITS), moving(-0.5), 0.0)
+    assert_smooth(blend(plan, moving(-0.5), 0.0, YUMI_LIMITS), moving(-0.5), 0.0)
 
 
 def test_moving_arm_blends_into_a_trajectory_that_begins_at_once() -> None:
-    spline = join(swing(HOME, 0.5, 2.0), moving(0.4), 0.0, YUMI_LIMITS)
+    spline = blend(swing(HOME, 0.5, 2.0), moving(0.4), 0.0, YUMI_LIMITS)
     assert_smooth(spline, moving(0.4), 0.0)
-    check_motion(spline.pieces, joint_names(Side.LEFT), YUMI_LIMITS)
+    check_motion(spline.segments, joint_names(Side.LEFT), YUMI_LIMITS)
 
 
 @given(st.floats(0.0, 1.9))
 def test_arm_that_is_late_catches_up_without_a_step(late: float) -> None:
     plan = swing(HOME, 0.5, 2.0)
-    spline = join(plan, AT_HOME, late, YUMI_LIMITS)
-    check_motion(spline.pieces, joint_names(Side.LEFT), YUMI_LIMITS)
-    assert Walk(spline).position(late) == pytest.approx(HOME, abs=1e-6)
-    assert Walk(spline).position(late + 1.6) == pytest.approx(Walk(plan.spline).position(late + 1.6))
+    spline = blend(plan, AT_HOME, late, YUMI_LIMITS)
+    check_motion(spline.segments, joint_names(Side.LEFT), YUMI_LIMITS)
+    assert SplineSampler(spline).position(late) == pytest.approx(HOME, abs=1e-6)
+    assert SplineSampler(spline).position(late + 1.6) == pytest.approx(SplineSampler(plan.spline).position(late + 1.6))
 
 
 def test_trajectory_that_is_over_is_refused() -> None:
     with pytest.raises(TrajectoryRefused, match=r"it ended 0\.500 s ago; send it before its end, or ") as caught:
-        join(swing(HOME, 0.5, 2.0), AT_HOME, 2.5, YUMI_LIMITS)
+        blend(swing(HOME, 0.5, 2.0), AT_HOME, 2.5, YUMI_LIMITS)
     assert caught.value.code == ResultCode.OLD_HEADER_TIMESTAMP
 
 
 def test_first_point_at_zero_that_is_elsewhere_is_refused() -> None:
-    join(swing(moved(HOME, 0.9 * START_TOLERANCE), 0.5, 2.0), AT_HOME, 0.0, YUMI_LIMITS)
+    blend(swing(moved(HOME, 0.9 * START_TOLERANCE), 0.5, 2.0), AT_HOME, 0.0, YUMI_LIMITS)
     sentence = (
-        r"its first point, due at 0 s, has yumi_joint_6_l at 1\.3°, while the arm is told to be at 0\.0°; "
+        r"its first point, due at 0 s, has yumi_joint_6_l at 1\.3°, while the arm is commanded to be at 0\.0°; "
         r"begin where the arm is, or give it time to go there\."
     )
     with pytest.raises(TrajectoryRefused, match=sentence):
-        join(swing(moved(HOME, 1.1 * START_TOLERANCE), 0.5, 2.0), AT_HOME, 0.0, YUMI_LIMITS)
+        blend(swing(moved(HOME, 1.1 * START_TOLERANCE), 0.5, 2.0), AT_HOME, 0.0, YUMI_LIMITS)
 
 
 def test_trajectory_whose_start_the_arm_has_missed_elsewhere_is_refused() -> None:
     with pytest.raises(TrajectoryRefused, match=r"and moved it to 14\.3° in the 1\.000 s since then, while the arm is"):
-        join(swing(HOME, 0.5, 2.0), Setpoint(moved(HOME, radians(-5.0))), 1.0, YUMI_LIMITS)
+        blend(swing(HOME, 0.5, 2.0), Setpoint(moved(HOME, radians(-5.0))), 1.0, YUMI_LIMITS)
 
 
 def test_first_point_that_cannot_be_reached_in_time_is_refused() -> None:
     with pytest.raises(TrajectoryRefused, match=r"yumi_joint_6_l would have the velocity 12\.50 rad/s at 0\.000 s"):
-        join(planned([TrajectoryPoint(0.04, moved(HOME, 0.5))]), AT_HOME, 0.0, YUMI_LIMITS)
+        blend(planned([TrajectoryPoint(0.04, moved(HOME, 0.5))]), AT_HOME, 0.0, YUMI_LIMITS)
 
 
 def test_trajectory_that_runs_away_from_a_late_arm_is_refused() -> None:
     weak = replace(YUMI_LIMITS, acceleration=(0.1,) * 7)
     with pytest.raises(TrajectoryRefused, match=r"the arm is too far from it to join it in motion, within 1\.6 s\."):
-        join(swing(HOME, 0.5, 2.0), AT_HOME, 1.0, weak)
+        blend(swing(HOME, 0.5, 2.0), AT_HOME, 1.0, weak)
 
 
 @given(st.lists(st.floats(-0.1, 2.5), min_size=2, max_size=8))
 def test_joined_way_is_read_at_times_in_any_order(times: list[float]) -> None:
-    spline = join(swing(HOME, 0.5, 2.0), moving(0.4), 0.0, YUMI_LIMITS)
-    walk = Walk(spline)
+    spline = blend(swing(HOME, 0.5, 2.0), moving(0.4), 0.0, YUMI_LIMITS)
+    walk = SplineSampler(spline)
     for time in times:
-        assert walk.setpoint(time) == Walk(spline).setpoint(time)
+        assert walk.setpoint(time) == SplineSampler(spline).setpoint(time)

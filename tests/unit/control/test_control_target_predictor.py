@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from controller_states import moved
 from yumi.control.commands import UNKNOWN
-from yumi.control.tracking import GoalForecast
+from yumi.control.tracking import TargetPredictor
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, joints
 
 PERIOD = 0.004
@@ -18,26 +18,29 @@ AHEAD = 0.030
 
 
 @pytest.fixture
-def forecast() -> GoalForecast:
-    forecast = GoalForecast(YUMI_LIMITS)
+def forecast() -> TargetPredictor:
+    forecast = TargetPredictor(YUMI_LIMITS)
     forecast.rest_at(ZERO)
     return forecast
 
 
 def stream(
-    forecast: GoalForecast, path: Callable[[float], float], seconds: float, lateness: Callable[[], float] = lambda: 0.0
+    forecast: TargetPredictor,
+    path: Callable[[float], float],
+    seconds: float,
+    lateness: Callable[[], float] = lambda: 0.0,
 ) -> float:
     """Feed goals of joint 6; returns when the last one came [s]."""
     time = 0.0
     for number in range(round(seconds / PERIOD)):
         time = number * PERIOD
-        forecast.take(moved(ZERO, 6, path(time)), UNKNOWN, time + lateness())
+        forecast.add(moved(ZERO, 6, path(time)), UNKNOWN, time + lateness())
     return time
 
 
 @given(speed=st.floats(-3.0, 3.0), gain=st.floats(-3.0, 3.0))
 def test_motion_of_constant_acceleration_is_forecast_without_lag(speed: float, gain: float) -> None:
-    forecast = GoalForecast(YUMI_LIMITS)
+    forecast = TargetPredictor(YUMI_LIMITS)
     forecast.rest_at(ZERO)
     last = stream(forecast, lambda time: time * (speed + 0.5 * gain * time), 0.8)
     target, then = forecast.at(last, AHEAD), last + AHEAD
@@ -45,18 +48,18 @@ def test_motion_of_constant_acceleration_is_forecast_without_lag(speed: float, g
     assert target.velocity[6] == pytest.approx(speed + gain * then, abs=0.02)
 
 
-def test_goal_that_does_not_move_is_forecast_where_it_is(forecast: GoalForecast, middle: Joints) -> None:
+def test_goal_that_does_not_move_is_forecast_where_it_is(forecast: TargetPredictor, middle: Joints) -> None:
     for number in range(10):
-        forecast.take(middle, UNKNOWN, number * PERIOD)
+        forecast.add(middle, UNKNOWN, number * PERIOD)
     assert forecast.at(9 * PERIOD, AHEAD).position == middle
 
 
 @pytest.mark.parametrize("size_deg", [0.2, 1.0, 10.0, 90.0])
-def test_jump_of_the_goal_is_no_motion(forecast: GoalForecast, size_deg: float) -> None:
+def test_jump_of_the_goal_is_no_motion(forecast: TargetPredictor, size_deg: float) -> None:
     size, speeds, places = radians(size_deg), [], []
     for number in range(100):
         time = number * PERIOD
-        forecast.take(moved(ZERO, 6, size * (number >= 50)), UNKNOWN, time)
+        forecast.add(moved(ZERO, 6, size * (number >= 50)), UNKNOWN, time)
         target = forecast.at(time, AHEAD)
         speeds.append(target.velocity[6])
         places.append(target.position[6])
@@ -65,78 +68,78 @@ def test_jump_of_the_goal_is_no_motion(forecast: GoalForecast, size_deg: float) 
     assert max(places) <= size + 1e-9
 
 
-def test_jump_while_the_goal_moves_leaves_its_speed_alone(forecast: GoalForecast) -> None:
+def test_jump_while_the_goal_moves_leaves_its_speed_alone(forecast: TargetPredictor) -> None:
     for number in range(200):
         time = number * PERIOD
-        forecast.take(moved(ZERO, 6, 0.5 * time + 0.3 * (number >= 100)), UNKNOWN, time)
+        forecast.add(moved(ZERO, 6, 0.5 * time + 0.3 * (number >= 100)), UNKNOWN, time)
         if number > 60:
             assert forecast.at(time, AHEAD).velocity[6] == pytest.approx(0.5, abs=0.02)
 
 
-def test_new_speed_is_known_after_two_goals(forecast: GoalForecast) -> None:
+def test_new_speed_is_known_after_two_goals(forecast: TargetPredictor) -> None:
     for number in range(53):
         time = number * PERIOD
-        forecast.take(moved(ZERO, 6, max(0.0, time - 49.5 * PERIOD)), UNKNOWN, time)
+        forecast.add(moved(ZERO, 6, max(0.0, time - 49.5 * PERIOD)), UNKNOWN, time)
     assert forecast.at(time, AHEAD).velocity[6] == pytest.approx(1.0, abs=0.1)
 
 
-def test_noisy_times_disturb_the_forecast_little(forecast: GoalForecast) -> None:
+def test_noisy_times_disturb_the_forecast_little(forecast: TargetPredictor) -> None:
     chance = Random(3)
     last = stream(forecast, sin, 2.0, lambda: chance.expovariate(1000.0))
     assert forecast.at(last, AHEAD).position[6] == pytest.approx(sin(last + AHEAD - 0.001), abs=0.006)
 
 
-def test_speed_that_is_given_is_used(forecast: GoalForecast) -> None:
+def test_speed_that_is_given_is_used(forecast: TargetPredictor) -> None:
     for number in range(50):
         time = number * PERIOD
-        forecast.take(moved(ZERO, 6, sin(time)), joints([nan] * 6 + [cos(time)]), time)
+        forecast.add(moved(ZERO, 6, sin(time)), joints([nan] * 6 + [cos(time)]), time)
     assert forecast.at(time, AHEAD).position[6] == pytest.approx(sin(time + AHEAD), abs=2e-4)
 
 
-def test_two_goals_at_one_time_make_no_speed(forecast: GoalForecast) -> None:
+def test_two_goals_at_one_time_make_no_speed(forecast: TargetPredictor) -> None:
     stream(forecast, lambda time: 0.0, 0.2)
-    forecast.take(moved(ZERO, 6, 1e-4), UNKNOWN, 0.196)
-    forecast.take(moved(ZERO, 6, 2e-4), UNKNOWN, 0.196)
+    forecast.add(moved(ZERO, 6, 1e-4), UNKNOWN, 0.196)
+    forecast.add(moved(ZERO, 6, 2e-4), UNKNOWN, 0.196)
     assert abs(forecast.at(0.196, AHEAD).velocity[6]) < 0.02
 
 
-def test_cycle_without_a_goal_goes_on_with_the_motion(forecast: GoalForecast) -> None:
+def test_cycle_without_a_goal_goes_on_with_the_motion(forecast: TargetPredictor) -> None:
     last = stream(forecast, lambda time: time, 0.4)
     assert forecast.at(last + 0.02, AHEAD).position[6] == pytest.approx(last + 0.02 + AHEAD, abs=1e-3)
 
 
-def test_stream_that_ends_is_not_forecast_any_further(forecast: GoalForecast) -> None:
+def test_stream_that_ends_is_not_forecast_any_further(forecast: TargetPredictor) -> None:
     last = stream(forecast, lambda time: time, 0.4)
-    target = forecast.at(last + forecast.silence + 1e-3, AHEAD)
+    target = forecast.at(last + forecast.timeout + 1e-3, AHEAD)
     assert (target.position[6], target.velocity) == (last, ZERO)
 
 
-def test_slow_stream_is_given_three_periods(forecast: GoalForecast) -> None:
+def test_slow_stream_is_given_three_periods(forecast: TargetPredictor) -> None:
     for number in range(60):
-        forecast.take(moved(ZERO, 6, 0.025 * number), UNKNOWN, 0.025 * number)
+        forecast.add(moved(ZERO, 6, 0.025 * number), UNKNOWN, 0.025 * number)
     assert forecast.at(59 * 0.025 + 0.05, 0.0).velocity[6] == pytest.approx(1.0, abs=0.01)
     assert forecast.at(59 * 0.025 + 0.08, 0.0).velocity == ZERO
 
 
-def test_stream_that_begins_again_has_forgotten_its_speed(forecast: GoalForecast) -> None:
+def test_stream_that_begins_again_has_forgotten_its_speed(forecast: TargetPredictor) -> None:
     last = stream(forecast, lambda time: time, 0.4)
-    forecast.take(moved(ZERO, 6, 0.1), UNKNOWN, last + 1.0)
+    forecast.add(moved(ZERO, 6, 0.1), UNKNOWN, last + 1.0)
     assert forecast.at(last + 1.0, AHEAD).velocity == ZERO
 
 
 @given(st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(0.0, 0.1)), min_size=1, max_size=60))
 def test_forecast_never_asks_for_more_than_the_joint_can_do(steps: list[tuple[float, float]]) -> None:
-    forecast, time = GoalForecast(YUMI_LIMITS), 0.0
+    forecast, time = TargetPredictor(YUMI_LIMITS), 0.0
     forecast.rest_at(ZERO)
     for goal, interval in steps:
         time += interval
-        forecast.take(moved(ZERO, 6, goal), UNKNOWN, time)
+        forecast.add(moved(ZERO, 6, goal), UNKNOWN, time)
         target = forecast.at(time, 0.0)
         assert abs(target.velocity[6]) <= YUMI_LIMITS.velocity[6]
         assert abs(target.acceleration[6]) <= YUMI_LIMITS.acceleration[6]
 
 
-def test_sine_is_forecast_within_its_third_derivative(forecast: GoalForecast) -> None:
+def test_sine_is_forecast_within_its_third_derivative(forecast: TargetPredictor) -> None:
     turn, size = 2.0 * pi * 0.2, radians(60.0)
     last = stream(forecast, lambda time: size * sin(turn * time), 3.0)
     then = last + AHEAD

@@ -1,0 +1,216 @@
+"""What an arm's feedback is worth: whether it can be true, and whether the robot takes our references.
+
+Both are decided by physics, not by the protocol, which proves neither
+(docs/explanation/decisions/0014-feedback-is-doubted.md).
+"""
+
+from __future__ import annotations
+
+from math import dist, hypot, inf
+
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+
+DOUBTED = 5
+"""An implausible position counts as a datagram that did not come; after so many in a row the arm holds."""
+
+LOST = 20
+"""After so many in a row the feedback is lost, as after 80 ms without a datagram."""
+
+OUTSIDE = 0.01
+"""How far outside of its range a joint may stand [rad]: its first command is the end of the range, so near that the
+robot does not jump there. An arm further out gets no reply."""
+
+LONGEST = 0.1
+"""Longest motion that may explain a position while others are implausible [s]."""
+
+_MARGIN = 0.02  # [rad] a measured position may differ by from what a joint's speed explains
+_AGREEING = 3  # so many datagrams that agree with each other outweigh as many of the session before them
+_FEW = 25  # a session that was plausible for longer is not outweighed
+_SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever our limits are: RAPID may have moved it
+_SLOWEST = min(_SPEEDS)
+
+
+class FeedbackCheck:
+    """Whether an arm can be where a datagram says, by the joints' highest speeds.
+
+    Args:
+        limits: of the joints.
+
+    Attributes:
+        implausible: states that no arm can have reached.
+        in_a_row: those since the last plausible one.
+        position: the implausible position that came last [rad], (7,).
+    """
+
+    def __init__(self, limits: JointLimits) -> None:
+        self.implausible = self.in_a_row = 0
+        self.position: Joints = ZERO
+        self._limits = limits
+        self._last: ArmState | None = None  # the last plausible state
+        self._support = 0  # plausible states since the session began
+        self._doubt: ArmState | None = None  # the last implausible state since then
+        self._agreeing = 0  # implausible states that agree with each other
+
+    def begin(self) -> None:
+        """A session begins with the next accepted state."""
+        self._support = 0
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether so many states in a row were implausible that the arm is not known to be anywhere."""
+        return self.in_a_row >= LOST
+
+    def is_start(self, state: ArmState, sent: Joints) -> bool:
+        """Whether an arm can be there that got no command since it was sent to the position ``sent`` [rad], (7,)."""
+        rows = zip(self._limits.lower, self._limits.upper, state.position, strict=True)
+        is_near_range = all(low - OUTSIDE <= now <= high + OUTSIDE for low, high, now in rows)
+        return is_near_range and _is_near_plan(state) and (self._last is None or self._can_follow(state, sent, inf))
+
+    def is_plausible(self, state: ArmState, sent: Joints) -> bool:
+        """Whether the arm can be where ``state`` says, and plan to be where it says, after the last plausible state.
+
+        While the robot may follow, it may have gone to the position ``sent`` last.
+        """
+        last = self._last
+        if last is None:
+            return self.is_start(state, sent)
+        if not self.in_a_row:  # nearly always all joints together have moved less than one may
+            reach = _SLOWEST * state.dt + _MARGIN
+            if dist(state.position, last.position) <= reach and dist(state.planned, last.planned) <= reach:
+                return True
+        return self._can_follow(state, sent, LONGEST if self.in_a_row else inf)
+
+    def accept(self, state: ArmState) -> ArmState:
+        """``state`` is plausible; its velocity is corrected where it was that from or to a false position."""
+        if self.in_a_row and self._last is not None:
+            passed = max(state.dt, state.time - self._last.time)
+            rows = zip(self._last.position, state.position, strict=True)
+            state = state._replace(
+                velocity=joints([(new - old) / passed for old, new in rows]) if passed > 0.0 else ZERO
+            )
+        self.in_a_row, self._doubt = 0, None
+        self._support += 1
+        self._last = state
+        return state
+
+    def reject(self, state: ArmState) -> None:
+        """``state`` is implausible."""
+        self.implausible += 1
+        self.in_a_row += 1
+        self._doubt, self.position = state, state.position
+
+    def replace(self, state: ArmState) -> tuple[ArmState, bool]:
+        """What to use in place of an implausible ``state``, which is counted, and whether it is the state itself.
+
+        It is the last plausible position; or this one, at rest, if enough others agree with it.
+        """
+        before = self._doubt
+        self.reject(state)
+        agrees = before is not None and _agree(before, state) and _is_near_plan(state)
+        self._agreeing = self._agreeing + 1 if agrees else 1
+        is_outweighed = self._agreeing >= max(_AGREEING, self._support) and self._support < _FEW
+        is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
+        if self._last is None or ((is_outweighed or is_elsewhere) and self._limits.outside(state.position) is None):
+            self._last = state._replace(velocity=ZERO)
+            return self.accept(state), True
+        return self._last._replace(time=state.time, dt=state.dt, session=state.session), False
+
+    def _can_follow(self, state: ArmState, sent: Joints, longest: float) -> bool:
+        """Whether the joints' speeds explain the way from the last plausible state, or from there to ``sent``.
+
+        The robot's clock and ours may differ by what a network delays.
+        """
+        last = self._last
+        assert last is not None
+        time = min(max(state.dt, state.time - last.time), longest)
+        for before, after in ((last.position, state.position), (last.planned, state.planned)):
+            for old, new, goal, speed in zip(before, after, sent, _SPEEDS, strict=True):
+                room = speed * time + _MARGIN
+                if not min(old, goal) - room <= new <= max(old, goal) + room:
+                    return False
+        return True
+
+
+def _agree(before: ArmState, state: ArmState) -> bool:
+    """Whether an arm can be in both states, one after the other."""
+    time = max(state.dt, state.time - before.time)
+    rows = zip(before.position, state.position, _SPEEDS, strict=True)
+    return all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
+
+
+def _is_near_plan(state: ArmState) -> bool:
+    """Whether the measured position is one that a servo has on the way to the planned one."""
+    rows = zip(state.position, state.planned, _SPEEDS, strict=True)
+    return all(abs(plan - now) <= speed * LONGEST + _MARGIN for now, plan, speed in rows)
+
+
+IGNORED_AFTER = 0.12
+"""A robot whose plan stands still for so long although references lead it ignores them [s]. A motion that begins within
+such a time is judged by the next one."""
+
+_MOTION = 1e-4  # [rad] over all joints: a plan that moves
+_DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is led by less, whatever its noise
+_FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
+
+
+class ReferenceMonitor:
+    """Whether the robot follows its references at all; often a firewall drops our outgoing datagrams.
+
+    The robot's planned position is the integral of its references (reference/egm.md §6.1), so both are compared.
+
+    Args:
+        gain: of the robot's position loop [1/s].
+
+    Attributes:
+        are_ignored: whether the plan stood still although references led it, and has not moved since.
+    """
+
+    def __init__(self, gain: float) -> None:
+        self.are_ignored = False
+        self._gain = gain
+        self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
+        self._plan: Joints = ZERO  # where the robot planned to be some time ago
+        self._due: Joints = ZERO  # how far it has been led since [rad]
+        self._due_for = 0.0  # how long ago that was [s]
+
+    def begin(self, state: ArmState, sent: ArmCommand | None = None) -> None:
+        """Compare from here on, as nothing is known; ``sent`` where a session begins with this command."""
+        self.are_ignored = False
+        self._compare_from(state)
+        if sent is not None:
+            self._sent = sent
+
+    def observe(self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool) -> None:
+        """After each reply.
+
+        Args:
+            state: what was replied to.
+            sent: the reply; the robot's plan does not show it yet, but the one before.
+            is_valid: whether the state says anything: the robot follows, and the state is plausible.
+            is_at_rest: whether the command leads nowhere.
+        """
+        before, self._sent = self._sent, sent
+        if not is_valid or (is_at_rest and not self.are_ignored):
+            self._compare_from(state)
+            return
+        if self.are_ignored:
+            if dist(state.planned, self._plan) > _MOTION:
+                self.begin(state)
+            return
+        dt = min(state.dt, LONGEST)
+        rows = zip(self._due, self.speeds(state, before), strict=True)
+        self._due = joints([due + speed * dt for due, speed in rows])
+        self._due_for += dt
+        if self._due_for >= IGNORED_AFTER:
+            due = hypot(*self._due)
+            self.are_ignored = due >= _DUE and dist(state.planned, self._plan) < _FOLLOWED * due
+            if not self.are_ignored:
+                self._compare_from(state)
+
+    def speeds(self, state: ArmState, sent: ArmCommand) -> list[float]:
+        """How fast a robot moves that follows ``sent`` [rad/s]."""
+        rows = zip(sent.position, state.planned, sent.velocity, strict=True)
+        return [self._gain * (ahead - now) + speed for ahead, now, speed in rows]
+
+    def _compare_from(self, state: ArmState) -> None:
+        self._plan, self._due, self._due_for = state.planned, ZERO, 0.0
