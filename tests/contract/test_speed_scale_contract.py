@@ -24,6 +24,7 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
 from yumi.control.events import ControllerReport
+from yumi.control.shared_state import Factor
 from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
@@ -65,7 +66,7 @@ class ScaledArm:
         self.arm.start()
 
     def set(self, scale: float) -> None:
-        self.scale.write((scale,))
+        self.scale.write(Factor(scale))
 
     def lead(self, name: str) -> None:
         self.arm.switch_to(name)

@@ -139,7 +139,7 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
         "Call start_egm when the controller is back."
     )
     assert read_snapshot(snapshots) == Snapshot(
-        time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
+        time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
     )
 
 

@@ -93,10 +93,10 @@ def test_first_contact_with_a_robot_at_another_address_is_slow(address: str, giv
 
 def test_scale_of_an_arm_begins_with_what_was_put_and_then_changes_gradually() -> None:
     box = MemoryBuffer()
-    box.write((0.1,))
+    box.write(Factor(0.1))
     scale = SpeedScale(box)
     assert (scale.value, scale.advance(CYCLE)) == (0.1, False)
-    box.write((1.0,))
+    box.write(Factor(1.0))
     values = [0.1]
     while scale.advance(CYCLE):
         values.append(scale.value)
