@@ -23,7 +23,7 @@ from system.virtual_time_bench import System
 from yumi.clock import SystemClock
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.gripper import TRAVEL, GripperModules, HandReading, Outcome, read_hand
+from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, Outcome, read_gripper
 from yumi.robot.joints import CYCLE, Side, finger_names
 from yumi.ros.clients import GripperClient
 from yumi.ros.executors import Ticker
@@ -57,9 +57,9 @@ class Robot(System):
     def close(self) -> None:
         """Nothing to close."""
 
-    def reading(self, side: Side) -> HandReading:
+    def reading(self, side: Side) -> GripperState:
         signals, suffix = self.world.controller.signals, side.name[0]
-        return read_hand(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
+        return read_gripper(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
 
 
 class Hand:

@@ -44,7 +44,7 @@ def test_controller_without_an_option_that_is_not_needed_is_used(system: System,
 
 def test_controller_without_grippers_is_used_with_a_remark(system: System) -> None:
     without(system, "SmartGripper")
-    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
+    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]
 
 
 def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,4 +85,4 @@ def test_remarks_are_told_once_with_the_next_steps(system: System) -> None:
         system.bringup.check_controller(HERE)
         system.bringup.make_ready()
     told = [step for step in system.steps if "SmartGripper" in step]
-    assert told == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
+    assert told == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]

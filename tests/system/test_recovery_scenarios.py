@@ -26,7 +26,7 @@ def system() -> MovingSystem:
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the pendant"),
+        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the FlexPendant"),
         (Fault.MOTORS_OFF, "10010 Motors OFF: the motors were switched off"),
         (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high: the references asked for more torque than an arm has"),
     ],
@@ -48,7 +48,7 @@ def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: 
         (
             Fault.MANUAL_MODE,
             Fault.AUTO_MODE,
-            "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the pendant",
+            "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the FlexPendant",
         ),
         (
             Fault.WRONG_PROGRAM,
@@ -180,7 +180,7 @@ def test_stop_ends_the_waiting_for_a_controller_at_once(system: MovingSystem) ->
             system.manager.stop_rapid()
 
     begin = system.now()
-    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.recover(stop)
     assert system.now() - begin < 0.1
 
@@ -209,7 +209,7 @@ def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> No
 
 @pytest.mark.parametrize("fault", [Fault.RWS_RESET, Fault.RWS_BUSY, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP])
 def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: MovingSystem, fault: Fault) -> None:
-    system.manager.watch.step()  # it subscribes
+    system.manager.monitor.step()  # it subscribes
     system.faults.happen(fault)
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -288,11 +288,11 @@ def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingS
     system.wait(0.2)
 
     def interrupt(step: str) -> None:
-        if step == "motors on":
-            system.manager.give_way()
+        if step == "switch the motors on":
+            system.manager.interrupt()
 
     system.steps.clear()
-    with system.bringup.telling(interrupt), pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with system.bringup.reporting(interrupt), pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.make_ready()
-    assert system.steps == ["motors on"]
+    assert system.steps == ["switch the motors on"]
     assert system.client.controller_state() is ControllerState.MOTORS_OFF

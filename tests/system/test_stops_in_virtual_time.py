@@ -126,7 +126,7 @@ def test_confirmation_while_the_button_is_pressed_does_not_count(system: MovingS
     system.faults.happen(Fault.EMERGENCY_STOP)
     system.wait(0.2)
     identity = system.stop_id()
-    with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: an emergency stop is pressed; release it"):
+    with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: the emergency stop is pressed; release it"):
         system.recover(identity)
     system.faults.happen(Fault.EMERGENCY_STOP_RESET)
     system.wait(1.0)
@@ -142,7 +142,7 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
     identity = system.stop_id()
 
     def report(step: str) -> None:
-        if step == "program pointer to main":
+        if step == "move the program pointers to main":
             system.faults.happen(Fault.COLLISION, Side.RIGHT)
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
@@ -164,7 +164,7 @@ def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
     def collide(_: float) -> None:
         system.faults.happen(Fault.COLLISION)
         if not is_asked:
-            system.manager.watch.look()
+            system.manager.monitor.read()
             monkeypatch.setattr(system.client, "events", lose_connection)
         raise RobotNotReady("The left arm did not become idle.")
 
@@ -214,9 +214,9 @@ def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: Mo
     identity = system.stop_id()
 
     def report(step: str) -> None:
-        if step == "program pointer to main":
+        if step == "move the program pointers to main":
             system.faults.happen(Fault.COLLISION, Side.RIGHT)
-            system.manager.watch.look()
+            system.manager.monitor.read()
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
         system.manager.recover(report, confirmed=identity)
@@ -248,7 +248,7 @@ def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) ->
     system.manager.stop_egm()
     system.client.stop_rapid()
     system.bringup._reports.append(
-        lambda step: system.faults.happen(Fault.COLLISION) if step == "program pointer to main" else None
+        lambda step: system.faults.happen(Fault.COLLISION) if step == "move the program pointers to main" else None
     )
     with pytest.raises(StopNotConfirmed, match="50204"):
         system.manager.start_egm()

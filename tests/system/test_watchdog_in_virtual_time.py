@@ -27,7 +27,7 @@ def watchdog(system: System) -> Watchdog:
 @pytest.fixture
 def system() -> MovingSystem:
     system = MovingSystem()
-    watchdog(system).have_robot_watch()
+    watchdog(system).arm_robot()
     return system
 
 
@@ -90,7 +90,7 @@ def test_egm_that_another_program_has_begun_is_begun_anew_and_watched() -> None:
         system.wait(0.5)
         system.manager.start_egm()
         assert system.steps[-4:-2] == ["stop EGM", "start EGM on both arms"]
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
     finally:
         system.manager.watchdog.stop()
 
@@ -101,7 +101,7 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
     system.wait(0.2)
     driver.give_sign()  # which nobody takes back
     system.recover()
-    driver.have_robot_watch()
+    driver.arm_robot()
     for _ in range(6):
         driver.give_sign()
         system.wait(TIMEOUT / 2)
@@ -123,7 +123,7 @@ def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: Movin
     system.faults.happen(Fault.PROGRAM_STOP)
     driver.give_sign()
     system.recover()
-    driver.have_robot_watch()
+    driver.arm_robot()
     for _ in range(4):
         system.wait(TIMEOUT / 2)
         driver.give_sign()
@@ -147,7 +147,7 @@ def test_watchdog_that_is_not_active_stops_nothing() -> None:
 
 def test_watchdog_that_was_disarmed_stops_nothing(system: MovingSystem) -> None:
     driver = watchdog(system)
-    driver.have_robot_watch()
+    driver.arm_robot()
     driver.disarm()
     system.wait(TIMEOUT + 0.5)
     assert execution(system) is ExecutionState.RUNNING
@@ -190,7 +190,7 @@ def test_driver_that_goes_disarms_the_watchdog_also_when_egm_has_ended_by_itself
         system.faults.happen(Fault.EGM_CONVERGENCE)
         system.wait(0.5)
         system.manager.end_motion()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()
 
@@ -200,8 +200,8 @@ def test_egm_arms_the_watchdog_and_its_end_disarms_it() -> None:
     system.manager.watchdog.start()
     try:
         system.manager.start_egm()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
         system.manager.stop_egm()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()

@@ -31,7 +31,7 @@ Given = Mapping[str, Any]
 """Settings of one group by name; None where nothing was given."""
 
 VIRTUAL_RWS_PORT = 8080
-"""Where ``yumi controller`` serves unless told otherwise."""
+"""The default port of ``yumi controller``."""
 
 
 def connect(
@@ -58,14 +58,14 @@ def connect(
             robot.left.gripper.open()
             robot.left.gripper.grasp(force=10.0)
 
-    On the way in the robot is brought to ready: motors on, RAPID program running, EGM on the arms, hands calibrated. On
-    every way out, be it an error or Ctrl-C, the arms come to rest first, then EGM ends.
+    On entry the robot is brought to ready: motors on, RAPID program running, grippers calibrated, EGM on the arms. On
+    exit, also after an error or Ctrl-C, the arms come to rest first, then EGM ends.
 
     Args:
         address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
             machine 8080, where ``yumi controller`` serves.
-        arms: the arms to guide; the other one stands still.
-        speed: share of the joints' highest speeds, above 0 up to 1, where a motion does not say.
+        arms: the arms on which EGM runs; the other one stands still.
+        speed: fraction of the joints' highest speeds, above 0 up to 1, where a motion does not say.
         acceleration: the same for accelerations and jerks.
         speed_scale: factor on the speed of every motion, 0.01 to 1; None takes the settings': 1 for a robot on this
             machine, 0.1 for any other. See :attr:`yumi.api.robot.Robot.speed_scale`.
@@ -141,7 +141,7 @@ def _address(address: str | None, rws_port: int | None) -> Given:
         return {"rws_port": rws_port}
     host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
     if not host or (colon and not port.isdigit()):
-        raise SettingsError(f"{address!r} is no address; give a host name or IPv4 address, with :port if need be.")
+        raise SettingsError(f"{address!r} is not an address; give a host name or IPv4 address, with :port if need be.")
     if colon and rws_port is not None:
         raise SettingsError(
             f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."

@@ -16,9 +16,8 @@ from threading import Thread
 from yumi.clock import SystemClock
 from yumi.control.requests import Event, HoldArm
 from yumi.driver.control_process import FastLines
-from yumi.driver.robot_manager import RobotManager
+from yumi.driver.robot_manager import RobotConnection, RobotManager
 from yumi.driver.settings import Settings
-from yumi.driver.watchdog import RobotConnection
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
@@ -96,7 +95,7 @@ def run_driver(
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
-        manager.watch.reports.report = ros.report
+        manager.monitor.log.report = ros.report
         fast_lines.start()
         stack.callback(fast_lines.stop)
         stack.callback(connection.disconnect)
@@ -132,7 +131,7 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
         while not is_over.wait(_GLANCE):
             if has_ended.is_set():
                 return
-        manager.give_way()
+        manager.interrupt()
         if not has_ended.wait(TELL_CONTROLLER):
             client.abandon()
 

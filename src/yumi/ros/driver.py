@@ -140,7 +140,7 @@ class RosDriver:
             clock,
             limits,
             self._ticker,
-            manager.watch,
+            manager.monitor,
         )
         forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
@@ -160,16 +160,16 @@ class RosDriver:
         )
         self._gripper_setup = GripperSetup(
             hands.grippers,
-            manager.report_step,
+            manager.step,
             nodes.manager.get_logger().error,
-            is_wanted=hands.settings.calibrate is CalibrateWhen.AT_START,
+            is_allowed=hands.settings.calibrate is CalibrateWhen.AT_START,
             why_not=self._managed.why_no_grip,  # a stop is confirmed before the robot becomes ready, but not closed yet
             is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)
         self._commands = command_topics(nodes.streams, fast_lines, clock)
         for topic in self._commands:
-            topic.why_stopped = manager.watch.cause
+            topic.why_stopped = manager.monitor.cause
         offered = (nodes.manager, manager, self._managed.permission, self._look)
         self._services = RobotManagerServices(*offered)
         self._manager_actions = RobotManagerActions(*offered)
@@ -208,7 +208,7 @@ class RosDriver:
     def tell(self, event: Event) -> None:
         """Log what happened in a fast line, and see what has changed."""
         is_end_of_egm = isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing)
-        self._arms[event.side].tell(event, self._manager.watch.explain if is_end_of_egm else None)
+        self._arms[event.side].tell(event, self._manager.monitor.explain if is_end_of_egm else None)
 
     def say(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -241,7 +241,7 @@ class RosDriver:
         try:
             demand(self._managed.permission.to_move())
             if is_reading_only:
-                self._manager.tell_remarks()
+                self._manager.report_remarks()
                 self.say("The robot is left as it is until start_egm, set_mode or recover is called.")
                 return ""
             is_tested = self._hand_parts.settings.test_at_start
@@ -298,7 +298,7 @@ class RosDriver:
 
     def _publish(self, fast_lines: FastLines, merged_rate: float, clock: Clock, limits: JointLimits) -> None:
         """Publish what is known."""
-        nodes, robot, boxes = self._nodes, self._manager.watch.state, fast_lines.boxes
+        nodes, robot, boxes = self._nodes, self._manager.monitor.state, fast_lines.boxes
         self._states = [JointStatePublisher(arm.node, side, boxes[side], clock) for side, arm in self._arms.items()]
         self._state = RobotStateTopic(nodes.manager, robot, clock, self._ticker)
         self._merged = MergedJointStates(nodes.stream, boxes, self._hands.fingers, merged_rate, clock, self._ticker)

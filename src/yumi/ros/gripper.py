@@ -25,11 +25,12 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.driver.gripper import CHANNELS, Gripper, HandSignals
+from yumi.driver.gripper import CHANNELS, Gripper
+from yumi.driver.gripper_io import GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
-from yumi.robot.gripper import CupReading, HandOrder, HandReading, HandState, Outcome, order_of
+from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, VacuumState, gripper_goal
 from yumi.robot.joints import Side, finger_names
 from yumi.ros.executors import Ticker
 from yumi.ros.messages import stamp
@@ -107,7 +108,7 @@ class HandAction(ABC):
         self._server.destroy()
 
     @abstractmethod
-    def order(self, goal: Any) -> HandOrder:
+    def order(self, goal: Any) -> GripperGoal:
         """What a goal asks for.
 
         Raises:
@@ -160,7 +161,7 @@ class HandAction(ABC):
             handle.succeed()
         return self._result_of(order, outcome)
 
-    def _carry_out(self, handle: Any, order: HandOrder) -> Outcome | None:
+    def _carry_out(self, handle: Any, order: GripperGoal) -> Outcome | None:
         self._gripper.begin(order, self._check)
         return self._gripper.wait(
             order,
@@ -173,7 +174,7 @@ class HandAction(ABC):
         if reason is not None:
             raise RobotNotReady(reason)
 
-    def _result_of(self, order: HandOrder, outcome: Outcome | None) -> Any:
+    def _result_of(self, order: GripperGoal, outcome: Outcome | None) -> Any:
         return self.result(
             self._gripper.last_position,
             order.force if outcome is Outcome.HOLDING else 0.0,
@@ -183,13 +184,13 @@ class HandAction(ABC):
 
 
 class GripperAction(HandAction):
-    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``order_of``."""
+    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``gripper_goal``."""
 
     kind = GripperCommand
     name = "~/gripper_cmd"
 
-    def order(self, goal: Any) -> HandOrder:
-        return order_of(goal.command.position, goal.command.max_effort, self._force)
+    def order(self, goal: Any) -> GripperGoal:
+        return gripper_goal(goal.command.position, goal.command.max_effort, self._force)
 
     def feedback(self, position: float) -> Any:
         return GripperCommand.Feedback(position=position)
@@ -204,7 +205,7 @@ class ParallelGripperAction(HandAction):
     kind = ParallelGripperCommand
     name = "~/parallel_gripper_cmd"
 
-    def order(self, goal: Any) -> HandOrder:
+    def order(self, goal: Any) -> GripperGoal:
         command, names = goal.command, finger_names(self._gripper.side)
         unknown = [name for name in command.name if name not in names]
         if unknown:
@@ -212,7 +213,7 @@ class ParallelGripperAction(HandAction):
         if not command.position:
             raise CommandRefused("The goal has no position; give that of a finger [m].")
         position, speed = _one("position", command.position), _one("velocity", command.velocity)
-        return order_of(position, _one("effort", command.effort), self._force, speed or None)
+        return gripper_goal(position, _one("effort", command.effort), self._force, speed or None)
 
     def feedback(self, position: float) -> Any:
         return ParallelGripperCommand.Feedback(state=self._state(position, 0.0))
@@ -339,15 +340,15 @@ class GripperServices:
         return "The gripper reports no error."
 
     def _switch_vacuum(self, channel: int, is_on: bool) -> str:
-        self._gripper.vacuum.check(channel)
+        self._gripper.check_vacuum(channel)
         self._check()
-        self._gripper.vacuum.switch(channel, is_on=is_on)
+        self._gripper.switch_vacuum(channel, is_on=is_on)
         return f"Vacuum {channel} is {'on' if is_on else 'off'}."
 
     def _switch_blow(self, channel: int, is_on: bool) -> str:
-        self._gripper.vacuum.check(channel)
+        self._gripper.check_vacuum(channel)
         self._check()
-        self._gripper.vacuum.blow(channel, is_on=is_on)
+        self._gripper.switch_blow_off(channel, is_on=is_on)
         return f"Blow-off {channel} is {'on' if is_on else 'off'}."
 
 
@@ -382,7 +383,7 @@ class GripperTopics:
         self,
         node: Any,
         side: Side,
-        reading: Callable[[], HandReading | None],
+        reading: Callable[[], GripperState | None],
         picked_pressure: float,
         channels: tuple[int, ...],
         ticker: Ticker,
@@ -405,7 +406,7 @@ class GripperTopics:
         self._told: dict[int, bool] = {}
         self._turn = turn
         self._failures = turn.failures
-        self._last: HandState | None = None
+        self._last: ServoState | None = None
         self._count = 0
         ticker.every(PERIOD, f"{side.value}/gripper", self._publish)
 
@@ -425,12 +426,12 @@ class GripperTopics:
             self._last = reading.state
             self._publish_status(reading)
 
-    def _publish_status(self, reading: HandReading | None) -> None:
+    def _publish_status(self, reading: GripperState | None) -> None:
         status, (count, reason) = gripper_status(self._side, reading), self._failures
         status.values = [*status.values, KeyValue(key=FAILURES, value=str(count)), KeyValue(key=FAILURE, value=reason)]
         self._status.publish(status)
 
-    def _fingers(self, reading: HandReading, now: Any) -> Any:
+    def _fingers(self, reading: GripperState, now: Any) -> Any:
         count = len(self._names)
         message = JointState(name=self._names)
         message.header.stamp = now
@@ -439,7 +440,7 @@ class GripperTopics:
         message.effort = [reading.force] * count
         return message
 
-    def _publish_cup(self, channel: int, cup: CupReading, now: Any) -> None:
+    def _publish_cup(self, channel: int, cup: VacuumState, now: Any) -> None:
         message = FluidPressure(fluid_pressure=cup.pressure)
         message.header.stamp = now
         self._pressures[channel].publish(message)
@@ -449,7 +450,7 @@ class GripperTopics:
             self._picked[channel].publish(Bool(data=has_picked))
 
 
-def gripper_status(side: Side, reading: HandReading | None) -> DiagnosticStatus:
+def gripper_status(side: Side, reading: GripperState | None) -> DiagnosticStatus:
     """A hand for ``gripper/state`` and ``/diagnostics``."""
     status = DiagnosticStatus(name=f"yumi: {side.word} gripper", hardware_id=f"Hand_{side.name[0]}")
     status.level, status.message = _level(reading)
@@ -471,10 +472,10 @@ def gripper_status(side: Side, reading: HandReading | None) -> DiagnosticStatus:
     return status
 
 
-def _level(reading: HandReading | None) -> tuple[bytes, str]:
+def _level(reading: GripperState | None) -> tuple[bytes, str]:
     if reading is None:
         return DiagnosticStatus.STALE, "the controller tells nothing of it"
-    if reading.state is HandState.ERROR:
+    if reading.state is ServoState.ERROR:
         return DiagnosticStatus.ERROR, f"error {reading.error}; look at the event log, then call clear_error"
     if not reading.is_calibrated:
         return DiagnosticStatus.WARN, "not calibrated; call calibrate"
@@ -508,7 +509,7 @@ class HandParts(NamedTuple):
     """
 
     grippers: Mapping[Side, Gripper]
-    signals: HandSignals
+    signals: GripperSignals
     settings: GripperSettings
 
 
@@ -592,9 +593,9 @@ class Hands:
         GripperServices(node, gripper, group, why_not, turn, self._calibrate)
         return hand_actions(node, gripper, self._parts.settings.force, group, why_not, turn)
 
-    def _reading(self, side: Side) -> HandReading | None:
+    def _reading(self, side: Side) -> GripperState | None:
         try:
-            return self._parts.signals.reading(side)
+            return self._parts.signals.state(side)
         except YumiError as error:
             self._tell(str(error))
             return None

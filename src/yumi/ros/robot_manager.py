@@ -122,17 +122,17 @@ def _values(manager: RobotManager) -> tuple[Offer, ...]:
         return f"Signal {ask.name} is {ask.value}"
 
     def write_variable(ask: Any) -> str:
-        manager.write_variable(ask.task, ask.module, ask.name, ask.value)
+        manager.panel.write_variable(ask.task, ask.module, ask.name, ask.value)
         return f"{ask.task}/{ask.module}/{ask.name} is {ask.value}"
 
     return (
-        Offer("read_signal", ReadSignal, Lane.READ, lambda ask: manager.read_signal(ask.name), is_reading=True),
+        Offer("read_signal", ReadSignal, Lane.READ, lambda ask: manager.panel.read_signal(ask.name), is_reading=True),
         Offer("write_signal", WriteSignal, Lane.CHANGE, write_signal),
         Offer(
             "read_variable",
             ReadVariable,
             Lane.READ,
-            lambda ask: manager.read_variable(ask.task, ask.module, ask.name),
+            lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name),
             is_reading=True,
         ),
         Offer("write_variable", WriteVariable, Lane.CHANGE, write_variable),
@@ -254,7 +254,7 @@ class RobotManagerActions:
         return self._manager.go_to(mode, report)
 
     def _recover(self, goal: Any, report: _Steps) -> str:
-        demand(self._permission.to_move(self._manager.wanted))
+        demand(self._permission.to_move(self._manager.egm_arms))
         check = partial(report.check, "while the controller did not answer")
         return self._manager.recover(report, check, goal.confirm_stop.strip())
 
@@ -272,7 +272,7 @@ class RobotManagerActions:
                 result.message = str(error)
                 self._log.error(f"{name}: {error}")
                 handle.abort()
-            result.state = robot_state(self._manager.watch.state(), self._clock.now().nanoseconds)
+            result.state = robot_state(self._manager.monitor.state(), self._clock.now().nanoseconds)
             self._on_change()
             return result
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance, MotionBook
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.clock import ManualClock
 from yumi.control.commands import MemoryMailbox
 from yumi.control.controller import ControllerInfo, State
@@ -26,7 +26,7 @@ from yumi.robot.joints import YUMI_LIMITS, Side, home
 NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER)
 
 
-class FakeFastLine:
+class FakeLoop:
     """Both arms stand at home and follow."""
 
     def __init__(self) -> None:
@@ -69,13 +69,13 @@ class FakeFastLine:
 
 
 class FakeRobot:
-    """A guidance with a fake fast line below."""
+    """An executor with a fake control loop."""
 
     def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
-        self.fast_line = FakeFastLine()
+        self.loop = FakeLoop()
         self.goals = {side: MemoryMailbox() for side in Side}
-        self.book = MotionBook()
-        self.guidance = Guidance(self.fast_line, self.goals, self.book, arms, YUMI_LIMITS, ManualClock(100.0))
+        self.motions = MotionRegistry()
+        self.executor = MotionExecutor(self.loop, self.goals, self.motions, arms, YUMI_LIMITS, ManualClock(100.0))
 
     def rest(self, order: Order) -> None:
         """For ``on_order``: an arm that is told to stop does."""
@@ -83,6 +83,6 @@ class FakeRobot:
             self.end(order)
 
     def end(self, order: Order, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
-        """The fast line tells how an order has ended."""
+        """The control loop reports how an order has ended."""
         identity = order.message.identity  # type: ignore[attr-defined]
-        self.book.tell(ControllerNotice(order.side, order.controller, GoalEnded(identity, outcome, sentence)))
+        self.motions.note(ControllerNotice(order.side, order.controller, GoalEnded(identity, outcome, sentence)))

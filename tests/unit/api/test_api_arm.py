@@ -25,15 +25,15 @@ def robot() -> FakeRobot:
 
 @pytest.fixture
 def arm(robot: FakeRobot) -> Arm:
-    return Arm(Side.RIGHT, lambda: robot.guidance, Gripper(Side.RIGHT, no_hand, 10.0))
+    return Arm(Side.RIGHT, lambda: robot.executor, Gripper(Side.RIGHT, no_gripper, 10.0))
 
 
-def no_hand() -> None:
-    raise AssertionError("the arm needs no hand")
+def no_gripper() -> None:
+    raise AssertionError("the arm needs no gripper")
 
 
 def show(robot: FakeRobot, **values: object) -> None:
-    robot.fast_line.snapshots[Side.RIGHT] = replace(robot.fast_line.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
+    robot.loop.snapshots[Side.RIGHT] = replace(robot.loop.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
 
 
 def test_arm_tells_what_is_measured(arm: Arm) -> None:
@@ -58,26 +58,26 @@ def test_arm_tells_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, ob
 
 
 def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot, arm: Arm) -> None:
-    robot.book.tell(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
+    robot.motions.note(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
     assert arm.state is ArmMode.FAULT
-    robot.book.clear_faults()
+    robot.motions.clear_faults()
     assert arm.state is ArmMode.HOLDING
 
 
 @pytest.mark.parametrize("look", [lambda arm: arm.position, lambda arm: arm.velocity, lambda arm: arm.pose])
 def test_silent_arm_has_no_position(robot: FakeRobot, arm: Arm, look: Callable[[Arm], object]) -> None:
-    robot.fast_line.snapshots[Side.RIGHT] = Snapshot()
+    robot.loop.snapshots[Side.RIGHT] = Snapshot()
     with pytest.raises(RobotNotReady, match="The robot sends no positions of its right arm: EGM is not running"):
         look(arm)
 
 
 def test_arm_stops_and_waits_until_it_stands(robot: FakeRobot, arm: Arm) -> None:
-    robot.fast_line.on_order = robot.end
+    robot.loop.on_order = robot.end
     arm.stop()
-    assert isinstance(robot.fast_line.orders[0].message, StopMotion)
+    assert isinstance(robot.loop.orders[0].message, StopMotion)
 
 
 def test_arm_waits_for_its_goal_unless_told_otherwise(robot: FakeRobot, arm: Arm) -> None:
     assert not arm.move_to(RIGHT, wait=False).is_done
-    robot.fast_line.on_order = robot.end
+    robot.loop.on_order = robot.end
     assert arm.move_to(RIGHT).is_done

@@ -12,20 +12,20 @@ from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion
 from yumi.api.robot import Arm, Robot
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.driver.gripper import Gripper as Hand
+from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import HandOrder, Outcome
+from yumi.robot.gripper import GripperGoal, Outcome
 from yumi.robot.joints import Side, home
 
 RIGHT = home(Side.RIGHT)
 
 
-class FakeHand:
+class FakeGripper:
     last_position = 0.01
 
-    def begin(self, order: HandOrder) -> None: ...
+    def begin(self, order: GripperGoal) -> None: ...
 
-    def wait(self, order: HandOrder) -> Outcome:
+    def wait(self, order: GripperGoal) -> Outcome:
         return Outcome.HOLDING
 
 
@@ -34,18 +34,18 @@ class FakeConnected:
 
     def __init__(self) -> None:
         self.fake = FakeRobot()
-        self.guidance = self.fake.guidance
-        self.fake.fast_line.on_order = self.fake.rest
-        gripper = Gripper(Side.RIGHT, lambda: cast("Hand", FakeHand()), 10.0)
-        self.arm = AsyncArm(cast("Robot", self), Arm(Side.RIGHT, lambda: self.guidance, gripper))
+        self.executor = self.fake.executor
+        self.fake.loop.on_order = self.fake.rest
+        gripper = Gripper(Side.RIGHT, lambda: cast("driver.Gripper", FakeGripper()), 10.0)
+        self.arm = AsyncArm(Arm(Side.RIGHT, lambda: self.executor, gripper))
 
     @property
     def stops(self) -> int:
-        return sum(isinstance(order.message, StopMotion) for order in self.fake.fast_line.orders)
+        return sum(isinstance(order.message, StopMotion) for order in self.fake.loop.orders)
 
     async def ordered(self) -> None:
         """Until the first goal is on its way."""
-        while not any(isinstance(order.message, JointGoal) for order in self.fake.fast_line.orders):
+        while not any(isinstance(order.message, JointGoal) for order in self.fake.loop.orders):
             await asyncio.sleep(0)
 
 
@@ -60,7 +60,7 @@ def run(script: Coroutine[None, None, None]) -> None:
 
 def test_awaited_motion_is_over(robot: FakeConnected) -> None:
     async def script() -> None:
-        robot.fake.fast_line.on_order = robot.fake.end
+        robot.fake.loop.on_order = robot.fake.end
         assert (await robot.arm.move_to(RIGHT)).is_done
 
     run(script())
@@ -68,7 +68,7 @@ def test_awaited_motion_is_over(robot: FakeConnected) -> None:
 
 def test_motion_ends_elsewhere_with_its_reason(robot: FakeConnected) -> None:
     async def script() -> None:
-        robot.fake.fast_line.on_order = lambda order: robot.fake.end(order, GoalOutcome.ABORTED, "axis 2 was held")
+        robot.fake.loop.on_order = lambda order: robot.fake.end(order, GoalOutcome.ABORTED, "axis 2 was held")
         with pytest.raises(GoalNotReached, match="axis 2 was held"):
             await robot.arm.move_to(RIGHT)
 
@@ -143,7 +143,7 @@ class SlowRobot:
 
 
 def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda robot, arm: None)
+    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda arm: None)
 
     async def script() -> None:
         slow = SlowRobot(asyncio.get_running_loop())

@@ -24,8 +24,8 @@ from yumi.robot.gripper import (
     TOP_SPEED,
     TRAVEL,
     GripperModules,
-    HandCommand,
-    HandState,
+    ServoCommand,
+    ServoState,
 )
 
 FORCE_RATE = 100.0
@@ -146,7 +146,7 @@ class Action(Protocol):
         is_over: whether the next action may begin.
     """
 
-    state: HandState
+    state: ServoState
     is_over: bool
 
     def advance(self, fingers: Fingers, dt: float) -> float:
@@ -156,7 +156,7 @@ class Action(Protocol):
 class FreeMove:
     """Go to a position; an obstacle is an error."""
 
-    def __init__(self, state: HandState, target: float, speed: float) -> None:
+    def __init__(self, state: ServoState, target: float, speed: float) -> None:
         self.state = state
         self.is_over = False
         self._target, self._speed = target, speed
@@ -165,18 +165,18 @@ class FreeMove:
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, _PUSH, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            self.state, self.is_over = ServoState.ACTION_COMPLETED, True
             return left
         self._stalled += left
         if self._stalled >= STALL_TIME:
-            self.state, self.is_over = HandState.ERROR, True
+            self.state, self.is_over = ServoState.ERROR, True
         return 0.0
 
 
 class Grip:
     """Close in on something and hold it; coming to the end of the way means that there was nothing."""
 
-    def __init__(self, state: HandState, target: float, speed: float, force: float) -> None:
+    def __init__(self, state: ServoState, target: float, speed: float, force: float) -> None:
         self.state = state
         self.is_over = False
         self._gripping = state
@@ -185,10 +185,10 @@ class Grip:
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, self._force, dt)
         if fingers.opening == self._target:
-            self.state, self.is_over = HandState.ACTION_COMPLETED, True
+            self.state, self.is_over = ServoState.ACTION_COMPLETED, True
             return left
         stands_with_force = fingers.speed == 0.0 and fingers.force >= self._force
-        self.state = HandState.KEEP_OBJECT if stands_with_force else self._gripping
+        self.state = ServoState.KEEP_OBJECT if stands_with_force else self._gripping
         return 0.0
 
 
@@ -196,7 +196,7 @@ class Jog:
     """Open or close without knowing where the fingers are, until told to stop or, if asked, until they stand."""
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
-        self.state = HandState.JOG_OPEN if opens else HandState.JOG_CLOSE
+        self.state = ServoState.JOG_OPEN if opens else ServoState.JOG_CLOSE
         self.is_over = False
         self._target = TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
@@ -212,7 +212,7 @@ class Jog:
 class Pause:
     """Do nothing in a state for a while [s]."""
 
-    def __init__(self, state: HandState, duration: float, *, state_after: HandState) -> None:
+    def __init__(self, state: ServoState, duration: float, *, state_after: ServoState) -> None:
         self.state = state
         self.is_over = False
         self._left, self._state_after = duration, state_after
@@ -338,13 +338,13 @@ class VirtualGripper:
         self._fingers = Fingers(workpiece)
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
-        self._state = HandState.READY
-        self._command_shown = HandCommand.NONE
+        self._state = ServoState.READY
+        self._command_shown = ServoCommand.NONE
         self._error = 0
         self._actions: deque[Action] = deque()
 
     @property
-    def state(self) -> HandState:
+    def state(self) -> ServoState:
         """``hand_SysState``."""
         return self._state
 
@@ -371,7 +371,7 @@ class VirtualGripper:
     @property
     def is_holding(self) -> bool:
         """Whether the fingers hold an object with the hold force."""
-        return self._state is HandState.KEEP_OBJECT
+        return self._state is ServoState.KEEP_OBJECT
 
     @property
     def workpiece(self) -> Workpiece | None:
@@ -387,7 +387,7 @@ class VirtualGripper:
         for cup in self.cups.values():
             cup.advance(dt)
         self._advance_fingers(dt)
-        if self._state is not HandState.ERROR:
+        if self._state is not ServoState.ERROR:
             self._error = 0
         elif self._error == 0:
             self._error = STALL_ERROR
@@ -405,7 +405,7 @@ class VirtualGripper:
 
     def fail(self, error: int) -> None:
         """The hand finds something wrong with itself and shows ``error``, 1 to 255, until that is cleared."""
-        self._obey(HandCommand.GO_TO_ERROR)
+        self._obey(ServoCommand.GO_TO_ERROR)
         self._error = error
 
     def cut_power(self) -> None:
@@ -445,10 +445,10 @@ class VirtualGripper:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
         closing: tuple[Action, ...] = (
             Jog(opens=False, ends_at_standstill=True),
-            Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
+            Pause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
         )
-        self._begin(*(closing if jog else ()), _Zeroing(self, HandState.READY))
-        self._command_shown = HandCommand.GO_TO_READY
+        self._begin(*(closing if jog else ()), _Zeroing(self, ServoState.READY))
+        self._command_shown = ServoCommand.GO_TO_READY
 
     def move_to(self, position: float) -> None:
         """g_MoveTo: free move of each finger to ``position`` [m].
@@ -461,10 +461,10 @@ class VirtualGripper:
         _check_position(position, self.physical_limit)
         if self.position >= position:
             self._min_position = position
-            self._obey(HandCommand.FREE_MOVE_TO_MIN_POS)
+            self._obey(ServoCommand.FREE_MOVE_TO_MIN_POS)
         else:
             self._max_position = position
-            self._obey(HandCommand.FREE_MOVE_TO_MAX_POS)
+            self._obey(ServoCommand.FREE_MOVE_TO_MAX_POS)
 
     def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
         """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
@@ -475,7 +475,7 @@ class VirtualGripper:
         """
         self._check_grip(hold_force, position)
         self._min_position = position
-        self._obey(HandCommand.AGILE_GRIP_INWARD)
+        self._obey(ServoCommand.AGILE_GRIP_INWARD)
 
     def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
         """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m].
@@ -487,15 +487,15 @@ class VirtualGripper:
         widest = self.physical_limit if position is None else position
         self._check_grip(hold_force, widest)
         self._max_position = widest
-        self._obey(HandCommand.AGILE_GRIP_OUTWARD)
+        self._obey(ServoCommand.AGILE_GRIP_OUTWARD)
 
     def stop(self) -> None:
         """g_Stop: the motor lets go; the gripper is ready for the next command."""
-        self._obey(HandCommand.GO_TO_READY)
+        self._obey(ServoCommand.GO_TO_READY)
 
     def jog(self, *, opens: bool) -> None:
         """g_JogOut, g_JogIn: open or close with little speed until told to stop, calibrated or not."""
-        self._obey(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+        self._obey(ServoCommand.JOG_OPEN if opens else ServoCommand.JOG_CLOSE)
 
     def set_vacuum(self, channel: int, *, is_on: bool) -> None:
         """g_VacuumOn, g_VacuumOff of channel 1 or 2; where there is no such module nothing happens."""
@@ -555,7 +555,7 @@ class VirtualGripper:
 
     def _switch(self, signal: str, *, is_on: bool) -> None:
         if signal == "hand_CmdClearErr":
-            if is_on and self._state is HandState.ERROR:
+            if is_on and self._state is ServoState.ERROR:
                 self.stop()
         elif signal in ("hand_CmdVacuum1", "hand_CmdVacuum2"):
             self.set_vacuum(int(signal[-1]), is_on=is_on)
@@ -563,9 +563,9 @@ class VirtualGripper:
             self.set_blow(int(signal[-1]), is_on=is_on)
 
     def _command(self, value: int) -> None:
-        is_known = value in [int(command) for command in HandCommand]
-        if is_known and (value == HandCommand.GO_TO_READY or self._state is HandState.READY):
-            self._obey(HandCommand(value))
+        is_known = value in [int(command) for command in ServoCommand]
+        if is_known and (value == ServoCommand.GO_TO_READY or self._state is ServoState.READY):
+            self._obey(ServoCommand(value))
 
     def _check_calibrated(self) -> None:
         if not self.is_calibrated:
@@ -577,14 +577,14 @@ class VirtualGripper:
         if hold_force is not None:
             self.set_hold_force(hold_force)
 
-    def _obey(self, command: HandCommand) -> None:
+    def _obey(self, command: ServoCommand) -> None:
         self._command_shown = command
         action = self._action(command)
         if action is not None:
             self._begin(action)
-        elif command is not HandCommand.NONE:
+        elif command is not ServoCommand.NONE:
             self._begin()
-            self._state = HandState.ERROR if command is HandCommand.GO_TO_ERROR else HandState.READY
+            self._state = ServoState.ERROR if command is ServoCommand.GO_TO_ERROR else ServoState.READY
 
     def _begin(self, *actions: Action) -> None:
         self._actions = deque(actions)
@@ -592,17 +592,17 @@ class VirtualGripper:
         if actions:
             self._state = actions[0].state
 
-    def _action(self, command: HandCommand) -> Action | None:
+    def _action(self, command: ServoCommand) -> Action | None:
         narrow, wide = self._mechanical(self._min_position), self._mechanical(self._max_position)
         speed, force = self.max_speed, self.hold_force
-        actions: dict[HandCommand, Action] = {
-            HandCommand.JOG_OPEN: Jog(opens=True),
-            HandCommand.JOG_CLOSE: Jog(opens=False),
-            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
-            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
-            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
-            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
-            HandCommand.GO_TO_CALIBRATION: _Zeroing(self, HandState.ACTION_COMPLETED),
+        actions: dict[ServoCommand, Action] = {
+            ServoCommand.JOG_OPEN: Jog(opens=True),
+            ServoCommand.JOG_CLOSE: Jog(opens=False),
+            ServoCommand.FREE_MOVE_TO_MAX_POS: FreeMove(ServoState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            ServoCommand.FREE_MOVE_TO_MIN_POS: FreeMove(ServoState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            ServoCommand.AGILE_GRIP_INWARD: Grip(ServoState.AGILE_GRIP_INWARD, narrow, speed, force),
+            ServoCommand.AGILE_GRIP_OUTWARD: Grip(ServoState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            ServoCommand.GO_TO_CALIBRATION: _Zeroing(self, ServoState.ACTION_COMPLETED),
         }
         return actions.get(command)
 
@@ -618,8 +618,8 @@ class VirtualGripper:
 class _Zeroing(Pause):
     """Stand still for the time of a calibration, then take the position for 0."""
 
-    def __init__(self, gripper: VirtualGripper, state_after: HandState) -> None:
-        super().__init__(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
+    def __init__(self, gripper: VirtualGripper, state_after: ServoState) -> None:
+        super().__init__(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after)
         self._gripper = gripper
 
     def advance(self, fingers: Fingers, dt: float) -> float:
