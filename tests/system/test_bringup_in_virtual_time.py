@@ -96,7 +96,7 @@ def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
     assert system.manager.state().reason == ""
 
 
-def test_bringup_says_that_only_the_pendant_chooses_auto(system: System) -> None:
+def test_bringup_says_that_only_the_flexpendant_chooses_auto(system: System) -> None:
     system.world.controller.mode = OperatingMode.MANUAL_REDUCED
     with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the FlexPendant"):
         system.bringup.make_ready()

@@ -1,4 +1,4 @@
-"""Both hands through the state machine on the virtual robot: outcomes, vacuum, refusals, and EGM beside them."""
+"""Both grippers through the state machine on the virtual robot: outcomes, vacuum, refusals, and EGM beside them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def system() -> System:
 
 @pytest.fixture
 def calibrated() -> System:
-    """With hands that the controller tells of."""
+    """With grippers that the controller tells of."""
     system = System(are_calibrated=True)
     system.bringup.make_ready()
     system.signals.keep_open()
@@ -70,7 +70,7 @@ def right(calibrated: System) -> Gripper:
     return calibrated.grippers[Side.RIGHT]
 
 
-def test_hands_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
+def test_grippers_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
     setup = GripperSetup(system.grippers, print, print)
     assert setup.steps() == [f"calibrate the {side.word} gripper (its fingers close)" for side in Side]
     setup.run()
@@ -282,7 +282,7 @@ def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: S
     assert calibrated.world.grippers[Side.LEFT].is_holding
 
 
-def test_gripper_that_somebody_jogs_is_not_calibrated_under_his_hands(system: System) -> None:
+def test_gripper_that_a_person_jogs_is_not_calibrated_under_his_grippers(system: System) -> None:
     prepared = Preparing(system)
     system.grippers[Side.RIGHT].jog(opens=True)
     system.manager.make_ready()
@@ -299,7 +299,7 @@ def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gri
     assert left.last_position == pytest.approx(0.010, abs=2e-4)
 
 
-def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs(
+def test_fingers_are_reported_twenty_times_a_second_without_a_request_while_egm_runs(
     calibrated: System, right: Gripper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calibrated.start_egm()
@@ -313,7 +313,7 @@ def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs
     assert len(positions) >= int(20 * 60 * 6 * CYCLE)
 
 
-def test_hands_are_told_again_beside_a_watch_however_often_the_web_socket_breaks(calibrated: System) -> None:
+def test_grippers_are_reported_again_beside_a_monitor_however_often_the_web_socket_breaks(calibrated: System) -> None:
     """The controller allows two groups of subscriptions; what is lost must not count as one."""
     calibrated.manager.monitor.read()
     for _ in range(3):
@@ -324,7 +324,7 @@ def test_hands_are_told_again_beside_a_watch_however_often_the_web_socket_breaks
         assert calibrated.signals.state(Side.RIGHT) is not None
 
 
-def test_hand_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
+def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
     calibrated.wait(0.1)
     assert calibrated.signals.state(Side.RIGHT) is None
@@ -354,7 +354,7 @@ def test_grip_outwards_on_nothing_ends_open(right: Gripper) -> None:
     assert not right.is_holding()
 
 
-def test_gripper_goes_to_a_place_between_with_the_speed_it_is_told(calibrated: System, right: Gripper) -> None:
+def test_gripper_goes_to_a_place_between_with_the_speed_it_is_reported(calibrated: System, right: Gripper) -> None:
     begin = calibrated.now()
     assert done(right, go_to(0.012, speed=0.005)) is Outcome.IN_PLACE
     assert right.last_position == pytest.approx(0.012, abs=5e-4)
@@ -374,7 +374,7 @@ def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated
     assert (left.is_holding(), left.position()) == (False, 0.0)
 
 
-def test_something_in_the_way_of_a_move_is_told_as_stalled_and_the_next_order_works(left: Gripper) -> None:
+def test_something_in_the_way_of_a_move_is_reported_as_stalled_and_the_next_order_works(left: Gripper) -> None:
     done(left, OPEN)
     assert done(left, go_to(0.005)) is Outcome.STALLED
     assert left.last_position == pytest.approx(0.010)
@@ -389,7 +389,7 @@ def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gri
     assert right.state().state is ServoState.READY
 
 
-def test_move_that_is_stopped_by_somebody_says_so(right: Gripper) -> None:
+def test_move_that_is_stopped_by_a_person_says_so(right: Gripper) -> None:
     right.begin(OPEN)
     right.stop()
     with pytest.raises(GoalNotReached, match="The right gripper was stopped on its way"):
@@ -408,7 +408,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
 
 
 @pytest.mark.parametrize("begin", [lambda hand: hand.begin(OPEN), lambda hand: hand.jog(opens=True)])
-def test_hand_that_shall_hold_stops_its_fingers(
+def test_gripper_that_must_hold_stops_its_fingers(
     calibrated: System, right: Gripper, begin: Callable[[Gripper], None]
 ) -> None:
     begin(right)
@@ -420,7 +420,7 @@ def test_hand_that_shall_hold_stops_its_fingers(
     assert 0.0 < position < TRAVEL
 
 
-def test_hand_that_shall_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
     done(left, OPEN)
     assert done(left, CLOSE) is Outcome.HOLDING
     left.hold()
@@ -428,7 +428,7 @@ def test_hand_that_shall_hold_keeps_what_it_holds(calibrated: System, left: Grip
     assert left.is_holding()
 
 
-def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
+def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
     calibrated.wait(REPORTED)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
@@ -465,7 +465,7 @@ def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System
         (lambda: grip(Direction.OUTWARDS, 0.0), "force 0.0 N is out of range"),
     ],
 )
-def test_order_that_no_hand_can_carry_out_is_refused(order: Callable[[], GripperGoal], sentence: str) -> None:
+def test_order_that_no_gripper_can_carry_out_is_refused(order: Callable[[], GripperGoal], sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         order()
 
@@ -488,7 +488,7 @@ def test_object_that_leaks_is_not_picked(calibrated: System, left: Gripper) -> N
     assert not left.wait_until_picked(1, 70_000.0, 1.0)
 
 
-def test_vacuum_of_an_uncalibrated_hand_is_refused_and_stays_off(system: System) -> None:
+def test_vacuum_of_an_uncalibrated_gripper_is_refused_and_stays_off(system: System) -> None:
     gripper = system.grippers[Side.LEFT]
     with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
         gripper.switch_vacuum(1, is_on=True)
@@ -496,7 +496,7 @@ def test_vacuum_of_an_uncalibrated_hand_is_refused_and_stays_off(system: System)
 
 
 @pytest.mark.parametrize("modules", list(GripperModules))
-def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
+def test_gripper_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
     system = System(modules=modules, are_calibrated=True)
     system.bringup.make_ready()
     gripper = system.grippers[Side.LEFT]
@@ -513,7 +513,7 @@ def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: Grippe
 
 
 @pytest.mark.parametrize("channel", [0, 3])
-def test_vacuum_that_no_hand_has_is_refused(left: Gripper, channel: int) -> None:
+def test_vacuum_that_no_gripper_has_is_refused(left: Gripper, channel: int) -> None:
     with pytest.raises(CommandRefused, match=f"A gripper has vacuum 1 and 2 at most, not {channel}"):
         left.switch_vacuum(channel, is_on=True)
 
@@ -541,7 +541,7 @@ def use_both_hands(system: System) -> None:
     left.switch_vacuum(1, is_on=True)
 
 
-def test_gripper_is_not_calibrated_while_its_arm_is_guided(calibrated: System, left: Gripper) -> None:
+def test_gripper_is_not_calibrated_while_its_arm_is_in_egm(calibrated: System, left: Gripper) -> None:
     calibrated.start_egm()
     with pytest.raises(
         RobotNotReady,
@@ -567,7 +567,7 @@ def test_grippers_are_closed_as_a_test_where_that_is_allowed(calibrated: System)
     assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
 
 
-def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
     said: list[str] = []
     done(left, OPEN)
     close_as_test(calibrated.grippers, said.append, said.append)
@@ -577,7 +577,7 @@ def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: Sy
     )
 
 
-def test_hand_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
     said: list[str] = []
     done(left, OPEN)
     done(left, CLOSE)

@@ -62,7 +62,7 @@ def test_program_of_another_version_is_refused(system: System, monkeypatch: pyte
         remarks(system, HERE)
 
 
-def test_datagrams_that_go_elsewhere_are_told(system: System) -> None:
+def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
     elsewhere = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("0.0.0.0", 7000)}
     assert remarks(system, elsewhere) == [
         "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.168.125.50:6511; make the UDPUC "
@@ -79,7 +79,7 @@ def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.Mon
         remarks(system, HERE)
 
 
-def test_remarks_are_told_once_with_the_next_steps(system: System) -> None:
+def test_remarks_are_reported_once_with_the_next_steps(system: System) -> None:
     without(system, "SmartGripper")
     for _ in range(2):
         system.bringup.check_controller(HERE)

@@ -31,7 +31,7 @@ def system() -> MovingSystem:
         (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high: the references asked for more torque than an arm has"),
     ],
 )
-def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: Fault, why: str) -> None:
+def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: Fault, why: str) -> None:
     system.faults.happen(fault)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -57,7 +57,7 @@ def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: 
         ),
     ],
 )
-def test_recovery_says_what_somebody_has_to_do_first(
+def test_recovery_says_what_a_person_has_to_do_first(
     system: MovingSystem, fault: Fault, mended: Fault, sentence: str
 ) -> None:
     system.faults.happen(fault)
@@ -86,7 +86,7 @@ def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
     assert system.largest_jump < NO_JUMP
 
 
-def test_network_that_stays_silent_is_told_with_what_to_check(system: MovingSystem) -> None:
+def test_network_that_stays_silent_is_reported_with_what_to_check(system: MovingSystem) -> None:
     system.faults.happen(Fault.EGM_SILENCE)
     system.wait(1.0)
     with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
@@ -201,7 +201,7 @@ def test_waiting_for_a_controller_ends_when_it_is_no_use_any_more(system: Moving
     assert system.now() - begin < 0.6
 
 
-def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> None:
+def test_controller_that_never_answers_again_is_reported(system: MovingSystem) -> None:
     system.is_powered, system.http.is_there, system.arms = False, False, {}
     with pytest.raises(RobotNotReady, match="has not answered for 120 s; check its power and the network cable"):
         system.recover()

@@ -24,7 +24,7 @@ def system() -> System:
     return System()
 
 
-def test_manager_tells_all_that_is_known(system: System) -> None:
+def test_manager_reports_all_that_is_known(system: System) -> None:
     system.manager.start_egm()
     state = system.manager.state()
     assert (state.is_connected, state.mode, state.reason) == (True, OperatingMode.AUTO, "")
@@ -90,7 +90,7 @@ def test_manager_goes_to_a_named_state_from_egm_on_both_arms(system: System, mod
     assert {side for side, arm in system.arms.items() if arm.snapshot.is_commanded} == guided
 
 
-def test_manager_tells_each_step_on_the_way(system: System) -> None:
+def test_manager_reports_each_step_on_the_way(system: System) -> None:
     told: list[str] = []
     system.manager.go_to(Mode.EGM_RIGHT, told.append)
     assert told == [
@@ -121,7 +121,9 @@ def test_manager_refuses_steps_in_the_wrong_state(system: System) -> None:
     with pytest.raises(RobotNotReady, match="The RAPID program cannot start: the motors are off; switch the motors on"):
         system.manager.start_rapid()
     system.manager.make_ready()
-    with pytest.raises(RobotNotReady, match="The program pointers cannot be moved: the RAPID program runs; stop it first"):
+    with pytest.raises(
+        RobotNotReady, match="The program pointers cannot be moved: the RAPID program runs; stop it first"
+    ):
         system.manager.pp_to_main()
     with pytest.raises(CommandRefused, match="A speed ratio of 101 % is not possible; give 0 to 100"):
         system.manager.set_speed_ratio(101)

@@ -148,7 +148,7 @@ def test_start_signal_of_another_client_is_known(monitored: Monitored) -> None:
     assert monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.RUN_EGM_ROUTINE) <= NOTICED
 
 
-def test_watch_knows_the_robot_again_after_a_restart(monitored: Monitored) -> None:
+def test_monitor_knows_the_robot_again_after_a_restart(monitored: Monitored) -> None:
     monitored.system.faults.happen(Fault.WARM_RESTART)
     monitored.until(lambda state: not state.is_connected)
     assert monitored.until(lambda state: state.is_connected, 25.0) > 19.0
@@ -190,7 +190,7 @@ def test_stop_is_explained_although_a_look_has_failed(monitored: Monitored, monk
     assert causes[0].stop
 
 
-def test_watch_goes_on_after_its_web_socket_broke(monitored: Monitored) -> None:
+def test_monitor_goes_on_after_its_web_socket_broke(monitored: Monitored) -> None:
     monitored.system.faults.happen(Fault.WEB_SOCKET_DROP)
     monitored.wait(0.5)
     monitored.system.faults.happen(Fault.MOTORS_OFF)
@@ -217,7 +217,7 @@ def test_change_that_is_forgotten_while_the_web_socket_opens_is_known(
     assert monitored.monitor.state().controller_state is ControllerState.MOTORS_OFF
 
 
-def test_watch_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_monitor_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:
     system = MovingSystem()
 
     def refuse(*_: object) -> None:
@@ -230,7 +230,7 @@ def test_watch_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest
     assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= 0.5
 
 
-def test_what_is_told_is_known_before_the_next_request_has_its_turn(monitored: Monitored) -> None:
+def test_what_is_reported_is_known_before_the_next_request_has_its_turn(monitored: Monitored) -> None:
     monitored.system.client.set_speed_ratio(50)
     monitored.system.wait(0.1)
     assert monitored.monitor.take_wake()
@@ -254,7 +254,7 @@ def test_reading_that_began_before_a_change_does_not_undo_it(
     assert monitored.monitor.state().speed_ratio == 50
 
 
-def test_watch_tells_each_change_once(monitored: Monitored) -> None:
+def test_monitor_reports_each_change_once(monitored: Monitored) -> None:
     monitored.told.clear()
     monitored.system.faults.happen(Fault.PROGRAM_STOP)
     monitored.wait(1.0)
@@ -262,7 +262,7 @@ def test_watch_tells_each_change_once(monitored: Monitored) -> None:
     assert all(before != after for before, after in pairwise(monitored.told))
 
 
-def test_watch_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
     exchange = monitored.system.http.exchange
     monkeypatch.setattr(monitored.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
@@ -405,14 +405,14 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
     assert str(state).startswith("the robot's state is unknown: it was read ")
 
 
-def test_state_is_known_for_as_long_as_the_watch_makes_its_steps(monitored: Monitored) -> None:
+def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
     monitored.told.clear()
     monitored.wait(2.0 * STALE)
     assert all(state.is_connected for state in monitored.told)
     assert monitored.monitor.state().is_connected
 
 
-def test_watch_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
+def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     system, told = MovingSystem(), Queue[RobotState]()

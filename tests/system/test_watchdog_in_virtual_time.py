@@ -171,7 +171,7 @@ def test_driver_whose_fast_line_died_gives_no_sign(system: MovingSystem) -> None
     assert system.client.signal("WD_EXTERNAL_STATUS").value == 0
 
 
-def test_robot_without_a_watchdog_is_guided_all_the_same(system: MovingSystem) -> None:
+def test_robot_without_a_watchdog_is_in_egm_all_the_same(system: MovingSystem) -> None:
     for task in system.world.controller.tasks.values():
         del task.program.modules[WATCHDOG.lower()]
     remark = watchdog(system)

@@ -34,6 +34,7 @@ def awaited(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[An
     A method with an argument ``wait`` begins motions. They are awaited without a thread; a task that is cancelled, or
     whose time is up, stops them.
     """
+
     async def in_thread(twin: Any, *args: Any, **options: Any) -> Any:
         return await _in_thread(partial(getattr(twin.sync, method.__name__), *args, **options))
 

@@ -67,11 +67,7 @@ class Gripper:
 
     @property
     def position(self) -> float:
-        """Measured distance of each finger from the middle [m], 0 to 0.025; half of :attr:`width`.
-
-        Raises:
-            RobotNotReady: the robot is not connected, or has no such gripper.
-        """
+        """Measured distance of each finger from the middle [m], 0 to 0.025; raises RobotNotReady if there is none."""
         return self._gripper().position()
 
     @property
@@ -106,11 +102,7 @@ class Gripper:
         return result
 
     def close(self) -> Grip:
-        """Close the fingers with the usual force, on whatever is between them, and return when they stand.
-
-        Raises:
-            RobotNotReady: as for :meth:`open`.
-        """
+        """Close the fingers with the usual force, on whatever is between them; returns and raises as :meth:`open`."""
         return self._command(grip(Direction.INWARDS, self._force))
 
     def grasp(self, force: float | None = None, width: float | None = None, *, outwards: bool = False) -> Grip:
@@ -166,19 +158,11 @@ class Gripper:
         self._calibrate()
 
     def clear_error(self) -> None:
-        """Acknowledge the gripper's error.
-
-        Raises:
-            RobotNotReady: it still reports one.
-        """
+        """Acknowledge the gripper's error; raises RobotNotReady when it still reports one."""
         self._gripper().clear_error()
 
     def pressure(self, channel: int = 1) -> float:
-        """Absolute pressure in the cup of a vacuum module [Pa].
-
-        Raises:
-            CommandRefused: the gripper has no such module.
-        """
+        """Absolute pressure in the cup of a vacuum module [Pa]; raises CommandRefused when there is no such module."""
         return self._gripper().vacuum(channel).pressure
 
     def has_picked(self, channel: int = 1) -> bool:

@@ -263,10 +263,7 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
-        Args:
-            goals: of each arm.
-            speed: share of the joints' speeds, above 0 up to 1; None takes the connection's.
-            acceleration: the same for accelerations and jerks.
+        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
@@ -398,11 +395,7 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
 
 
 def checked_goal(side: Side, goal: Position) -> Joints:
-    """``goal`` [rad] in chain order, when an arm can be there.
-
-    Raises:
-        CommandRefused: not seven numbers, not the arm's joints, or a value is impossible.
-    """
+    """``goal`` [rad] in chain order; raises CommandRefused when it is not seven joints within their ranges."""
     try:
         values = [float(value) for value in in_chain_order(side, goal)]
     except (TypeError, ValueError) as error:
@@ -418,11 +411,7 @@ def checked_goal(side: Side, goal: Position) -> Joints:
 
 
 def checked_scale(name: str, value: object) -> float | None:
-    """A share of the joints' limits as a plain number, which another process can read; None stays.
-
-    Raises:
-        CommandRefused: no number.
-    """
+    """A fraction of the joints' limits as a plain number, which another process can read; None stays."""
     if value is None:
         return None
     try:
@@ -432,12 +421,7 @@ def checked_scale(name: str, value: object) -> float | None:
 
 
 def wait_for(motions: Sequence[Motion], timeout: float | None, executor: MotionExecutor) -> None:
-    """Wait until all ``motions`` are at their goals; on any other way out those that still move are stopped.
-
-    Args:
-        motions: begun together.
-        timeout: longest wait [s]; None waits until they end.
-        executor: stops the arms.
+    """Wait until all ``motions`` are at their goals, at most ``timeout`` [s]; else those that still move are stopped.
 
     Raises:
         GoalNotReached: a motion ended elsewhere, or its time was up.
@@ -451,11 +435,7 @@ def wait_for(motions: Sequence[Motion], timeout: float | None, executor: MotionE
 
 
 def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
-    """See how motions ended that were waited for.
-
-    Raises:
-        GoalNotReached: one ended elsewhere, or is not over.
-    """
+    """See how motions ended that were waited for; raises GoalNotReached when one ended elsewhere, or is not over."""
     for motion in [each for each in motions if each.is_done]:
         motion.future.result()
     late = [motion.side.word for motion in motions if not motion.is_done]

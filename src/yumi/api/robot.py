@@ -298,21 +298,11 @@ class Robot:
 
         Each arm arrives in its own time. An arm that is stopped on its way stops the other.
 
-        Args:
-            right: joint positions of the right arm [rad], (7,); None leaves it alone.
-            left: joint positions of the left arm [rad], (7,).
-            wait: return when the arms stand at their goals; else at once.
-            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
-            acceleration: the same for accelerations and jerks.
+        Arguments and errors are those of :meth:`Arm.move_to`, with a position of each arm [rad], (7,); None leaves it
+        alone. It is refused, too, when no arm is named; where one motion ended elsewhere, both arms hold.
 
         Returns:
             The motions; over, unless ``wait`` is False.
-
-        Raises:
-            CommandRefused: no arm is named, or a position or share is impossible; nothing was changed.
-            RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
-            GoalNotReached: a motion ended elsewhere; both arms hold.
         """
         goals: dict[Side, Position] = _named(right, left)
         executor = self.executor
@@ -333,19 +323,10 @@ class Robot:
 
         An arm that is stopped on its way stops the other while the call waits for them.
 
-        Args:
-            right: of the right arm, see :meth:`yumi.api.robot.Arm.follow`; None leaves it alone.
-            left: of the left arm.
-            wait: return when the arms stand at their last points; else at once.
-            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
+        Arguments and errors are those of :meth:`Arm.follow`, with a trajectory of each arm.
 
         Returns:
             The motions; over, unless ``wait`` is False.
-
-        Raises:
-            CommandRefused: no arm is named, or a trajectory is impossible.
-            RobotNotReady: as for :meth:`move_to`.
-            GoalNotReached: a motion ended elsewhere; both arms hold.
         """
         trajectories = _named(right, left)
         executor = self.executor

@@ -36,7 +36,7 @@ def show(robot: FakeRobot, **values: object) -> None:
     robot.loop.snapshots[Side.RIGHT] = replace(robot.loop.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
 
 
-def test_arm_tells_what_is_measured(arm: Arm) -> None:
+def test_arm_reports_what_is_measured(arm: Arm) -> None:
     assert arm.position == RIGHT
     assert arm.velocity == ZERO
     assert arm.pose == tool0_to_body(Side.RIGHT, RIGHT)
@@ -52,7 +52,7 @@ def test_arm_tells_what_is_measured(arm: Arm) -> None:
         ({"velocity": (0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0)}, ArmMode.MOVING),
     ],
 )
-def test_arm_tells_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
+def test_arm_reports_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
     show(robot, **values)
     assert arm.state is mode
 
@@ -77,7 +77,7 @@ def test_arm_stops_and_waits_until_it_stands(robot: FakeRobot, arm: Arm) -> None
     assert isinstance(robot.loop.orders[0].message, StopMotion)
 
 
-def test_arm_waits_for_its_goal_unless_told_otherwise(robot: FakeRobot, arm: Arm) -> None:
+def test_arm_waits_for_its_goal_unless_reported_otherwise(robot: FakeRobot, arm: Arm) -> None:
     assert not arm.move_to(RIGHT, wait=False).is_done
     robot.loop.on_order = robot.end
     assert arm.move_to(RIGHT).is_done

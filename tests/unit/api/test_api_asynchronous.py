@@ -96,7 +96,7 @@ def test_motion_that_takes_too_long_is_stopped(robot: FakeConnected) -> None:
     assert robot.stops == 1
 
 
-def test_motion_that_nobody_awaits_goes_on(robot: FakeConnected) -> None:
+def test_motion_that_no_one_awaits_goes_on(robot: FakeConnected) -> None:
     async def script() -> Motion:
         return await robot.arm.move_to(RIGHT, wait=False)
 

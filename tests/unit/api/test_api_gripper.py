@@ -98,7 +98,7 @@ def test_gripper_that_cannot_open_says_so(gripper: Gripper, fake: FakeGripper) -
         gripper.open()
 
 
-def test_gripper_tells_what_is_measured(gripper: Gripper) -> None:
+def test_gripper_reports_what_is_measured(gripper: Gripper) -> None:
     assert gripper.position == 0.01
     assert gripper.width == 0.02
     assert gripper.is_holding

@@ -100,7 +100,7 @@ class Told(GripperSignals):
         }
 
 
-def test_fingers_that_are_told_of_late_are_not_stalled(robot: Robot) -> None:
+def test_fingers_that_are_reported_of_late_are_not_stalled(robot: Robot) -> None:
     def move_on() -> None:
         robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, min(TRAVEL, clock.now() * 0.01))
         if clock.now() > 2.0:
@@ -113,7 +113,7 @@ def test_fingers_that_are_told_of_late_are_not_stalled(robot: Robot) -> None:
     assert gripper.wait(go_to(TRAVEL)) is Outcome.OPEN
 
 
-def test_other_hand_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
+def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
     robot.looks = 1
 
     def run_the_other() -> None:
@@ -134,7 +134,7 @@ def test_command_that_is_not_taken_fails_after_its_time(robot: Robot, clock: Man
     assert clock.now() == pytest.approx(10.0, abs=0.2)
 
 
-def test_slots_are_emptied_only_while_nobody_knows_what_is_in_them(robot: Robot, clock: ManualClock) -> None:
+def test_slots_are_emptied_only_while_no_one_knows_what_is_in_them(robot: Robot, clock: ManualClock) -> None:
     routines = GripperRoutines(robot, clock)
     for _ in range(2):
         routines.run(Side.RIGHT, SgCommand.GRIP_IN, 1.0)
@@ -155,7 +155,7 @@ def test_force_that_is_already_set_is_not_written(robot: Robot, clock: ManualClo
     assert "T_ROB_R settings=[25,12,25]" in robot.log
 
 
-def test_wait_needs_few_requests_while_nothing_is_told(robot: Robot) -> None:
+def test_wait_needs_few_requests_while_nothing_is_reported(robot: Robot) -> None:
     def stop_after_two_seconds() -> None:
         robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, clock.now() * 0.01)
         if clock.now() > 1.99:
@@ -169,7 +169,7 @@ def test_wait_needs_few_requests_while_nothing_is_told(robot: Robot) -> None:
     assert len(robot.log) == 11 * 2 + 1
 
 
-def test_wait_asks_nothing_of_the_robot_while_it_tells_by_itself(robot: Robot) -> None:
+def test_wait_asks_nothing_of_the_robot_while_it_reports_by_itself(robot: Robot) -> None:
     def stop_after_one_second() -> None:
         if clock.now() > 0.99:
             robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
@@ -184,7 +184,7 @@ def test_wait_asks_nothing_of_the_robot_while_it_tells_by_itself(robot: Robot) -
     assert robot.log == ["hand_SysState_L", "hand_ActualPosition_L"]
 
 
-def test_end_that_was_told_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
+def test_end_that_was_reported_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
     told = Told(ServoState.ACTION_COMPLETED, TRAVEL)
     robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.02)
     gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
@@ -192,7 +192,7 @@ def test_end_that_was_told_before_the_order_began_does_not_count(robot: Robot, c
     assert gripper.outcome(CLOSE) is None
 
 
-def test_error_that_has_been_cleared_since_it_was_told_does_not_count(robot: Robot, clock: ManualClock) -> None:
+def test_error_that_has_been_cleared_since_it_was_reported_does_not_count(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.READY)
     told = Told(ServoState.ERROR, 0.01)
     gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
@@ -213,13 +213,13 @@ def test_fingers_that_stand_still_on_their_way_are_stalled_and_let_go(robot: Rob
     assert 1.0 <= clock.now() < 2.0
 
 
-def test_hand_that_does_not_stop_is_told(robot: Robot, clock: ManualClock) -> None:
+def test_gripper_that_does_not_stop_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.JOG_OPEN)
     with pytest.raises(RobotNotReady, match="The left gripper does not stop; clear its error, or look at the event"):
         gripper_of(robot, Side.LEFT, clock).stop()
 
 
-def test_error_that_does_not_go_is_told(robot: Robot, clock: ManualClock) -> None:
+def test_error_that_does_not_go_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.ERROR)
     with pytest.raises(RobotNotReady, match="The left gripper still reports an error; check its 24 V supply"):
         gripper_of(robot, Side.LEFT, clock).clear_error()
@@ -230,7 +230,7 @@ def may_not() -> None:
     raise RobotNotReady("The right gripper is inactive; activate it first.")
 
 
-def test_hand_that_may_not_move_any_more_is_told_nothing(robot: Robot, clock: ManualClock) -> None:
+def test_gripper_that_may_not_move_any_more_is_reported_nothing(robot: Robot, clock: ManualClock) -> None:
     gripper = gripper_of(robot, Side.RIGHT, clock)
     robot.show(Side.RIGHT, ServoState.READY)
     for move in (lambda: gripper.begin(go_to(0.01), may_not), lambda: gripper.jog(opens=True, check=may_not)):
@@ -270,7 +270,7 @@ def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock:
         (ServoState.KEEP_OBJECT, 0.0245, SPREAD, Outcome.OPEN),
     ],
 )
-def test_outcome_is_what_the_hand_measures(
+def test_outcome_is_what_the_gripper_measures(
     robot: Robot, clock: ManualClock, state: ServoState, position: float, goal: GripperGoal, outcome: Outcome | None
 ) -> None:
     gripper = gripper_of(robot, Side.LEFT, clock)
@@ -280,13 +280,13 @@ def test_outcome_is_what_the_hand_measures(
     assert gripper.outcome(goal) is outcome
 
 
-def test_error_of_the_gripper_is_told(robot: Robot, clock: ManualClock) -> None:
+def test_error_of_the_gripper_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.ERROR)
     with pytest.raises(RobotNotReady, match="The left gripper reports error 0; look at the event log, then clear it"):
         gripper_of(robot, Side.LEFT, clock).begin(CLOSE)
 
 
-def test_robot_without_grippers_is_told_and_left(robot: Robot, clock: ManualClock) -> None:
+def test_robot_without_grippers_is_reported_and_left(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.RIGHT, ServoState.READY)
     complaints: list[str] = []
     setup = GripperSetup({side: gripper_of(robot, side, clock) for side in Side}, complaints.append, complaints.append)

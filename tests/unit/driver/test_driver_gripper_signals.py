@@ -1,4 +1,4 @@
-"""The hands' signals as a subscription tells them: what is known, for how long, and what happens when it ends."""
+"""The grippers' signals as a subscription tells them: what is known, for how long, and what happens when it ends."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def signals(robot: Robot) -> GripperSignals:
     return signals
 
 
-def test_signals_of_both_hands_are_subscribed_once_with_high_priority(robot: Robot, signals: GripperSignals) -> None:
+def test_signals_of_both_grippers_are_subscribed_once_with_high_priority(robot: Robot, signals: GripperSignals) -> None:
     signals.keep_open()
     (resources,) = robot.resources
     assert {resource.priority for resource in resources} == {Priority.HIGH}
@@ -93,7 +93,7 @@ def test_reading_is_there_from_the_first_values_on_and_follows_changes(robot: Ro
     )
 
 
-def test_force_is_that_of_the_hand_while_it_holds_something(robot: Robot, signals: GripperSignals) -> None:
+def test_force_is_that_of_the_gripper_while_it_holds_something(robot: Robot, signals: GripperSignals) -> None:
     robot.tell("hand_HoldForce_R", "75")
     assert signals.state(Side.RIGHT).force == 0.0
     robot.tell("hand_SysState_R", "9")
@@ -130,14 +130,14 @@ def test_subscription_that_is_lost_while_it_begins_is_asked_for_again(robot: Rob
     assert signals.is_open
 
 
-def test_hand_that_the_controller_lacks_stays_unknown() -> None:
+def test_gripper_that_the_controller_lacks_stays_unknown() -> None:
     signals = GripperSignals(Robot(lacking=Side.LEFT), MODULES)
     signals.keep_open()
     assert signals.state(Side.RIGHT) is not None
     assert signals.state(Side.LEFT) is None
 
 
-def test_robot_that_cannot_be_reached_is_told(robot: Robot) -> None:
+def test_robot_that_cannot_be_reached_is_reported(robot: Robot) -> None:
     robot.failure = NoConnection("memory does not answer.")
     with pytest.raises(NoConnection, match="memory does not answer"):
         GripperSignals(robot, MODULES).keep_open()
@@ -151,7 +151,7 @@ def test_signal_that_changes_while_the_web_socket_opens_is_read(robot: Robot) ->
     assert signals.value(Side.RIGHT, "hand_SysError") == 0.0
 
 
-def test_signal_that_is_told_while_all_are_read_keeps_what_was_told(robot: Robot) -> None:
+def test_signal_that_is_reported_while_all_are_read_keeps_what_was_reported(robot: Robot) -> None:
     robot.present = {"hand_SysState_R": 1.0}
     robot.while_read = lambda: robot.tell("hand_SysState_R", "9")
     signals = GripperSignals(robot, MODULES)

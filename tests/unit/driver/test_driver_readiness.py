@@ -63,7 +63,10 @@ def test_robot_that_is_ready_meets_every_condition_of_ready() -> None:
             "the state machines are not idle (right arm: no state machine, left arm: no state machine)",
         ),
         (replace(READY, stop="10013-7-ab"), "a person must confirm the stop 10013-7-ab"),
-        (replace(STOPPED, stop="50204-1-cd"), "the RAPID program is stopped; a person must confirm the stop 50204-1-cd"),
+        (
+            replace(STOPPED, stop="50204-1-cd"),
+            "the RAPID program is stopped; a person must confirm the stop 50204-1-cd",
+        ),
     ],
 )
 def test_reason_names_the_first_condition_that_is_not_met_and_an_open_stop(state: RobotState, reason: str) -> None:
@@ -134,7 +137,10 @@ def test_every_condition_says_a_reason_and_a_remedy(condition: Condition) -> Non
     [
         (Snapshot(), "EGM is not running on the left arm"),
         (Snapshot(is_running=True), ""),
-        (Snapshot(is_running=True, problem=Problem.NOT_FOLLOWING), "left arm: the robot does not follow the references"),
+        (
+            Snapshot(is_running=True, problem=Problem.NOT_FOLLOWING),
+            "left arm: the robot does not follow the references",
+        ),
     ],
 )
 def test_arm_says_why_it_takes_no_goals(snapshot: Snapshot, reason: str) -> None:

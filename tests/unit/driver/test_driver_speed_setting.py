@@ -29,7 +29,7 @@ class Arms:
         return [letter[1][0] for letter in letters if letter is not None]
 
 
-def test_both_arms_are_told_what_is_set() -> None:
+def test_both_arms_are_reported_what_is_set() -> None:
     arms = Arms(0.1)
     assert arms.told() == [0.1, 0.1]
     assert arms.setting.set(0.5) == "speed_scale is 0.5: every controller moves with at most 50% of its speeds."
@@ -51,7 +51,7 @@ def test_value_that_is_no_number_is_refused(value: Any) -> None:
         Arms().setting.set(value)
 
 
-def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_started() -> None:
+def test_arm_is_reported_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_started() -> None:
     arms = Arms(0.1)
     arms.setting.note_start([Side.RIGHT], 0.1)
     arms.in_egm.add(Side.RIGHT)

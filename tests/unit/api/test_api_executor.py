@@ -34,7 +34,7 @@ def robot() -> FakeRobot:
     return FakeRobot()
 
 
-def test_guidance_orders_both_arms_at_once(robot: FakeRobot) -> None:
+def test_executor_orders_both_arms_at_once(robot: FakeRobot) -> None:
     motions = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: list(LEFT)}, 0.3, None)
     assert [(order.side, order.message) for order in robot.loop.orders] == [
         (Side.RIGHT, JointGoal(RIGHT, motions[0].identity, 0.3, None)),
@@ -79,7 +79,7 @@ def test_motion_that_ends_elsewhere_says_why(robot: FakeRobot, outcome: GoalOutc
         motion.wait()
 
 
-def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
+def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
     (motion,) = robot.executor.move({Side.LEFT: LEFT}, None, None)
     with pytest.raises(
         GoalNotReached, match="The left arm has not reached its goal within 0 s; it is still on its way"
@@ -110,7 +110,7 @@ def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
         ({**BY_NAME, "yumi_joint_2_r": "up"}, "expected seven angles in radians, got {'yumi_joint_1_r'"),
     ],
 )
-def test_guidance_refuses_an_impossible_goal_and_asks_nobody(robot: FakeRobot, goal: object, sentence: str) -> None:
+def test_executor_refuses_an_impossible_goal_and_asks_no_one(robot: FakeRobot, goal: object, sentence: str) -> None:
     for ask in (
         lambda: robot.executor.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
         lambda: robot.executor.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
@@ -134,7 +134,7 @@ def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
     assert robot.loop.orders == []
 
 
-def test_arm_that_nobody_named_is_not_moved() -> None:
+def test_arm_that_no_one_named_is_not_moved() -> None:
     robot = FakeRobot((Side.RIGHT,))
     with pytest.raises(RobotNotReady, match=r"EGM is not started on the left arm; name it in connect\(arms=\.\.\.\)"):
         robot.executor.move({Side.LEFT: LEFT}, None, None)
@@ -242,7 +242,7 @@ def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
     motion.wait(0.0)
 
 
-def test_arm_that_nobody_commands_needs_no_stop(robot: FakeRobot) -> None:
+def test_arm_that_no_one_commands_needs_no_stop(robot: FakeRobot) -> None:
     robot.loop.snapshots[Side.LEFT] = replace(robot.loop.snapshots[Side.LEFT], activation=0)
     assert robot.executor.stop((Side.LEFT,)) == ()
 
@@ -289,7 +289,7 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
         (3.0, "each of its points is a time and seven positions"),
     ],
 )
-def test_impossible_trajectory_is_refused_and_nobody_asked(robot: FakeRobot, points: object, sentence: str) -> None:
+def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, points: object, sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         robot.executor.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
     assert robot.loop.orders == robot.loop.switches == []
