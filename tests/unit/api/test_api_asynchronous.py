@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
+from inspect import iscoroutinefunction, signature
 from typing import cast
 
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.asynchronous import AsyncArm, AsyncRobot
+from yumi.api.asynchronous import AsyncArm, AsyncGripper, AsyncRobot
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion
 from yumi.api.robot import Arm, Robot
@@ -155,3 +156,13 @@ def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -
         assert slow.is_closed
 
     run(script())
+
+
+@pytest.mark.parametrize(("twin", "original"), [(AsyncRobot, Robot), (AsyncArm, Arm), (AsyncGripper, Gripper)])
+def test_twin_has_all_methods_of_the_original_with_their_arguments(twin: type, original: type) -> None:
+    for name in (each for each in vars(original) if not each.startswith("_") and each != "executor"):
+        method = getattr(original, name)
+        assert hasattr(twin, name), name
+        if callable(method) and name != "stream":  # which returns at once
+            assert list(signature(getattr(twin, name)).parameters) == list(signature(method).parameters)
+            assert iscoroutinefunction(getattr(twin, name))
