@@ -1,4 +1,4 @@
-"""The watch over the robot in virtual time: whoever changes something, it is known within 200 ms."""
+"""The monitor of the robot in virtual time: whatever changes something, it is known within 200 ms."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
 
 
 class Monitored:
-    """A robot whose watch makes its steps whenever they are due.
+    """A robot whose monitor makes its steps whenever they are due.
 
     Attributes:
-        told: each state that the watch has told.
+        told: each state that the monitor has reported.
         lines: what it has logged, with the level.
     """
 
@@ -56,7 +56,7 @@ class Monitored:
                 self.step()
 
     def until(self, is_so: Callable[[RobotState], bool], timeout: float = 3.0) -> float:
-        """Let time pass until the watch knows it; returns how long it took [s]."""
+        """Let time pass until the monitor knows it; returns how long it took [s]."""
         begin = self.system.now()
         while not is_so(self.monitor.state()):
             assert self.system.now() - begin < timeout, f"unknown after {timeout} s: {self.monitor.state()}"
@@ -240,7 +240,7 @@ def test_what_is_reported_is_known_before_the_next_request_has_its_turn(monitore
 def test_reading_that_began_before_a_change_does_not_undo_it(
     monitored: Monitored, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Who reads waits for the turn of each request; the watch itself looks at what is told meanwhile."""
+    """Who reads waits for the turn of each request; the monitor itself handles what is reported meanwhile."""
     client, ask = monitored.system.client, monitored.system.client.speed_ratio
 
     def slowly() -> int:
@@ -332,7 +332,7 @@ def test_what_was_requested_is_logged_without_alarm(monitored: Monitored) -> Non
 
 def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
     monitored.lines.clear()
-    with monitored.monitor.reports.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
+    with monitored.monitor.log.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
         monitored.system.faults.happen(Fault.EMERGENCY_STOP)
         monitored.wait(1.0)
     assert [level for level, _ in monitored.lines] == [logging.ERROR]
@@ -395,7 +395,7 @@ def test_end_of_egm_is_explained_within_half_a_second(
 
 
 def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> None:
-    """Whatever keeps the watch from making its steps, a hung thread or one that is gone."""
+    """Whatever keeps the monitor from making its steps, a hung thread or one that is gone."""
     assert monitored.monitor.state().is_connected
     monitored.system.wait(STALE + WHOLE_POLL)
     state = monitored.monitor.state()
@@ -407,7 +407,7 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
 
 def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
     monitored.told.clear()
-    monitored.wait(2.0 * STALE)
+    monitored.wait(1.2 * STALE)
     assert all(state.is_connected for state in monitored.told)
     assert monitored.monitor.state().is_connected
 
@@ -417,9 +417,9 @@ def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhi
 ) -> None:
     system, told = MovingSystem(), Queue[RobotState]()
     may_go_on = Event()
-    watch = system.manager.monitor
-    watch.start()
-    watch.on_change = told.put
+    monitor = system.manager.monitor
+    monitor.start()
+    monitor.on_change = told.put
     ask = system.client.operating_mode
 
     def fail() -> OperatingMode:
@@ -429,13 +429,13 @@ def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhi
 
     monkeypatch.setattr(system.client, "operating_mode", fail)
     system.advance(WHOLE_POLL)
-    watch.hint()
+    monitor.request_poll()
     while told.get(timeout=10.0).is_connected:
         continue
-    assert not watch.state().is_connected
+    assert not monitor.state().is_connected
     may_go_on.set()
     while not told.get(timeout=10.0).is_connected:
         continue
-    watch.stop()
+    monitor.stop()
     failed = [record for record in caplog.records if record.getMessage().startswith("Thread robot-monitor failed")]
     assert [record.exc_info is not None for record in failed] == [True]

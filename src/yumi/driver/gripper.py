@@ -53,17 +53,6 @@ _AT_REST = {ServoState.ACTION_COMPLETED, ServoState.KEEP_OBJECT}
 _STANDING = _AT_REST | {ServoState.READY, ServoState.ERROR}
 _JOGGING = {ServoState.JOG_OPEN, ServoState.JOG_CLOSE, ServoState.CALIBRATION}
 
-_VACUUM_COMMANDS = {
-    ("Vacuum", 1, True): SgCommand.VACUUM_ON_1,
-    ("Vacuum", 2, True): SgCommand.VACUUM_ON_2,
-    ("Vacuum", 1, False): SgCommand.VACUUM_OFF_1,
-    ("Vacuum", 2, False): SgCommand.VACUUM_OFF_2,
-    ("Blowoff", 1, True): SgCommand.BLOW_ON_1,
-    ("Blowoff", 2, True): SgCommand.BLOW_ON_2,
-    ("Blowoff", 1, False): SgCommand.BLOW_OFF_1,
-    ("Blowoff", 2, False): SgCommand.BLOW_OFF_2,
-}
-
 
 def how_to_calibrate(side: Side) -> str:
     """The commands that calibrate a gripper, for a sentence."""
@@ -378,11 +367,11 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper is not calibrated, or did not obey.
         """
-        self._switch("Vacuum", "vacuum", channel, is_on=is_on)
+        self._switch("VACUUM", "Vacuum", "vacuum", channel, is_on=is_on)
 
     def switch_blow_off(self, channel: int, *, is_on: bool) -> None:
         """Switch the blow-off of a module; its vacuum ends. Raises as :meth:`switch_vacuum`."""
-        self._switch("Blowoff", "blow-off", channel, is_on=is_on)
+        self._switch("BLOW", "Blowoff", "blow-off", channel, is_on=is_on)
 
     def wait_until_picked(self, channel: int, threshold: float, timeout: float) -> bool:
         """Wait until the pressure shows that something closes the cup; whether it does.
@@ -404,11 +393,12 @@ class Gripper:
         comes_true(self._clock, lambda: self.vacuum(channel).pressure >= _VENTED, _MOMENT)
         self.switch_blow_off(channel, is_on=False)
 
-    def _switch(self, signal: str, word: str, channel: int, *, is_on: bool) -> None:
+    def _switch(self, command: str, signal: str, word: str, channel: int, *, is_on: bool) -> None:
         self.check_vacuum(channel)
         if not self.is_calibrated():  # the robot's routine would do nothing
             raise RobotNotReady(f"The {self.side.word} gripper is not calibrated; calibrate it first.")
-        self._routines.run(self.side, _VACUUM_COMMANDS[signal, channel, is_on], self._timeout)
+        switch = SgCommand[f"{command}_{'ON' if is_on else 'OFF'}_{channel}"]
+        self._routines.run(self.side, switch, self._timeout)
         wait_until(
             self._clock,
             lambda: (self._ask(f"hand_Status{signal}{channel}") != 0) is is_on,

@@ -9,7 +9,6 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
-from typing import Protocol
 
 from yumi.clock import Clock
 from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
@@ -484,21 +483,13 @@ class RobotManager:
         self.monitor.log.report(level, sentence)
 
 
-class Monitoring(Protocol):
-    """What monitors the robot while there is a connection."""
-
-    def start(self) -> None: ...
-
-    def stop(self) -> None: ...
-
-
 class RobotConnection:
     """The connection between the driver and one controller.
 
     Args:
         client: its session.
         check_controller: sees that the controller can be used; raises RobotNotReady.
-        monitoring: runs while it is open.
+        manager: runs while it is open.
         on_close: called before it is closed.
 
     Attributes:
@@ -509,12 +500,12 @@ class RobotConnection:
         self,
         client: RwsClient,
         check_controller: Callable[[], None],
-        monitoring: Monitoring,
+        manager: RobotManager,
         on_close: Callable[[], None] = lambda: None,
     ) -> None:
         self._client = client
         self._check_controller = check_controller
-        self._monitoring = monitoring
+        self._manager = manager
         self._on_close = on_close
         self._lock = Lock()
         self._system: SystemInfo | None = None
@@ -541,7 +532,7 @@ class RobotConnection:
         with self._lock:
             system = self.check()
             if not self.is_open:
-                self._monitoring.start()
+                self._manager.start()
                 self.is_open = True
         version = ".".join(map(str, system.robotware))
         return f"Connected to {self._client.address}: {system.name}, RobotWare {version}."
@@ -550,7 +541,7 @@ class RobotConnection:
         """End the monitoring and log out; nothing where that has been done."""
         with self._lock:
             if self.is_open:
-                self._monitoring.stop()
+                self._manager.stop()
                 self._on_close()
                 self._client.close()
             self._system, self.is_open = None, False
