@@ -15,6 +15,7 @@ from yumi.rws.types import ControllerState
 from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001
+LEFT_BEHIND = "end the EGM motion that runs (the arms come to rest)"
 ACTIVATION = [f"activate joint_position_controller on the {side.word} arm" for side in Side]
 
 
@@ -122,7 +123,7 @@ def test_one_arm_that_lost_egm_begins_again_while_the_other_goes_on() -> None:
     session, activation = left.snapshot.session, left.snapshot.activation
     system.recover()
     assert (left.snapshot.session, left.snapshot.activation) == (session, activation)
-    assert "stop EGM" not in system.told
+    assert not {"stop EGM", LEFT_BEHIND} & set(system.told)
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -233,7 +234,7 @@ def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_
     system.start_driver()
     system.steps.clear()
     system.manager.start_egm()
-    assert system.steps == ["stop EGM", "start EGM on both arms", *ACTIVATION]
+    assert system.steps == [LEFT_BEHIND, "start EGM on both arms", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 

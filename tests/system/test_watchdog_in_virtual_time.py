@@ -76,7 +76,7 @@ def test_driver_that_follows_at_once_ends_what_its_predecessor_has_left_behind(s
     assert all(arm.snapshot.is_running for arm in system.arms.values())
     system.steps.clear()
     system.manager.make_ready()
-    assert system.steps == ["stop EGM"]
+    assert system.steps == ["end the EGM motion that runs (the arms come to rest)"]
     system.wait(TIMEOUT + 0.5)
     assert execution(system) is ExecutionState.RUNNING
 
@@ -99,11 +99,11 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
     driver = watchdog(system)
     system.faults.happen(Fault.PROGRAM_STOP)
     system.wait(0.2)
-    driver.give_sign()  # which nobody takes back
+    driver.beat()  # which is not taken back
     system.recover()
     driver.arm_robot()
     for _ in range(6):
-        driver.give_sign()
+        driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
 
@@ -111,7 +111,7 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
 def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
     driver = watchdog(system)
     for _ in range(6):
-        driver.give_sign()
+        driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -121,12 +121,12 @@ def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: Movin
     """A signal that is up already has no edge."""
     driver = watchdog(system)
     system.faults.happen(Fault.PROGRAM_STOP)
-    driver.give_sign()
+    driver.beat()
     system.recover()
     driver.arm_robot()
     for _ in range(4):
         system.wait(TIMEOUT / 2)
-        driver.give_sign()
+        driver.beat()
     assert execution(system) is ExecutionState.RUNNING
 
 
@@ -167,7 +167,7 @@ def test_driver_whose_fast_line_died_gives_no_sign(system: MovingSystem) -> None
     def check() -> None:
         raise ControllerRefused("The fast line has ended.", status=0)
 
-    Watchdog(system.client, check, SETTINGS).give_sign()
+    Watchdog(system.client, check, SETTINGS).beat()
     assert system.client.signal("WD_EXTERNAL_STATUS").value == 0
 
 
