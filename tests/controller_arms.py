@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from yumi.control.commands import Mailbox, MemoryMailbox, put_goal, put_speeds
+from yumi.control.commands import Buffer, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
@@ -26,19 +26,19 @@ SIDE = Side.RIGHT
 _STEERING = 3.0  # [1/s] how hard an arm that takes speeds is steered to a goal
 _FASTEST = 0.5  # [rad/s] at which it is steered
 
-Order = Callable[[Mailbox, ArmState, Joints], None]
+Order = Callable[[Buffer, ArmState, Joints], None]
 """Tells a controller where the arm shall go."""
 
 
-def order_goal(box: Mailbox, state: ArmState, goal: Joints) -> None:
-    put_goal(box, state.session, goal, time=state.time)
+def order_goal(box: Buffer, state: ArmState, goal: Joints) -> None:
+    write_goal(box, state.session, goal, time=state.time)
 
 
-def order_speeds(box: Mailbox, state: ArmState, goal: Joints) -> None:
+def order_speeds(box: Buffer, state: ArmState, goal: Joints) -> None:
     """The speed with which a person would steer the arm to the goal."""
     ways = zip(goal, state.position, strict=True)
     speeds = [max(-_FASTEST, min(_FASTEST, _STEERING * (wanted - now))) for wanted, now in ways]
-    put_speeds(box, state.session, joints(speeds), state.time)
+    write_speeds(box, state.session, joints(speeds), state.time)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Case:
     """
 
     name: str
-    make: Callable[[Mailbox], Controller]
+    make: Callable[[Buffer], Controller]
     order: Order = order_goal
     values: Values = field(default_factory=dict)
 
@@ -69,8 +69,8 @@ CASES = (
     ),
     Case("feed-forward", JointPositionController, values={"tracking.feed_forward": True}),
     Case("velocity", JointVelocityController, order_speeds),
-    Case("forward position", lambda box: JointGroupPositionController(box, MemoryMailbox())),
-    Case("forward velocity", lambda box: JointGroupVelocityController(MemoryMailbox(), box), order_speeds),
+    Case("forward position", lambda box: JointGroupPositionController(box, MemoryBuffer())),
+    Case("forward velocity", lambda box: JointGroupVelocityController(MemoryBuffer(), box), order_speeds),
 )
 
 
@@ -79,7 +79,7 @@ class ArmUnderTest(ABC):
 
     def __init__(self, case: Case) -> None:
         self._order = case.order
-        self._box = MemoryMailbox()
+        self._box = MemoryBuffer()
         self._goal: Joints | None = None
         self._controller = case.make(self._box)
 

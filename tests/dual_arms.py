@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controllers.joint_trajectory import (
     DualArmTrajectoryController,
     FollowTrajectory,
     Tolerances,
     TrajectoryEnded,
 )
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
-from yumi.control.requests import ControllerNotice
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi_evaluation.guided_arm import GuidedArm
@@ -34,9 +34,9 @@ class DualArms:
     """
 
     def __init__(self) -> None:
-        self.scales = {side: MemoryMailbox() for side in Side}
-        self._told = {side: MemoryMailbox() for side in Side}
-        self._feedback = {side: MemoryMailbox() for side in Side}
+        self.scales = {side: MemoryBuffer() for side in Side}
+        self._halves: dict[Side, DualArmTrajectoryController] = {}
+        self._feedback = {side: MemoryBuffer() for side in Side}
         self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
         self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}
         for arm in self.arms.values():
@@ -44,9 +44,8 @@ class DualArms:
             arm.switch_to(NAME)
 
     def _arm(self, side: Side) -> GuidedArm:
-        other = Side.LEFT if side is Side.RIGHT else Side.RIGHT
         speed = SpeedScale(self.scales[side])
-        half = DualArmTrajectoryController(side, self._feedback[side], self._told[side], self._told[other], speed=speed)
+        half = DualArmTrajectoryController(side, self._feedback[side], self._halves, speed=speed)
         return GuidedArm({NAME: half}, side=side, speed=speed)
 
     @property
@@ -57,13 +56,21 @@ class DualArms:
         return {side: arm.snapshot.position for side, arm in self.arms.items()}
 
     def feedback(self, side: Side) -> TrajectoryFeedback:
-        letter = peek_feedback(self._feedback[side])
+        letter = self._feedback[side].read()
         assert letter is not None
         return letter[1]
 
-    def send(self, trajectory: JointTrajectory, goal: int = 1, tolerances: Tolerances = HALF_A_DEGREE) -> None:
-        """Both arms check their half before either takes it; it starts a dozen cycles from now."""
-        plans = plan_trajectory(replace(trajectory, start=self.now + 12 * CYCLE), tuple(Side), YUMI_LIMITS)
+    def send(
+        self,
+        trajectory: JointTrajectory,
+        goal: int = 1,
+        tolerances: Tolerances = HALF_A_DEGREE,
+        *,
+        is_at_once: bool = False,
+    ) -> None:
+        """Both arms check their half before either takes it; it starts a dozen cycles from now, or at once."""
+        start = None if is_at_once else self.now + 12 * CYCLE
+        plans = plan_trajectory(replace(trajectory, start=start), tuple(Side), YUMI_LIMITS)
         orders = {side: FollowTrajectory(plan, goal, tolerances) for side, plan in plans.items()}
         for side, arm in self.arms.items():
             arm.manager.check(NAME, orders[side], arm.line.state)
@@ -90,7 +97,7 @@ class DualArms:
         for side, arm in self.arms.items():
             seen = len(arm.events)
             arm.cycle()
-            notices = (event.notice for event in arm.events[seen:] if isinstance(event, ControllerNotice))
+            notices = (event.report for event in arm.events[seen:] if isinstance(event, ControllerReport))
             self.ended[side] += [notice for notice in notices if isinstance(notice, TrajectoryEnded)]
 
     @property

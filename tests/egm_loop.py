@@ -5,7 +5,7 @@ The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 
 from __future__ import annotations
 
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Guard
 from yumi.driver.state_machine import EgmMotionSettings
@@ -41,7 +41,7 @@ class EgmLoop(GuidedArm):
     """
 
     def __init__(self, side: Side = Side.LEFT, guard: Guard | None = None, model: ArmModel = SUPERVISED) -> None:
-        self._goals = MemoryMailbox()
+        self._goals = MemoryBuffer()
         super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, guard=guard, model=model)
 
     def begin(self, motion: EgmMotionSettings = FULL_SPEED) -> None:
@@ -57,4 +57,4 @@ class EgmLoop(GuidedArm):
 
     def go(self, goal: Joints) -> None:
         """Order a goal [rad], (7,)."""
-        put_goal(self._goals, self.snapshot.session, goal)
+        write_goal(self._goals, self.snapshot.session, goal)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import sin
 
 from yumi.control.cycle import Cycle
+from yumi.control.events import SessionLost
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.requests import SessionLost
 from yumi.control.statistics import AFTER_REPLY, SEND, StationClock
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 

@@ -1,4 +1,4 @@
-"""The fast lines as the driver starts them, with both arms' position controllers held on the benchmark's goal."""
+"""The control process as the driver starts it, with both arms' position controllers held on the benchmark's goal."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.control.commands import put_goal
-from yumi.control.requests import Event, SwitchControllers
-from yumi.control.shared_state import peek_snapshot
-from yumi.driver.control_process import FastLines, WakeMode
+from yumi.control.commands import write_goal
+from yumi.control.events import Event
+from yumi.control.loop import Commands
+from yumi.control.shared_state import read_snapshot
+from yumi.driver.control_process import ControlProcess, WakeMode
 from yumi.driver.settings import Settings, read_controllers, read_settings
-from yumi.driver.wiring import EgmPlan, build_arm, plan_egm
+from yumi.driver.wiring import EgmPlan, build_arms, plan_egm
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Side, chain_from_abb
 from yumi.settings import Entry
 
 POSITION = "joint_position_controller"
-LINE = "yumi-fast-line"
+PROCESS = "yumi-control"
 GLANCE = 0.25
 """How often it is looked whether an arm has begun a session and wants its controller [s]."""
 
@@ -60,34 +61,34 @@ class GuidedLine:
     """Started, it guides each arm towards the goal from the moment its robot speaks, in every session anew."""
 
     def __init__(self, settings: Settings, plan: EgmPlan, goal_deg: str) -> None:
-        self.lines = FastLines(partial(build_arm, plan), self._tell, settings.egm.wake)
+        self.control = ControlProcess(partial(build_arms, plan), self._tell, settings.egm.wake)
         axes = [radians(float(value)) for value in goal_deg.split(",")]
         self._goal: Joints = chain_from_abb(axes[:6], axes[6])
 
     def start(self) -> None:
-        self.lines.start()
-        print(self.lines.started_as, file=sys.stderr, flush=True)
+        self.control.start()
+        print(self.control.started_as, file=sys.stderr, flush=True)
 
     def run(self) -> None:
         """Keep both arms guided until standard input ends."""
         is_over = Flag()
         Thread(target=_wait_for_end_of_input, args=(is_over,), daemon=True).start()
-        say_ready(*(each.pid or 0 for each in multiprocessing.active_children() if each.name.startswith(LINE)))
+        say_ready(*(each.pid or 0 for each in multiprocessing.active_children() if each.name.startswith(PROCESS)))
         while not is_over.wait(GLANCE):
             for side in Side:
                 self._guide(side)
-        self.lines.stop()
+        self.control.stop()
 
     def _guide(self, side: Side) -> None:
-        snapshot = peek_snapshot(self.lines.boxes[side].snapshots)
+        snapshot = read_snapshot(self.control.buffers[side].snapshots)
         if not snapshot.is_running or snapshot.is_commanded:
             return
         try:
-            self.lines.ask(SwitchControllers(side, activate=(POSITION,)))
+            self.control.call(Commands.switch_controllers, side, (POSITION,))
         except CommandRefused as refusal:  # the robot fell silent in this moment; it will be looked at again
             print(refusal, file=sys.stderr, flush=True)
         else:
-            put_goal(self.lines.boxes[side].goals, snapshot.session, self._goal)
+            write_goal(self.control.buffers[side].goals, snapshot.session, self._goal)
 
     def _tell(self, event: Event) -> None:
         print(event, file=sys.stderr, flush=True)

@@ -17,7 +17,7 @@ from itertools import pairwise
 from math import degrees, inf, pi, radians, sin
 from random import Random
 
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Guard
 from yumi.driver.state_machine import EgmMotionSettings
@@ -184,7 +184,7 @@ def follow(reference: Reference, duration: float, values: Values | None = None, 
         values: parameters of the joint position controller.
         stream: how it is streamed.
     """
-    goals = MemoryMailbox()
+    goals = MemoryBuffer[SessionGoal]()
     controller = JointPositionController(goals, LIMITS)
     arm = GuidedArm({CONTROLLER: controller}, side=SIDE, guard=Guard(LIMITS))
     arm.manager.set_parameters(CONTROLLER, values or {})
@@ -196,7 +196,7 @@ def follow(reference: Reference, duration: float, values: Values | None = None, 
     coming, samples = next(arrivals, None), []
     while arm.clock.now() - begin < duration:
         while coming is not None and begin + coming[0] <= arm.clock.now() + CYCLE:
-            put_goal(goals, arm.snapshot.session, _moved(start, reference(coming[1])), time=begin + coming[0])
+            write_goal(goals, arm.snapshot.session, _moved(start, reference(coming[1])), time=begin + coming[0])
             coming = next(arrivals, None)
         arm.cycle()
         now, velocity = arm.clock.now() - begin, arm.robot.arm.velocity[JOINT]

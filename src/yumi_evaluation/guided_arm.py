@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from math import radians
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import Cycle
+from yumi.control.events import Event
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.loop import ArmLine
-from yumi.control.requests import Event
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.loop import ArmLoop
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.codec import JointCodec
@@ -109,17 +109,17 @@ class GuidedArm:
         self.events: list[Event] = []
         self.to_us: Wire = lambda datagram: (datagram,)
         self.to_robot: Wire = lambda datagram: (datagram,)
-        self._snapshots = MemoryMailbox()
+        self._snapshots = MemoryBuffer[Snapshot]()
         for name, controller in controllers.items():
             self.manager.load(name, controller)
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLine(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
+        self.line = ArmLoop(side, arm, self.manager, guard or Guard(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:
-        return peek_snapshot(self._snapshots)
+        return read_snapshot(self._snapshots)
 
     def start(self, motion: EgmMotionSettings = FULL_SPEED) -> None:
         """Start EGM and wait until the robot follows."""

@@ -29,7 +29,7 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.bringup import Bringup
 from yumi.driver.rapid_routines import RapidRoutines
@@ -303,7 +303,7 @@ def nudge(number: int) -> float:
 
 def virtual_trips(count: int) -> tuple[tuple[Trip, ...], int, int]:
     """``count`` round trips to the EGM loop, the datagrams meanwhile, and how many of them were lost."""
-    goals = MemoryMailbox()
+    goals = MemoryBuffer[SessionGoal]()
     arm = GuidedArm({CONTROLLER: JointPositionController(goals)}, side=Side.RIGHT)
     arm.start()
     arm.run(0.1)
@@ -314,7 +314,7 @@ def virtual_trips(count: int) -> tuple[tuple[Trip, ...], int, int]:
     while len(sent) < count + 3:
         while (due := begin + PERIOD * len(sent)) <= arm.clock.now() + CYCLE:
             position = moved(start, nudge(len(sent)), (_JOINT,))
-            put_goal(goals, session, position, time=due)
+            write_goal(goals, session, position, time=due)
             sent.append(SentGoal(position[_JOINT], due, due))
         arm.cycle()
         taken, now = arm.line.manager.reference, arm.cycles[-1].state.time

@@ -20,7 +20,7 @@ from math import cos, degrees, pi, radians, sin
 from threading import RLock
 
 from yumi.clock import Clock
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
 from yumi.control.limiter import Guard
@@ -224,7 +224,7 @@ def follow_sine(sine: Sine, parameters: Values | None = None) -> Tracking:
 
 def follow_planned(sine: Sine, parameters: Values | None = None, *, side: Side = SIDE, joint: int = _JOINT) -> Way:
     """Have one joint of a virtual arm follow ``sine`` as a trajectory; see :func:`follow_sine`."""
-    controller = JointTrajectoryController(side, MemoryMailbox())
+    controller = JointTrajectoryController(side, MemoryBuffer())
     arm = GuidedArm({CONTROLLER: controller}, side=side)
     arm.manager.set_parameters(CONTROLLER, parameters or {})
     arm.start()
@@ -287,7 +287,7 @@ def run_virtually(experiment: Experiment, system: System = System.SHIPPED, model
     if experiment.law.is_planned:
         return _run_planned(experiment)
     model = model or (FITTED if system is System.BARE else ArmModel())
-    goals, limits = MemoryMailbox(), _limits(experiment.mode)
+    goals, limits = MemoryBuffer[SessionGoal](), _limits(experiment.mode)
     guard = Guard(limits if system is System.SHIPPED else _unlimited(limits))
     controller = AnyGainController(goals, limits)
     arm = GuidedArm({EXPERIMENT_CONTROLLER: controller}, side=experiment.side, guard=guard, model=model)
@@ -320,7 +320,7 @@ def moved(start: Joints, way: float, which: tuple[int, ...]) -> Joints:
     return joints([value + way * (index in which) for index, value in enumerate(start)])
 
 
-def _follow(experiment: Experiment, arm: GuidedArm, goals: MemoryMailbox) -> Trace:
+def _follow(experiment: Experiment, arm: GuidedArm, goals: MemoryBuffer[SessionGoal]) -> Trace:
     reference, which = experiment.reference, experiment.moved
     start, begin, slowed, first = arm.robot.arm.planned, arm.clock.now(), arm.snapshot.slowed, len(arm.cycles)
     times, session = list(goal_times(experiment)), arm.snapshot.session
@@ -329,7 +329,7 @@ def _follow(experiment: Experiment, arm: GuidedArm, goals: MemoryMailbox) -> Tra
     while arm.clock.now() - begin < experiment.duration:
         # What is sent before a datagram arrives is there when it is answered.
         while begin + due <= arm.clock.now() + CYCLE:
-            put_goal(goals, session, moved(start, reference(due), which), time=begin + due)
+            write_goal(goals, session, moved(start, reference(due), which), time=begin + due)
             due = next(coming)
         arm.cycle()
     states = [cycle.state for cycle in arm.cycles[first:]]

@@ -14,7 +14,7 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenGuard
-from yumi.control.requests import RobotStoppedFollowing
+from yumi.control.events import RobotStoppedFollowing
 from yumi.egm.messages import MciState, MotorState
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
 from yumi.rws.types import ControllerState

@@ -10,12 +10,12 @@ from math import radians
 import pytest
 
 from egm_loop import CONTROLLER, EgmLoop
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import Guard
-from yumi.control.requests import ControllerNotice
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
@@ -68,7 +68,7 @@ class ArmUnderGoals(ABC):
 class PerfectArmUnderGoals(ArmUnderGoals):
     def __init__(self, start: Joints) -> None:
         manager = ControllerManager(joint_names(Side.RIGHT))
-        manager.load(NAME, JointGoalController(MemoryMailbox()))
+        manager.load(NAME, JointGoalController(MemoryBuffer()))
         manager.configure(NAME, FULL)
         super().__init__(manager)
         self._arm, self._guard, self._stations = PerfectArm(start), Guard(YUMI_LIMITS), StationClock()
@@ -79,14 +79,14 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         return run_cycle(self._arm, self.manager, self._guard, len(self.cycles) * CYCLE, self._stations)
 
     def next_notices(self) -> list[object]:
-        return [notice for _, notice in self.manager.take_notices()]
+        return [notice for _, notice in self.manager.take_reports()]
 
 
 class VirtualArmUnderGoals(ArmUnderGoals):
     def __init__(self) -> None:
         self._loop = EgmLoop(Side.RIGHT)
         super().__init__(self._loop.manager)
-        self.manager.load(NAME, JointGoalController(MemoryMailbox()))
+        self.manager.load(NAME, JointGoalController(MemoryBuffer()))
         self.manager.configure(NAME, FULL)
         self._loop.begin()
         self._loop.deactivate()
@@ -100,7 +100,7 @@ class VirtualArmUnderGoals(ArmUnderGoals):
 
     def next_notices(self) -> list[object]:
         events, self._loop.events = self._loop.events, []
-        return [event.notice for event in events if isinstance(event, ControllerNotice)]
+        return [event.report for event in events if isinstance(event, ControllerReport)]
 
 
 @pytest.fixture(params=["perfect arm", "virtual arm"])
@@ -169,7 +169,7 @@ def test_new_goal_in_mid_motion_makes_no_jump(arm: ArmUnderGoals) -> None:
 
 def test_arm_that_another_controller_moves_is_brought_to_rest_first() -> None:
     loop = EgmLoop(Side.RIGHT)
-    loop.manager.load(NAME, JointGoalController(MemoryMailbox()))
+    loop.manager.load(NAME, JointGoalController(MemoryBuffer()))
     loop.manager.configure(NAME, FULL)
     loop.begin()
     loop.go(moved(loop.snapshot.position, 3.0))

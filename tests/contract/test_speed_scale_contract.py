@@ -9,7 +9,7 @@ from math import dist, radians
 import pytest
 
 from trajectories import moved, planned, swing
-from yumi.control.commands import MemoryMailbox, put_goal, put_speeds
+from yumi.control.commands import MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import JointPositionController
@@ -23,9 +23,8 @@ from yumi.control.controllers.joint_trajectory import (
 )
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.requests import ControllerNotice
-from yumi.control.shared_state import peek_feedback
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.guided_arm import GuidedArm
@@ -44,13 +43,13 @@ class ScaledArm:
     """A virtual arm, one controller of each kind, and the scale they share."""
 
     def __init__(self, scale: float = 1.0) -> None:
-        self.scale, self.goals, self.speeds, self.feedback = (MemoryMailbox() for _ in range(4))
+        self.scale, self.goals, self.speeds, self.feedback = (MemoryBuffer() for _ in range(4))
         self.set(scale)
         speed = SpeedScale(self.scale)
         self.arm = GuidedArm(
             {
                 "trajectory": JointTrajectoryController(SIDE, self.feedback, LIMITS, speed=speed),
-                "goal": JointGoalController(MemoryMailbox(), LIMITS, speed=speed),
+                "goal": JointGoalController(MemoryBuffer(), LIMITS, speed=speed),
                 "position": JointPositionController(self.goals, LIMITS, speed),
                 "tracking": JointPositionController(self.goals, LIMITS, speed),
                 "forward": JointGroupPositionController(self.goals, self.speeds, LIMITS, speed),
@@ -66,7 +65,7 @@ class ScaledArm:
         self.arm.start()
 
     def set(self, scale: float) -> None:
-        self.scale.put((scale,))
+        self.scale.write((scale,))
 
     def lead(self, name: str) -> None:
         self.arm.switch_to(name)
@@ -81,9 +80,9 @@ class ScaledArm:
         for _ in range(round(seconds / CYCLE)):
             session, now = self.arm.cycles[-1].state.session, self.arm.clock.now()
             if position is not None:
-                put_goal(self.goals, session, position, time=now)
+                write_goal(self.goals, session, position, time=now)
             if speed is not None:
-                put_speeds(self.speeds, session, speed, now)
+                write_speeds(self.speeds, session, speed, now)
             self.arm.cycle()
         return self.arm.cycles[first:]
 
@@ -93,7 +92,7 @@ class ScaledArm:
 
     @property
     def notices(self) -> list[object]:
-        return [event.notice for event in self.arm.events if isinstance(event, ControllerNotice)]
+        return [event.report for event in self.arm.events if isinstance(event, ControllerReport)]
 
     def run_to_notice(self, limit: float) -> object:
         """The next thing a controller tells."""
@@ -148,7 +147,7 @@ def test_trajectory_feedback_tells_the_scale_and_the_slower_speed() -> None:
     arm.lead("trajectory")
     arm.order("trajectory", FollowTrajectory(swing(HOME, 1.0, 2.0), 1, CLOSE))
     arm.arm.run(4.0)
-    letter = peek_feedback(arm.feedback)
+    letter = arm.feedback.read()
     assert letter is not None
     feedback = letter[1]
     assert feedback.scale == 0.25

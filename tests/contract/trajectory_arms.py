@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_trajectory import (
     FollowTrajectory,
@@ -15,10 +15,10 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
+from yumi.control.events import ControllerReport, Event
 from yumi.control.limiter import Guard
-from yumi.control.loop import ArmLine
-from yumi.control.requests import ControllerNotice, Event
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
+from yumi.control.loop import ArmLoop
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
@@ -33,7 +33,7 @@ class Loop(Protocol):
     """Cycles of one arm."""
 
     manager: ControllerManager
-    line: ArmLine
+    line: ArmLoop
     clock: ManualClock
     cycles: list[Cycle]
     events: list[Event]
@@ -50,7 +50,7 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLine(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryMailbox())
+        self.line = ArmLoop(SIDE, self.arm, self.manager, Guard(YUMI_LIMITS), MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 
@@ -70,7 +70,7 @@ class TrajectoryArm:
     """
 
     def __init__(self, loop: Callable[[JointTrajectoryController], Loop], parameters: Values) -> None:
-        self._feedback = MemoryMailbox()
+        self._feedback = MemoryBuffer()
         self.loop = loop(JointTrajectoryController(SIDE, self._feedback))
         self.set(parameters)
         self.run(0.05)
@@ -79,7 +79,7 @@ class TrajectoryArm:
 
     @property
     def ended(self) -> list[TrajectoryEnded]:
-        notices = (event.notice for event in self.loop.events if isinstance(event, ControllerNotice))
+        notices = (event.report for event in self.loop.events if isinstance(event, ControllerReport))
         return [notice for notice in notices if isinstance(notice, TrajectoryEnded)]
 
     @property
@@ -96,7 +96,7 @@ class TrajectoryArm:
 
     @property
     def feedback(self) -> TrajectoryFeedback:
-        letter = peek_feedback(self._feedback)
+        letter = self._feedback.read()
         assert letter is not None
         return letter[1]
 

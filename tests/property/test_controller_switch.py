@@ -10,7 +10,7 @@ import pytest
 
 from egm_loop import EgmLoop
 from trajectories import planned
-from yumi.control.commands import Mailbox, MemoryMailbox, put_goal, put_speeds
+from yumi.control.commands import Buffer, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controller import Controller, State
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.timeout(180)  # a thousand switches take their time
 
 SWITCHES = 1000
 TRAJECTORY = "trajectory"
-MAKERS: Mapping[str, tuple[Callable[[Mailbox, Mailbox], Controller], Values]] = {
+MAKERS: Mapping[str, tuple[Callable[[Buffer, Buffer], Controller], Values]] = {
     "gentle": (lambda goals, speeds: JointPositionController(goals), {"p": 0.6}),
     "strong": (lambda goals, speeds: JointPositionController(goals), {"p": 2.0}),
     "stream": (lambda goals, speeds: JointPositionController(goals), {"tracking.feed_forward": True}),
@@ -34,7 +34,7 @@ MAKERS: Mapping[str, tuple[Callable[[Mailbox, Mailbox], Controller], Values]] = 
     "forward_position": (JointGroupPositionController, {}),
     "forward_velocity": (JointGroupVelocityController, {}),
     "goal": (lambda goals, speeds: JointGoalController(goals), {"speed_scale": 1.0, "acceleration_scale": 1.0}),
-    TRAJECTORY: (lambda goals, speeds: JointTrajectoryController(Side.LEFT, MemoryMailbox()), {}),
+    TRAJECTORY: (lambda goals, speeds: JointTrajectoryController(Side.LEFT, MemoryBuffer()), {}),
 }
 """Every controller that may be switched to: how it is made, given where its goals arrive, and its parameters."""
 
@@ -44,7 +44,7 @@ class SwitchedLoop(EgmLoop):
 
     def __init__(self) -> None:
         super().__init__()
-        self.goals, self.speeds = MemoryMailbox(), MemoryMailbox()
+        self.goals, self.speeds = MemoryBuffer(), MemoryBuffer()
         self.active: str | None = None
         self.followed = 0
         for name, (make, values) in MAKERS.items():
@@ -60,8 +60,8 @@ class SwitchedLoop(EgmLoop):
         """Somewhere in the middle half of every joint's range, at any speed; however the active controller takes it."""
         ranges = zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)
         goal = joints([low + (high - low) * random.uniform(0.25, 0.75) for low, high in ranges])
-        put_goal(self.goals, self.snapshot.session, goal)
-        put_speeds(
+        write_goal(self.goals, self.snapshot.session, goal)
+        write_speeds(
             self.speeds, self.snapshot.session, joints([random.uniform(-top, top) for top in YUMI_LIMITS.velocity])
         )
         if self.active == TRAJECTORY:

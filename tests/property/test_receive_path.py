@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
 from soak import RECEIVE_EXAMPLES
-from yumi.control.commands import MemoryMailbox, put_speeds
+from yumi.control.commands import MemoryBuffer, write_speeds
 from yumi.control.controller import State
 from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.events import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
 from yumi.control.limiter import FOLLOWING, LATE_CYCLE
 from yumi.control.motion import EGM_GAIN
-from yumi.control.requests import FeedbackDoubted, ProblemOver, RobotDoesNotFollow, SessionResumed
 from yumi.control.shared_state import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MotorState, RobotMessage
@@ -66,7 +66,7 @@ class Attacked(EgmLoop):
 
     def __init__(self, *, feeds_speed: bool = False) -> None:
         super().__init__(model=ArmModel(supervises_load=False))
-        self._speeds = MemoryMailbox() if feeds_speed else None
+        self._speeds = MemoryBuffer() if feeds_speed else None
         if self._speeds is not None:
             self.manager.load(VELOCITY_CONTROLLER, JointVelocityController(self._speeds))
             self.manager.configure(VELOCITY_CONTROLLER)
@@ -100,7 +100,7 @@ class Attacked(EgmLoop):
             if self.line.state is None:
                 pass
             elif self._speeds is not None:
-                put_speeds(self._speeds, self.snapshot.session, joints([1.6 * cos(angle)] * 7))
+                write_speeds(self._speeds, self.snapshot.session, joints([1.6 * cos(angle)] * 7))
             else:
                 self.go(joints([value + 0.4 * sin(angle) for value in self.home]))
             self.cycle()

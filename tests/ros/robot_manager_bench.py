@@ -16,7 +16,7 @@ from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock
 from yumi.control.controller import HardwareInfo, State
-from yumi.control.requests import Done, HoldArm, ListHardware, Request, SetHardwareState
+from yumi.control.loop import Commands
 from yumi.driver.speed import SpeedSetting
 from yumi.driver.state import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState
@@ -101,14 +101,14 @@ class FakeLine:
         self.states = dict.fromkeys(Side, State.ACTIVE)
         self.held: list[Side] = []
 
-    def ask(self, request: Request) -> Done:
-        if isinstance(request, HoldArm):
-            self.held.append(request.side)
-            return Done()
-        if isinstance(request, SetHardwareState):
-            self.states[request.side] = request.state
-        assert isinstance(request, ListHardware | SetHardwareState)
-        return Done(hardware=(HardwareInfo(request.side.unit, self.states[request.side], (), ()),))
+    def call(self, command: Callable[..., Any], side: Side, *args: Any) -> HardwareInfo | None:
+        if command is Commands.hold:
+            self.held.append(side)
+            return None
+        if command is Commands.set_hardware_state:
+            self.states[side] = args[1]
+        assert command in (Commands.hardware, Commands.set_hardware_state)
+        return HardwareInfo(side.unit, self.states[side], (), ())
 
 
 class FakeGripper:

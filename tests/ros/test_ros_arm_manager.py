@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from threading import Event, Timer
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import pytest
 from controller_manager_bench import (
@@ -27,15 +27,15 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import Controller
 from yumi.control.controller_manager import ControllerManager
+from yumi.control.events import ControllerFailed, ControllerReport
 from yumi.control.limiter import Guard
-from yumi.control.loop import ArmLine, RequestDesk
-from yumi.control.requests import ControllerFailed, ControllerNotice, Done, Refusal, Request
+from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.driver.arm import PerfectArm
 from yumi.driver.settings import ControllerSettings
-from yumi.errors import CommandRefused, RobotNotReady
+from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager
@@ -45,6 +45,8 @@ from yumi.settings import Entry, Parameter, Values
 pytestmark = pytest.mark.ros
 
 KIND = "tests/Watcher"
+P = ParamSpec("P")
+T = TypeVar("T")
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -75,7 +77,7 @@ class Watcher(Controller):
 
 
 class MemoryLine:
-    """The fast line of one arm without a process; ``is_gone`` makes it end."""
+    """The control process with one arm, in this process; ``is_gone`` makes it end."""
 
     def __init__(self) -> None:
         self.made: list[Watcher] = []
@@ -84,21 +86,18 @@ class MemoryLine:
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
         arm, guard = PerfectArm(home(Side.RIGHT)), Guard(YUMI_LIMITS)
-        self._desk = RequestDesk({Side.RIGHT: ArmLine(Side.RIGHT, arm, manager, guard, MemoryMailbox())})
+        loop = ArmLoop(Side.RIGHT, arm, manager, guard, MemoryBuffer())
+        self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 
     def _make(self, _: str) -> Watcher:
         self.made.append(Watcher())
         return self.made[-1]
 
-    def ask(self, request: Request) -> Done:
+    def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
         if self.is_gone:
-            raise RobotNotReady("The fast-line process has ended; restart the driver.")
+            raise RobotNotReady("The control process has ended; restart the driver.")
         self.may_answer.wait()
-        reply = self._desk.serve(request, 0.0)
-        if isinstance(reply, Refusal):
-            raise CommandRefused(reply.sentence)
-        assert isinstance(reply, Done)
-        return reply
+        return serve(self._commands, command, *args, **kwargs)
 
 
 class Interface:
@@ -264,8 +263,8 @@ def test_settled_parameter_is_refused_until_the_controller_is_cleaned_up(watcher
 
 
 def test_notice_of_a_controller_reaches_what_it_offers(rig: SimpleNamespace, watcher: Watcher) -> None:
-    rig.arm.tell(ControllerNotice(Side.RIGHT, "watcher", "arrived"))
-    rig.arm.tell(ControllerNotice(Side.RIGHT, "gone", "lost"))
+    rig.arm.tell(ControllerReport(Side.RIGHT, "watcher", "arrived"))
+    rig.arm.tell(ControllerReport(Side.RIGHT, "gone", "lost"))
     assert rig.interface.notices[-1] == "arrived"
 
 
@@ -311,11 +310,11 @@ def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
     assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
 
 
-def test_manager_without_its_fast_line_lists_nothing_refuses_all_and_is_finalized(
+def test_manager_without_its_control_process_lists_nothing_refuses_all_and_is_finalized(
     rig: SimpleNamespace, manager: Manager
 ) -> None:
     rig.line.is_gone = True
-    sentence = "The fast-line process has ended; restart the driver."
+    sentence = "The control process has ended; restart the driver."
     assert manager.controllers() == {}
     manager.client.until(manager.client.hears(f"list_controllers: {sentence}"))
     assert manager.switch(["watcher"], []).message == sentence

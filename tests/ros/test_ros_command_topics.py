@@ -10,8 +10,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from yumi.clock import ManualClock
-from yumi.control.commands import GoalKind, MemoryMailbox, peek_goal
-from yumi.control.shared_state import Snapshot, peek_snapshot, put_snapshot
+from yumi.control.commands import GoalKind, MemoryBuffer, read_goal
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 
@@ -21,15 +21,15 @@ NAMES = joint_names(Side.RIGHT)
 
 def newest(boxes: Boxes, session: int) -> tuple[int, Joints] | None:
     """Number and positions of the newest goal."""
-    number, goal = peek_goal(boxes.goals, session)
+    number, goal = read_goal(boxes.goals, session)
     return None if goal is None else (number, goal.position)
 
 
 class Boxes:
     def __init__(self) -> None:
-        self.snapshots = MemoryMailbox()
-        self.goals = MemoryMailbox()
-        self.speeds = MemoryMailbox()
+        self.snapshots = MemoryBuffer()
+        self.goals = MemoryBuffer()
+        self.speeds = MemoryBuffer()
 
 
 class Clock:
@@ -80,7 +80,7 @@ def boxes(middle: Joints) -> Boxes:
     snapshot = Snapshot(
         session=3, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.POSITION, reference=middle
     )
-    put_snapshot(boxes.snapshots, snapshot)
+    boxes.snapshots.write(snapshot)
     return boxes
 
 
@@ -91,7 +91,7 @@ def node() -> Node:
 
 @pytest.fixture
 def topic(node: Node, boxes: Boxes) -> JointCommandTopic:
-    return JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots))
+    return JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots))
 
 
 def goal(names: list[str], position: list[float]) -> Any:
@@ -122,8 +122,7 @@ def test_topic_starts_from_the_reference_again_in_a_new_session(
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(
-        boxes.snapshots,
+    boxes.snapshots.write(
         commanded(middle, session=4),
     )
     topic.take(goal([NAMES[6]], [0.7]))
@@ -134,8 +133,7 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
     topic: JointCommandTopic, boxes: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    put_snapshot(
-        boxes.snapshots,
+    boxes.snapshots.write(
         commanded(middle, activation=2),
     )
     topic.take(goal([NAMES[6]], [0.7]))
@@ -165,7 +163,7 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
     topic: JointCommandTopic, node: Node, boxes: Boxes, names: list[str], position: list[float], sentence: str
 ) -> None:
     topic.take(goal(names, position))
-    assert boxes.goals.peek() is None
+    assert boxes.goals.read() is None
     (warning,) = node.warnings
     assert re.fullmatch(r"Goal refused: .*", warning)
     assert sentence in warning
@@ -186,16 +184,16 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
 def test_topic_refuses_goals_before_the_arm_can_take_them(
     topic: JointCommandTopic, node: Node, boxes: Boxes, snapshot: Snapshot, sentence: str
 ) -> None:
-    put_snapshot(boxes.snapshots, snapshot)
+    boxes.snapshots.write(snapshot)
     topic.take(goal(list(NAMES), [0.0] * 7))
-    assert boxes.goals.peek() is None
+    assert boxes.goals.read() is None
     assert node.warnings == [f"Goal refused: {sentence}"]
 
 
 def test_topic_hands_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, boxes: Boxes) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), lambda: 12.5)
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), lambda: 12.5)
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[0.7]))
-    _, taken = peek_goal(boxes.goals, 3)
+    _, taken = read_goal(boxes.goals, 3)
     assert taken is not None
     assert (taken.time, taken.velocity[0]) == (12.5, 0.7)
     assert all(map(isnan, taken.velocity[1:]))
@@ -205,41 +203,41 @@ def test_topic_hands_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, bo
 def test_topic_takes_the_time_of_a_goal_from_its_stamp_where_that_can_be_true(
     node: Node, boxes: Boxes, sec: int, nanosec: int, time: float
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), lambda: 12.5)
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), lambda: 12.5)
     message = JointState(name=[NAMES[0]], position=[0.1])
     message.header.stamp = Time(sec=sec, nanosec=nanosec)
     topic.take(message)
-    _, taken = peek_goal(boxes.goals, 3)
+    _, taken = read_goal(boxes.goals, 3)
     assert taken is not None
     assert taken.time == pytest.approx(time)
 
 
 def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, boxes: Boxes) -> None:
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[9.0]))
-    assert boxes.goals.peek() is None
+    assert boxes.goals.read() is None
     assert node.warnings == ["Goal refused: yumi_joint_1_r is 515.7°/s; it reaches 180°/s."]
 
 
 def commanding(kind: type[CommandTopic], node: Node, boxes: Boxes, middle: Joints) -> CommandTopic:
     """A topic on an arm whose controller takes its goals."""
-    put_snapshot(boxes.snapshots, commanded(middle, goal_kind=kind.kind))
-    return kind(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots))
+    boxes.snapshots.write(commanded(middle, goal_kind=kind.kind))
+    return kind(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots))
 
 
 def test_velocity_topic_stops_joints_that_are_not_named(node: Node, boxes: Boxes, middle: Joints) -> None:
     topic = commanding(JointVelocityTopic, node, boxes, middle)
     topic.take(JointState(name=[NAMES[6]], velocity=[0.3]))
-    _, taken = peek_goal(boxes.goals, 3)
+    _, taken = read_goal(boxes.goals, 3)
     assert taken is not None
     assert taken.velocity == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
 
 
 def forwarding(node: Node, boxes: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:
     """The topic of the controller ``mine`` on an arm that the ``active`` ones command."""
-    put_snapshot(boxes.snapshots, commanded(ZERO, goal_kind=kind))
+    boxes.snapshots.write(commanded(ZERO, goal_kind=kind))
     both = (boxes.goals, boxes.speeds)
     return ForwardTopic(
-        node, Side.RIGHT, both, lambda: peek_snapshot(boxes.snapshots), lambda: 1.0, "mine", lambda: active
+        node, Side.RIGHT, both, lambda: read_snapshot(boxes.snapshots), lambda: 1.0, "mine", lambda: active
     )
 
 
@@ -252,7 +250,7 @@ def test_forward_topic_passes_seven_positions_on(node: Node, boxes: Boxes, middl
 
 def test_forward_topic_passes_seven_speeds_on(node: Node, boxes: Boxes) -> None:
     forwarding(node, boxes, GoalKind.FORWARD_VELOCITY, {"mine"}).take(Float64MultiArray(data=[0.1] * 7))
-    _, taken = peek_goal(boxes.speeds, 3)
+    _, taken = read_goal(boxes.speeds, 3)
     assert taken is not None
     assert taken.velocity == (0.1,) * 7
 
@@ -283,7 +281,7 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
     kind: GoalKind, active: set[str], values: list[float], sentence: str, node: Node, boxes: Boxes
 ) -> None:
     forwarding(node, boxes, kind, active).take(Float64MultiArray(data=values))
-    assert boxes.goals.peek() is boxes.speeds.peek() is None
+    assert boxes.goals.read() is boxes.speeds.read() is None
     (warning,) = node.warnings
     assert warning.startswith(sentence)
 
@@ -305,7 +303,7 @@ def test_other_topics_refuse_with_a_sentence_and_change_nothing(
     kind: type[CommandTopic], message: Any, sentence: str, node: Node, boxes: Boxes, middle: Joints
 ) -> None:
     commanding(kind, node, boxes, middle).take(message)
-    assert boxes.goals.peek() is None
+    assert boxes.goals.read() is None
     (warning,) = node.warnings
     assert re.fullmatch(r"(Goal|Speed) refused: .*", warning)
     assert sentence in warning
@@ -320,15 +318,15 @@ def test_other_topics_refuse_with_a_sentence_and_change_nothing(
 def test_topics_refuse_what_no_active_controller_takes(
     kind: type[CommandTopic], sentence: str, node: Node, boxes: Boxes
 ) -> None:
-    kind(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots)).take(kind.type())
-    assert boxes.goals.peek() is None
+    kind(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots)).take(kind.type())
+    assert boxes.goals.read() is None
     assert node.warnings[0].startswith(sentence)
 
 
 def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
     node: Node, boxes: Boxes, clock: ManualClock
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
     bad = [
         goal([NAMES[1]], [4.0]),
         goal([NAMES[1]], [nan]),
@@ -353,7 +351,7 @@ def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
 def test_stream_of_bad_goals_is_logged_once_a_second_with_its_count(
     node: Node, boxes: Boxes, clock: ManualClock
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
     for number in range(6400):
         topic.take(goal([NAMES[1]], [4.0 + 1e-4 * number]))  # every sentence another number
         clock.advance(1.0 / 3200.0)
@@ -362,7 +360,7 @@ def test_stream_of_bad_goals_is_logged_once_a_second_with_its_count(
 
 
 def test_stream_of_invented_names_cannot_flood_the_log(node: Node, boxes: Boxes, clock: ManualClock) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: peek_snapshot(boxes.snapshots), clock.now)
+    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
     for number in range(6400):
         topic.take(goal([f"joint_{number}" + "x" * 1000], [0.0]))
         clock.advance(1.0 / 3200.0)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
 from yumi.ros.executors import Ticker
 from yumi.ros.topics import SILENCE, MergedJointStates
@@ -38,24 +38,24 @@ class Node:
 
 
 @pytest.fixture
-def states() -> dict[Side, MemoryMailbox]:
-    return {side: MemoryMailbox() for side in Side}
+def states() -> dict[Side, MemoryBuffer]:
+    return {side: MemoryBuffer() for side in Side}
 
 
 @pytest.fixture
-def node(clock: ManualClock, states: dict[Side, MemoryMailbox]) -> Node:
+def node(clock: ManualClock, states: dict[Side, MemoryBuffer]) -> Node:
     node = Node(clock)
     boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
     MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.ticker)
     return node
 
 
-def hear(box: MemoryMailbox, time: float) -> None:
-    box.put((time, *[0.1] * JOINT_COUNT, *[0.2] * JOINT_COUNT))
+def hear(box: MemoryBuffer, time: float) -> None:
+    box.write((time, *[0.1] * JOINT_COUNT, *[0.2] * JOINT_COUNT))
 
 
 def test_merged_states_have_both_arms_and_the_fingers_that_are_known(
-    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+    node: Node, states: dict[Side, MemoryBuffer], clock: ManualClock
 ) -> None:
     for box in states.values():
         hear(box, clock.now())
@@ -65,7 +65,7 @@ def test_merged_states_have_both_arms_and_the_fingers_that_are_known(
 
 
 def test_merged_states_leave_out_an_arm_that_fell_silent(
-    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+    node: Node, states: dict[Side, MemoryBuffer], clock: ManualClock
 ) -> None:
     hear(states[Side.RIGHT], clock.now())
     clock.advance(SILENCE - PERIOD)
@@ -75,7 +75,7 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
 
 
 def test_merged_states_bear_the_time_of_the_oldest_of_them(
-    node: Node, states: dict[Side, MemoryMailbox], clock: ManualClock
+    node: Node, states: dict[Side, MemoryBuffer], clock: ManualClock
 ) -> None:
     oldest = clock.now()
     hear(states[Side.RIGHT], oldest)

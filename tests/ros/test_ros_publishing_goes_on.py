@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from yumi.clock import SystemClock
-from yumi.driver.control_process import ArmBoxes
+from yumi.driver.control_process import ArmBuffers
 from yumi.robot.joints import Side
 
 pytestmark = pytest.mark.ros
@@ -52,21 +52,21 @@ def node() -> Node:
 
 
 @pytest.fixture
-def boxes(node: Node) -> Iterator[ArmBoxes]:
-    boxes = ArmBoxes()
+def boxes(node: Node) -> Iterator[ArmBuffers]:
+    boxes = ArmBuffers()
     publisher = topics.JointStatePublisher(node, Side.LEFT, boxes, SystemClock())
     publisher.start()
     yield boxes
     publisher.stop()
 
 
-def tell(boxes: ArmBoxes, number: float) -> None:
-    boxes.states.put((number, *[0.0] * 14))
-    boxes.bell.release()
+def tell(boxes: ArmBuffers, number: float) -> None:
+    boxes.states.write((number, *[0.0] * 14))
+    boxes.cycle_done.release()
 
 
 def test_joint_states_go_on_after_publishes_that_failed(
-    node: Node, boxes: ArmBoxes, caplog: pytest.LogCaptureFixture
+    node: Node, boxes: ArmBuffers, caplog: pytest.LogCaptureFixture
 ) -> None:
     node.refuses.set()
     with caplog.at_level(logging.ERROR):
@@ -82,7 +82,7 @@ def test_joint_states_go_on_after_publishes_that_failed(
 
 
 @pytest.mark.parametrize("step", [HOUR, -2 * HOUR, -500_000 * HOUR])
-def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, boxes: ArmBoxes) -> None:
+def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, boxes: ArmBuffers) -> None:
     tell(boxes, 1.0)
     before = node.published.get(timeout=LONG).header.stamp
     node.nanoseconds += step

@@ -207,7 +207,7 @@ def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals,
     assert not right.send(swing(egm, 0.5, 4.0)).accepted
     faulty = swing(egm, 99.0, 4.0)  # nobody looks at its points
     assert not right.send(faulty).accepted
-    egm.until(egm.hears("is inactive and takes no orders; activate it first."))
+    egm.until(egm.hears("is inactive and takes no commands; activate it first."))
 
 
 def query(client: Client, seconds: float) -> Any:

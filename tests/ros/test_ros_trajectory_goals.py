@@ -15,8 +15,8 @@ from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryMailbox
-from yumi.control.requests import Done, FastLineEnded, Request
+from yumi.control.commands import MemoryBuffer
+from yumi.control.events import ControlProcessEnded
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.executors import Ticker
 from yumi.ros.trajectory import TrajectoryAction
@@ -28,19 +28,18 @@ class Lone:
     """An action whose controllers take everything and tell nothing."""
 
     def __init__(self) -> None:
-        self.requests: list[Request] = []
+        self.commands: list[object] = []
         self.node: Any = rclpy.create_node("lone")
-        boxes = {Side.RIGHT: MemoryMailbox()}
+        boxes = {Side.RIGHT: MemoryBuffer()}
         ticker = Ticker(SystemClock(), print)
-        self.action = TrajectoryAction(self.node, "lone", boxes, self._ask, SystemClock(), YUMI_LIMITS, ticker)
+        self.action = TrajectoryAction(self.node, "lone", boxes, self, SystemClock(), YUMI_LIMITS, ticker)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)
         self._thread.start()
 
-    def _ask(self, request: Request) -> Done:
-        self.requests.append(request)
-        return Done()
+    def call(self, command: Any, /, *args: Any) -> Any:
+        self.commands += args
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -64,7 +63,7 @@ def caller(lone: Lone) -> Iterator[Client]:
     caller.close()
 
 
-def test_goal_is_aborted_when_the_fast_line_ends(lone: Lone, caller: Client) -> None:
+def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Client) -> None:
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
     caller.until(goals.server_is_ready)
     point = JointTrajectoryPoint(positions=list(home(Side.RIGHT)))
@@ -72,10 +71,10 @@ def test_goal_is_aborted_when_the_fast_line_ends(lone: Lone, caller: Client) -> 
     trajectory = JointTrajectory(joint_names=list(joint_names(Side.RIGHT)), points=[point])
     sent = goals.send_goal_async(FollowJointTrajectory.Goal(trajectory=trajectory))
     caller.until(sent.done)
-    lone.action.tell(FastLineEnded(Side.RIGHT, 1))
+    lone.action.tell(ControlProcessEnded(Side.RIGHT, 1))
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED
-    sentence = "The fast line has ended; call recover, which starts another one."
+    sentence = "The control process has ended; call recover, which starts another one."
     assert ended.result().result.error_string == sentence
     goals.destroy()

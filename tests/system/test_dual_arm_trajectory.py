@@ -43,19 +43,31 @@ def test_both_arms_start_in_the_same_cycle_period_and_stay_together(arms: DualAr
         assert ended.skew.worst < CYCLE
 
 
+def test_arms_that_start_at_once_are_in_step_whatever_the_phase_of_their_datagrams(arms: DualArms) -> None:
+    arms.arms[Side.LEFT].clock.advance(0.0015)
+    arms.run(0.1)
+    arms.send(dual_arm_trajectory(), is_at_once=True)
+    arms.run_until(lambda: arms.is_over, 6.0)
+    for (ended,) in arms.ended.values():
+        assert ended.outcome is Outcome.SUCCEEDED
+        assert ended.skew is not None
+        assert abs(ended.skew.start) < CYCLE
+        assert ended.skew.worst < 1e-6
+
+
 def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualArms) -> None:
     arms.arms[Side.LEFT].clock.advance(0.0015)
     for box in arms.scales.values():
-        box.put((0.5,))
+        box.write((0.5,))
     arms.run(0.5)
     arms.send(dual_arm_trajectory())
     arms.run(3.0)
     for box in arms.scales.values():
-        box.put((0.2,))
+        box.write((0.2,))
     arms.run(3.0)
     assert {arms.feedback(side).scale for side in Side} == {0.2}
     for box in arms.scales.values():
-        box.put((1.0,))
+        box.write((1.0,))
     arms.run_until(lambda: arms.is_over, 20.0)
     for (ended,) in arms.ended.values():
         assert (ended.outcome, ended.sentence) == (Outcome.SUCCEEDED, "The goal is reached.")
@@ -130,7 +142,7 @@ def test_new_trajectory_replaces_the_one_of_both_arms(arms: DualArms) -> None:
         assert (second.goal, second.outcome) == (2, Outcome.SUCCEEDED)
 
 
-def test_arm_whose_partner_never_begins_stops(arms: DualArms) -> None:
+def test_arm_whose_other_arm_never_begins_stops(arms: DualArms) -> None:
     position = arms.arms[Side.LEFT].snapshot.position
     arms.order({Side.LEFT: FollowTrajectory(swing(position, 0.5, 2.0), goal=1)})
     arms.run(0.6)

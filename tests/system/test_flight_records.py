@@ -6,27 +6,30 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from math import nan
 from pathlib import Path
 from queue import Queue
 
 import pytest
 
-from system.test_fast_line_process import ELSEWHERE, MESSAGE, POSITION, Robot
+from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import SystemClock
-from yumi.control.commands import put_goal
+from yumi.control.commands import SessionGoal, write_goal
 from yumi.control.cycle import Cycle
+from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
-from yumi.control.requests import Event, SwitchControllers, is_fault
+from yumi.control.loop import Commands
 from yumi.control.shared_state import SharedNumbers, shared_numbers
 from yumi.control.statistics import StationClock
-from yumi.driver.control_process import ChildProcess, FastLines, PipeEnd
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
-from yumi.driver.wiring import EgmPlan, build_arm
+from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
+from yumi.process.pipe import ChildProcess, PipeEnd
 from yumi.recording.mcap import Recording, read_recording
 from yumi.recording.recorder import Records
-from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Joints, Side, joints
+from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time
 
@@ -45,7 +48,7 @@ def stop_rapid(system: System) -> None:
 
 def break_controller(system: System) -> None:
     arm = system.arms[RIGHT]
-    arm.goals.put((float(arm.snapshot.session),))  # a goal without positions
+    arm.goals.write(SessionGoal(arm.snapshot.session, nan, (), ZERO))  # type: ignore[arg-type]  # without positions
 
 
 @pytest.fixture
@@ -115,23 +118,23 @@ def port() -> int:
 
 
 @pytest.fixture
-def fast_lines(port: int, events: Queue[Event]) -> Iterator[FastLines]:
+def control(port: int, events: Queue[Event]) -> Iterator[ControlProcess]:
     controllers = {side: read_controllers(side) for side in Side}
     plan = EgmPlan("127.0.0.1", "127.0.0.1", {RIGHT: port, Side.LEFT: free_port()}, 0.05, CYCLE, controllers)
-    lines = FastLines(partial(build_arm, plan), events.put)
+    lines = ControlProcess(partial(build_arms, plan), events.put)
     lines.start()
     yield lines
     lines.stop()
 
 
 def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
-    fast_lines: FastLines, port: int, events: Queue[Event], tmp_path: Path
+    control: ControlProcess, port: int, events: Queue[Event], tmp_path: Path
 ) -> None:
-    records = Records(tmp_path, 50, fast_lines.recorders, lambda sentence: None)
+    records = Records(tmp_path, 50, control.recorders, lambda sentence: None)
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
-        fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
-        put_goal(fast_lines.boxes[RIGHT].goals, 1, ELSEWHERE)
+        control.call(Commands.switch_controllers, RIGHT, (POSITION,))
+        write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
         for seqno in range(1, 6):
             robot.exchange(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
     while not is_fault(event := events.get(timeout=5.0)):

@@ -7,8 +7,8 @@ from math import radians
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
+from yumi.control.events import SessionLost
 from yumi.control.motion import EGM_GAIN
-from yumi.control.requests import SessionLost
 from yumi.control.shared_state import Snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 

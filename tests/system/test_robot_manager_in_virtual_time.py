@@ -62,7 +62,7 @@ def test_arm_that_guides_on_keeps_its_own_speed_limit_while_the_other_one_begins
     manager.start_egm([Side.LEFT])
     manager.speed.set(1.0)
     manager.start_egm([Side.LEFT, Side.RIGHT])
-    told = {side: arm.speed_scale.peek() for side, arm in system.arms.items()}
+    told = {side: arm.speed_scale.read() for side, arm in system.arms.items()}
     assert {side: letter[1] for side, letter in told.items() if letter} == {Side.LEFT: (0.1,), Side.RIGHT: (1.0,)}
 
 

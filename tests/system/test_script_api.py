@@ -216,12 +216,12 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_v
     assert not own_virtual.is_guided(Side.RIGHT)
 
 
-def test_connection_whose_fast_line_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
+def test_connection_whose_control_process_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options) as robot:
         motion = robot.right.move_to(FAR, wait=False, speed=0.05)
         for child in multiprocessing.active_children():
             child.kill()
-        with pytest.raises(GoalNotReached, match="Right arm: its fast-line process has ended"):
+        with pytest.raises(GoalNotReached, match="Right arm: the control process has ended"):
             motion.wait(TIMEOUT)
         robot.recover()
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)

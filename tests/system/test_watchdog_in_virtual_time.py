@@ -165,7 +165,7 @@ def test_task_that_was_held_by_a_gripper_does_not_take_it_for_silence(system: Mo
 
 def test_driver_whose_fast_line_died_gives_no_sign(system: MovingSystem) -> None:
     def check() -> None:
-        raise ControllerRefused("The fast line has ended.", status=0)
+        raise ControllerRefused("The control process has ended.", status=0)
 
     Watchdog(system.client, check, SETTINGS).beat()
     assert system.client.signal("WD_EXTERNAL_STATUS").value == 0

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import Guard, SpeedScale
-from yumi.control.loop import ArmLine, RequestDesk
-from yumi.control.requests import Done, Event, Refusal, Request
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.loop import ArmLoop, Commands, serve
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup
@@ -25,7 +26,6 @@ from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links
-from yumi.errors import CommandRefused
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
@@ -35,14 +35,17 @@ from yumi.virtual.world import World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 
 class DriverArm:
     """One arm of the fast line on a wire in memory."""
 
     def __init__(self, side: Side, link: MemoryLink) -> None:
-        self.goals = MemoryMailbox()
-        self.speed_scale = MemoryMailbox()
-        self.snapshots = MemoryMailbox()
+        self.goals = MemoryBuffer()
+        self.speed_scale = MemoryBuffer()
+        self.snapshots = MemoryBuffer()
         self.admitted: list[Joints] = []
         self.measured: list[Joints] = []
         self.events: list[Event] = []
@@ -53,7 +56,7 @@ class DriverArm:
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
         stations = StationClock()
-        self.line = ArmLine(
+        self.line = ArmLoop(
             side,
             EgmArm(link, session, stations),
             manager,
@@ -76,37 +79,33 @@ class DriverArm:
 
     @property
     def snapshot(self) -> Snapshot:
-        return peek_snapshot(self.snapshots)
+        return read_snapshot(self.snapshots)
 
     def activate(self) -> None:
         self.line.manager.switch([CONTROLLER], [], self.line.state)
 
     def go(self, goal: Joints) -> None:
-        put_goal(self.goals, self.snapshot.session, goal)
+        write_goal(self.goals, self.snapshot.session, goal)
 
 
-class MemoryFastLines:
-    """Both arms of the fast line, in this process."""
+class MemoryControl:
+    """The control process of both arms, in this process."""
 
     def __init__(self, arms: Mapping[Side, DriverArm], clock: ManualClock) -> None:
         self._arms = arms
-        self._desk = RequestDesk({side: arm.line for side, arm in arms.items()})
-        self._clock = clock
+        self._commands = Commands({side: arm.line for side, arm in arms.items()}, clock.now)
 
     def check(self) -> None:
-        """They run."""
+        """It runs."""
 
-    def revive(self) -> tuple[Side, ...]:
-        return ()
+    def revive(self) -> bool:
+        return False
 
     def snapshot(self, side: Side) -> Snapshot:
         return self._arms[side].snapshot
 
-    def ask(self, request: Request) -> Done:
-        reply = self._desk.serve(request, self._clock.now())
-        if isinstance(reply, Refusal):
-            raise CommandRefused(reply.sentence)
-        return reply
+    def call(self, command: Callable[Concatenate[Commands, P], T], /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return serve(self._commands, command, *args, **kwargs)
 
 
 class System(ManualClock):
@@ -158,11 +157,11 @@ class System(ManualClock):
     def start_driver(self) -> None:
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
-        self.fast_lines = MemoryFastLines(self.arms, self)
+        self.control = MemoryControl(self.arms, self)
         boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
-        speed = SpeedSetting(1.0, boxes, lambda side: self.fast_lines.snapshot(side).is_running)
+        speed = SpeedSetting(1.0, boxes, lambda side: self.control.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
-        self.manager = RobotManager(self.bringup, self.fast_lines, self)
+        self.manager = RobotManager(self.bringup, self.control, self)
         self.manager.grippers = tuple(self.grippers.values())
 
     def wait(self, seconds: float) -> None:

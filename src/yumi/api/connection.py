@@ -11,9 +11,9 @@ from math import radians
 
 from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry
 from yumi.clock import SystemClock
+from yumi.control.events import Event
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
-from yumi.control.requests import Event
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
@@ -93,7 +93,7 @@ class Connection:
             settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
         )
         self.manager = manager = parts.manager
-        self.grippers, self._loop = parts.grippers, parts.fast_lines
+        self.grippers, self._control = parts.grippers, parts.control
         self._gripper_setup = GripperSetup(
             parts.grippers,
             manager.step,
@@ -110,8 +110,8 @@ class Connection:
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
-        parts.fast_lines.start()
-        stack.callback(parts.fast_lines.stop)
+        parts.control.start()
+        stack.callback(parts.control.stop)
         stack.callback(parts.signals.close)
         try:
             parts.signals.keep_open()
@@ -121,9 +121,9 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        goals = {side: boxes.goals for side, boxes in parts.fast_lines.boxes.items()}
+        goals = {side: boxes.goals for side, boxes in parts.control.buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.executor = MotionExecutor(parts.fast_lines, goals, self._motions, self._arms, limits, SystemClock())
+        self.executor = MotionExecutor(parts.control, goals, self._motions, self._arms, limits, SystemClock())
 
     def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after whatever stopped it.
@@ -136,7 +136,7 @@ class Connection:
             YumiError: a step failed; the message says which and what to do.
         """
         try:
-            self._loop.check()
+            self._control.check()
         except RobotNotReady:
             self.close()
             self.open(confirm)

@@ -18,24 +18,19 @@ from typing import Any, Protocol, SupportsFloat
 
 from yumi.api.joints import in_chain_order
 from yumi.clock import Clock
-from yumi.control.commands import Mailbox, check_position, put_goal
+from yumi.control.commands import GoalBuffer, check_position, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
-from yumi.control.motion import STANDING
-from yumi.control.requests import (
-    ControllerNotice,
-    Done,
+from yumi.control.events import (
+    ControllerReport,
     Event,
-    ListControllers,
-    Order,
-    Request,
     RobotStoppedFollowing,
-    SendOrders,
     SessionLost,
     SessionStarted,
-    SwitchControllers,
     is_fault,
 )
+from yumi.control.loop import CommandPort, Commands, ControllerCommand
+from yumi.control.motion import STANDING
 from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory import (
     JointTrajectory,
@@ -134,13 +129,13 @@ class MotionRegistry:
             self._faults.clear()
 
     def note(self, event: Event) -> None:
-        """Take an event of the control loop."""
-        if isinstance(event, ControllerNotice):
-            notice = event.notice
-            if isinstance(notice, GoalEnded):
-                self._end(notice.identity, notice.outcome is GoalOutcome.REACHED, notice.sentence)
-            elif isinstance(notice, TrajectoryEnded):
-                self._end(notice.goal, notice.outcome is Outcome.SUCCEEDED, notice.sentence)
+        """Take an event of the control process."""
+        if isinstance(event, ControllerReport):
+            report = event.report
+            if isinstance(report, GoalEnded):
+                self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
+            elif isinstance(report, TrajectoryEnded):
+                self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
             return
         if not is_fault(event):
             log.info(_for_script(str(event)))
@@ -205,32 +200,29 @@ TimedPosition = Sequence[Any]
 """A time since the begin [s], the joint positions then [rad], and, if wanted, velocities [rad/s] and accelerations."""
 
 
-class ControlLoop(Protocol):
-    """What is needed of the control loop."""
+class ArmControl(CommandPort, Protocol):
+    """What is needed of the control process."""
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
 
 
 class MotionExecutor:
     """Sends goals to the arms of one robot.
 
     Args:
-        loop: the control loop.
+        control: the control process.
         goals: the buffer of each arm's stream of goals.
         motions: those under way.
         arms: those on which EGM runs.
         limits: what a trajectory may ask of the joints.
-        clock: of the trajectories' starts, which the control loop shares.
+        clock: of the trajectories' starts, which the control process shares.
     """
 
     def __init__(
         self,
-        loop: ControlLoop,
-        goals: Mapping[Side, Mailbox],
+        control: ArmControl,
+        goals: Mapping[Side, GoalBuffer],
         motions: MotionRegistry,
         arms: tuple[Side, ...],
         limits: JointLimits,
@@ -239,7 +231,7 @@ class MotionExecutor:
         self.arms = arms
         self._limits = limits
         self._clock = clock
-        self._loop = loop
+        self._control = control
         self._goals = goals
         self._motions = motions
         self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
@@ -252,7 +244,7 @@ class MotionExecutor:
         """
         if side not in self.arms:
             raise RobotNotReady(f"EGM is not started on the {side.word} arm; name it in connect(arms=...).")
-        return self._loop.snapshot(side)
+        return self._control.snapshot(side)
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
@@ -275,11 +267,11 @@ class MotionExecutor:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
         motions = {side: self._motions.begin(side) for side in checked}
-        orders = [
-            Order(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
+        commands = [
+            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
             for side, goal in checked.items()
         ]
-        return self._send(orders, tuple(motions.values()))
+        return self._send(commands, tuple(motions.values()))
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
@@ -302,15 +294,15 @@ class MotionExecutor:
         most = max(map(len, trajectories.values()))
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
-        orders = [
-            Order(
+        commands = [
+            ControllerCommand(
                 side,
                 TRAJECTORY_CONTROLLER,
                 FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
             )
             for side, plan in plans.items()
         ]
-        return self._send(orders, tuple(motions.values()))
+        return self._send(commands, tuple(motions.values()))
 
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
         """Have arms come to rest, as fast as their joints may; those that do not follow stand already.
@@ -318,10 +310,12 @@ class MotionExecutor:
         Returns:
             The motions to standstill.
         """
-        moving = [side for side in sides if self._loop.snapshot(side).is_commanded]
+        moving = [side for side in sides if self._control.snapshot(side).is_commanded]
         self._activate(moving, GOAL_CONTROLLER)
         motions = tuple(self._motions.begin(side) for side in moving)
-        return self._send([Order(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions)
+        return self._send(
+            [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions
+        )
 
     def stream(self, side: Side, goal: Position) -> None:
         """Have an arm follow a stream of goals, of which this is the next.
@@ -336,9 +330,9 @@ class MotionExecutor:
         if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
             self._check_follows(side)
             self._take_over(side, STREAM_CONTROLLER)
-            snapshot = self._loop.snapshot(side)
+            snapshot = self._control.snapshot(side)
             self._streaming[side] = (snapshot.session, snapshot.activation)
-        put_goal(self._goals[side], snapshot.session, checked)
+        write_goal(self._goals[side], snapshot.session, checked)
 
     def _take_over(self, side: Side, name: str) -> None:
         """From standstill: the controllers plan their motions differently."""
@@ -363,17 +357,17 @@ class MotionExecutor:
             commanding = self._commanding(side)
             if commanding != (name,):
                 self._streaming.pop(side, None)
-                self._loop.ask(SwitchControllers(side, activate=(name,), deactivate=commanding))
+                self._control.call(Commands.switch_controllers, side, (name,), commanding)
 
     def _commanding(self, side: Side) -> tuple[str, ...]:
-        infos = self._loop.ask(ListControllers(side)).controllers
+        infos = self._control.call(Commands.list_controllers, side)
         return tuple(info.name for info in infos if info.claimed)
 
-    def _send(self, orders: Sequence[Order], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
-        if not orders:
+    def _send(self, commands: Sequence[ControllerCommand], motions: tuple[Motion, ...]) -> tuple[Motion, ...]:
+        if not commands:
             return ()
         try:
-            self._loop.ask(SendOrders(tuple(orders)))
+            self._control.call(Commands.send_commands, *commands)
         except YumiError:
             self._motions.forget(motions)
             raise
@@ -446,6 +440,6 @@ def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
 
 def halt(motions: Iterable[Motion], executor: MotionExecutor) -> None:
     """Stop the arms of those motions that are under way, and wait until they stand."""
-    with suppress(YumiError):  # what ended the wait is what a person must read; the control loop holds what it can
+    with suppress(YumiError):  # what ended the wait is what a person must read; the control process holds what it can
         for stopping in executor.stop([motion.side for motion in motions if not motion.is_done]):
             stopping.wait(LAST_STOP)

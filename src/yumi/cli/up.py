@@ -14,8 +14,9 @@ from threading import Event as Flag
 from threading import Thread
 
 from yumi.clock import SystemClock
-from yumi.control.requests import Event, HoldArm
-from yumi.driver.control_process import FastLines
+from yumi.control.events import Event
+from yumi.control.loop import Commands
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.robot_manager import RobotConnection, RobotManager
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
@@ -88,20 +89,20 @@ def run_driver(
         hands = HandParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
-        fast_lines, manager, plan, rate = parts.fast_lines, parts.manager, parts.plan, settings.ros.merged_rate
-        ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
+        control, manager, plan, rate = parts.control, parts.manager, parts.plan, settings.ros.merged_rate
+        ros = RosDriver(control, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.say)
+        records = Records(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.say)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
         manager.monitor.log.report = ros.report
-        fast_lines.start()
-        stack.callback(fast_lines.stop)
+        control.start()
+        stack.callback(control.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, fast_lines, connection, ros.say)
+        stack.callback(_end_motion, manager, control, connection, ros.say)
         ros.start()
-        ros.say(fast_lines.started_as)
+        ros.say(control.started_as)
         ros.say(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
         reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
         settle_memory()
@@ -145,13 +146,13 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
 
 
 def _end_motion(
-    manager: RobotManager, fast_lines: FastLines, connection: RobotConnection, say: Callable[[str], None]
+    manager: RobotManager, control: ControlProcess, connection: RobotConnection, say: Callable[[str], None]
 ) -> None:
     """Hold the arms, whatever the network does, and have the controller end EGM, if it can be told."""
     for side in Side:
-        if fast_lines.snapshot(side).is_commanded:
-            with suppress(YumiError):  # a fast line that is gone: the other arm is held all the same
-                fast_lines.ask(HoldArm(side))
+        if control.snapshot(side).is_commanded:
+            with suppress(YumiError):  # a control process that has ended: EGM is ended all the same
+                control.call(Commands.hold, side)
     try:
         if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()

@@ -1,53 +1,50 @@
-"""Goals for the joints of one arm, as they lie in a mailbox, and how a controller takes them out.
+"""Goals for the joints of one arm, as they lie in a buffer, and how a controller takes them out.
 
-A mailbox holds the latest value only: the one way state and goals cross between the fast line and the rest.
+A buffer holds the latest value only: the one way state and goals cross between the control process and the driver.
 """
 
 from __future__ import annotations
 
 from enum import IntFlag
 from math import degrees, isfinite, isnan, nan, pi, radians
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from yumi.errors import CommandRefused
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, joints
+from yumi.robot.joints import YUMI_LIMITS, Joints
 
-Values = tuple[float, ...]
-
-
-class Mailbox(Protocol):
-    """Numbers of a fixed count; one side puts, any side peeks, nobody waits."""
-
-    def put(self, values: Values) -> None:
-        """Replace what is in the box."""
-
-    def peek(self) -> tuple[int, Values] | None:
-        """The number of the letter, from 1, and its values; None while nothing was ever put."""
+V = TypeVar("V")
 
 
-class MemoryMailbox:
-    """A mailbox inside one process."""
+class Buffer(Protocol[V]):
+    """The latest value of one kind; one side writes, any side reads, neither waits."""
+
+    def write(self, value: V) -> None:
+        """Replace the value."""
+
+    def read(self) -> tuple[int, V] | None:
+        """The number of the newest write, from 1, and its value; None while nothing was ever written."""
+
+
+class MemoryBuffer(Generic[V]):
+    """A buffer inside one process."""
 
     def __init__(self) -> None:
-        self._letter: tuple[int, Values] | None = None
+        self._newest: tuple[int, V] | None = None
 
-    def put(self, values: Values) -> None:
-        number = self._letter[0] if self._letter else 0
-        self._letter = (number + 1, values)
+    def write(self, value: V) -> None:
+        number = self._newest[0] if self._newest else 0
+        self._newest = (number + 1, value)
 
-    def peek(self) -> tuple[int, Values] | None:
-        return self._letter
+    def read(self) -> tuple[int, V] | None:
+        return self._newest
 
-
-GOAL_SIZE = 2 + 2 * JOINT_COUNT
-"""Numbers in a goal mailbox: the session it is meant for, its time, 7 positions, 7 velocities."""
 
 UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 """Positions or velocities that a goal does not have."""
 
 
 class GoalKind(IntFlag):
-    """What the controllers that command an arm take; each kind has a mailbox of its own."""
+    """What the controllers that command an arm take; each kind has a buffer of its own."""
 
     NONE = 0
     POSITION = 1
@@ -57,7 +54,7 @@ class GoalKind(IntFlag):
 
 
 class Goal(NamedTuple):
-    """What the joints shall do.
+    """What the joints are to do.
 
     Attributes:
         position: positions [rad], (7,); NaN in a goal of speeds.
@@ -70,60 +67,66 @@ class Goal(NamedTuple):
     time: float = nan
 
 
-def put_goal(box: Mailbox, session: int, goal: Joints, velocity: Joints = UNKNOWN, time: float = nan) -> None:
-    """Ask for ``goal`` [rad] in EGM session ``session``; a later session will not go there.
+class SessionGoal(NamedTuple):
+    """A goal in a buffer.
 
-    Args:
-        box: where the arm looks for it.
-        session: the session it was meant for.
-        goal: positions [rad], (7,).
-        velocity: speeds with which the goal itself moves [rad/s], (7,); NaN where they are not known.
-        time: when it was given, on the machine's monotonic clock [s]; NaN when that is not known.
+    Attributes:
+        session: the EGM session that it is meant for; a later session will not go there.
+        time: as in :class:`Goal`.
+        position: as in :class:`Goal`.
+        velocity: as in :class:`Goal`.
     """
-    box.put((float(session), time, *goal, *velocity))
+
+    session: int
+    time: float
+    position: Joints
+    velocity: Joints
 
 
-def put_speeds(box: Mailbox, session: int, velocity: Joints, time: float = nan) -> None:
-    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :func:`put_goal`."""
-    put_goal(box, session, UNKNOWN, velocity, time)
+GoalBuffer = Buffer[SessionGoal]
+"""Where an arm looks for goals."""
 
 
-def peek_goal(box: Mailbox, session: int) -> tuple[int, Goal | None]:
+def write_goal(buffer: GoalBuffer, session: int, goal: Joints, velocity: Joints = UNKNOWN, time: float = nan) -> None:
+    """Ask for ``goal`` [rad], which itself moves with ``velocity`` [rad/s], in EGM session ``session``."""
+    buffer.write(SessionGoal(session, time, goal, velocity))
+
+
+def write_speeds(buffer: GoalBuffer, session: int, velocity: Joints, time: float = nan) -> None:
+    """Ask for speeds [rad/s], (7,), in EGM session ``session``; ``time`` as in :class:`Goal`."""
+    buffer.write(SessionGoal(session, time, UNKNOWN, velocity))
+
+
+def read_goal(buffer: GoalBuffer, session: int) -> tuple[int, Goal | None]:
     """The number of the newest goal, and the goal; None when it is not meant for ``session``."""
-    letter = box.peek()
-    if letter is None:
+    newest = buffer.read()
+    if newest is None:
         return 0, None
-    number, values = letter
-    if int(values[0]) != session:
-        return number, None
-    return number, Goal(joints(values[2 : 2 + JOINT_COUNT]), joints(values[2 + JOINT_COUNT :]), values[1])
+    number, goal = newest
+    return number, Goal(goal.position, goal.velocity, goal.time) if goal.session == session else None
 
 
 class GoalInbox:
-    """A controller's view of its mailbox: every goal is taken once.
+    """A controller's view of its buffer: every goal is taken once."""
 
-    Args:
-        box: where goals arrive.
-    """
-
-    def __init__(self, box: Mailbox) -> None:
-        self._box = box
+    def __init__(self, buffer: GoalBuffer) -> None:
+        self._buffer = buffer
         self._number = 0
 
     def forget(self) -> None:
         """What was sent until now belongs to the past."""
-        letter = self._box.peek()
-        self._number = letter[0] if letter else 0
+        newest = self._buffer.read()
+        self._number = newest[0] if newest else 0
 
     def take(self, session: int, now: float) -> Goal | None:
         """The newest goal, if it was not taken before and is meant for ``session``.
 
         A goal of unknown time was given ``now`` [s], since it was not there a cycle ago.
         """
-        letter = self._box.peek()
-        if letter is None or letter[0] == self._number:
+        newest = self._buffer.read()
+        if newest is None or newest[0] == self._number:
             return None
-        self._number, goal = peek_goal(self._box, session)
+        self._number, goal = read_goal(self._buffer, session)
         if goal is None or not isnan(goal.time):
             return goal
         return goal._replace(time=now)

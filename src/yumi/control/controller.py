@@ -1,9 +1,4 @@
-"""What a controller is: a calculation from state to command that claims interfaces and has a life.
-
-The life of a controller: every allowed transition in one table (REP-2007, ros2_control).
-
-What one arm has: its controllers, its hardware component and its interfaces, as they are told to the outside.
-"""
+"""What a controller is, the transitions of its lifecycle (REP-2007), and how others see the controllers of an arm."""
 
 from __future__ import annotations
 
@@ -23,7 +18,7 @@ from yumi.settings import Parameter, Value, Values
 class Controller(ABC):
     """One controller of one arm.
 
-    The controller manager calls everything here, between two cycles or inside one, always from the fast line.
+    The controller manager calls everything here, between two cycles or inside one, always in the control process.
 
     Attributes:
         kind: the type string of ros2_control, ``package/Class``.
@@ -67,7 +62,7 @@ class Controller(ABC):
     def update(self, state: ArmState) -> ArmCommand | None:
         """The command for ``state``; None holds the arm. Reads ``state.dt`` for the time that passed.
 
-        Positions and velocities of interfaces it does not claim count only where nobody claims them.
+        Positions and velocities of interfaces it does not claim count only where no controller claims them.
         """
         return None
 
@@ -77,10 +72,10 @@ class Controller(ABC):
         Raises:
             CommandRefused: it would not, and why.
         """
-        raise CommandRefused(f"A controller of type {self.kind} takes no orders.")
+        raise CommandRefused(f"A controller of type {self.kind} takes no commands.")
 
     def receive(self, message: object, state: ArmState | None) -> None:
-        """Take an order between two cycles: a trajectory, a cancel. Only while active.
+        """Take a command between two cycles: a trajectory, a cancel. Only while active.
 
         Args:
             message: a picklable value the controller knows.
@@ -91,8 +86,8 @@ class Controller(ABC):
         """
         self.check(message, state)
 
-    def take_notices(self) -> Sequence[object]:
-        """What it has to tell since the last call, picklable and frozen; asked after each reply, cheap when empty."""
+    def take_reports(self) -> Sequence[object]:
+        """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""
         return ()
 
     @property
@@ -143,7 +138,7 @@ class ControllerInfo:
     Attributes:
         name: its name, unique on this arm.
         kind: ros2_control's type string.
-        state: where it is in its life.
+        state: its lifecycle state.
         required: the command interfaces it needs when active.
         claimed: the command interfaces it holds now.
         required_state: the state interfaces it needs when active.
@@ -179,7 +174,7 @@ class HardwareInfo:
 
     Attributes:
         name: its name.
-        state: where it is in its life.
+        state: its lifecycle state.
         command_interfaces: what can be commanded.
         state_interfaces: what is measured.
         read_time: how long reading the arm took, cycle by cycle [s].

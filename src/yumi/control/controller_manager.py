@@ -1,19 +1,10 @@
-"""The controller manager of one arm: which controllers exist, who is active, who claims which interface.
+"""The controller manager of one arm: which controllers exist, which are active, which claims which interface.
 
 Switching happens between two cycles; an interface has one owner at a time; a controller whose update fails is
 deactivated and the arm holds (reference/ros2_control.md §1.11). What each cycle needs is prepared when controllers
-are switched.
-
-A loaded controller: the controller itself, where it is in its life, what is set on it and what it needs.
-
-What a switch of controllers comes to, decided before anything is done (reference/ros2_control.md §1.11).
-
-One command made of several controllers' commands, each taken where it has claimed the interface.
-
-The hardware component of one arm: which interfaces it offers, and in which state (reference/ros2_control.md §2).
-
-Its state decides who may use what; it never moves the arm. While it is inactive nobody may command the arm, which
-holds; while it is unconfigured nobody may read its interfaces either. The robot gets its answers in any state.
+are switched. The hardware component decides which interfaces may be used (§2); it never moves the arm: while it is
+inactive no controller commands the arm, which holds; while it is unconfigured no interface can be read either. The
+robot gets its replies in any state.
 """
 
 from __future__ import annotations
@@ -22,6 +13,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import IntEnum
 from sys import intern
 
 from yumi.control.commands import GoalKind
@@ -36,7 +28,6 @@ from yumi.control.controller import (
     Transition,
     allowed,
 )
-from yumi.control.requests import Strictness
 from yumi.control.statistics import ADMIT, BEGIN, DECODE, SEND, UPDATE, RunningStatistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
@@ -46,6 +37,18 @@ INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
 
 _ALLOWED = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE)
+
+
+class Strictness(IntEnum):
+    """What becomes of a switch that names controllers which cannot do what is asked; the numbers are ROS's.
+
+    BEST_EFFORT leaves those out, STRICT refuses the whole switch. AUTO and FORCE_AUTO are BEST_EFFORT, as upstream.
+    """
+
+    BEST_EFFORT = 1
+    STRICT = 2
+    AUTO = 3
+    FORCE_AUTO = 4
 
 
 class HardwareComponent:
@@ -71,7 +74,7 @@ class HardwareComponent:
 
     @property
     def is_available(self) -> bool:
-        """Whether its interfaces exist for anybody."""
+        """Whether its interfaces exist."""
         return self.state is not State.UNCONFIGURED
 
     def check_state(self, state: State) -> None:
@@ -143,7 +146,7 @@ class LoadedController:
     Attributes:
         name: its name.
         controller: what it is.
-        state: where it is in its life.
+        state: its lifecycle state.
         required: the command interfaces it claims when active, known once it is configured.
         required_state: the state interfaces it needs when active, known once it is configured.
         execution_time: how long its updates took since it was activated last [s].
@@ -174,7 +177,15 @@ class LoadedController:
             self.check(Transition.CONFIGURE)
         complete = self._complete(values or {}, is_settled=False)
         self.clean_up()
-        self._configure(complete)
+        self.controller.configure(complete)
+        # The interfaces may depend on the parameters, so they are asked for afterwards.
+        required = _interned(self.controller.command_interfaces(self._joint_names))
+        required_state = _interned(self.controller.state_interfaces(self._joint_names))
+        for interfaces in (required, required_state):
+            twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
+            if twice:
+                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
+        self.required, self.required_state, self._values = required, required_state, complete
         self.state = State.INACTIVE
 
     def set_parameters(self, values: Values) -> None:
@@ -225,15 +236,15 @@ class LoadedController:
                 f"Controller {self.name!r} is {self.state.value} and cannot {transition.value}; it can {choices}."
             )
 
-    def check_order(self, message: object, state: ArmState | None) -> None:
-        """Whether it would take an order now.
+    def check_command(self, message: object, state: ArmState | None) -> None:
+        """Whether it would take a command now.
 
         Raises:
             CommandRefused: it is not active, or it refuses.
         """
         if self.state is not State.ACTIVE:
             raise CommandRefused(
-                f"Controller {self.name!r} is {self.state.value} and takes no orders; activate it first."
+                f"Controller {self.name!r} is {self.state.value} and takes no commands; activate it first."
             )
         self.controller.check(message, state)
 
@@ -252,17 +263,6 @@ class LoadedController:
             required_state=self.required_state,
             execution_time=self.execution_time.result(),
         )
-
-    def _configure(self, complete: Values) -> None:
-        """The interfaces may depend on the parameters, so they are asked for afterwards."""
-        self.controller.configure(complete)
-        required = _interned(self.controller.command_interfaces(self._joint_names))
-        required_state = _interned(self.controller.state_interfaces(self._joint_names))
-        for interfaces in (required, required_state):
-            twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
-            if twice:
-                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
-        self.required, self.required_state, self._values = required, required_state, complete
 
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
         accepted = {key: self._accepted(key, value, is_settled=is_settled) for key, value in values.items()}
@@ -293,7 +293,7 @@ def _interned(names: tuple[str, ...]) -> tuple[str, ...]:
 class MergedCommand:
     """Asks several commanding controllers; who gives which value is settled when controllers are switched.
 
-    A joint's position is the one of the controller that claims it; where nobody does, of the one that claims the
+    A joint's position is the one of the controller that claims it; where none does, of the one that claims the
     joint's velocity, which has to say where its motion leads. Velocities likewise. When one of them holds, the arm
     holds.
 
@@ -304,7 +304,7 @@ class MergedCommand:
     Args:
         members: the controllers, at least one.
         joint_names: the arm's joints, chain order.
-        now: tells the time [s], for ``times`` alone.
+        now: the time [s], for ``times`` alone.
     """
 
     def __init__(
@@ -336,7 +336,7 @@ class MergedCommand:
 def _owners(
     members: Sequence[LoadedController], joint_names: tuple[str, ...], kinds: tuple[str, ...]
 ) -> tuple[int, ...]:
-    """For each joint the index of the controller that claims the first of ``kinds`` that somebody claims."""
+    """For each joint the index of the controller that claims the first of ``kinds`` that is claimed."""
     claims = {interface: index for index, member in enumerate(members) for interface in member.required}
     wanted = [[claims.get(f"{joint}/{kind}") for kind in kinds] for joint in joint_names]
     return tuple(next((index for index in choices if index is not None), 0) for choices in wanted)
@@ -404,12 +404,20 @@ def plan_switch(
     for controller in starting:
         component.check_interfaces(controller.name, controller.required, controller.required_state)
     staying = [each for each in loaded.values() if each.state is State.ACTIVE and each not in stopping]
-    _check_claims((*staying, *starting))
+    owners: dict[str, str] = {}
+    for controller in (*staying, *starting):
+        for interface in controller.required:
+            if interface in owners:
+                raise CommandRefused(
+                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
+                    f"deactivate {owners[interface]!r} in the same switch."
+                )
+            owners[interface] = controller.name
     return Switch(stopping, starting, tuple(chooser.left_out))
 
 
 class _Chooser:
-    """Goes through the names of a request; what cannot be done is left out or refused."""
+    """Goes through the names of a switch; what cannot be done is left out or refused."""
 
     def __init__(self, loaded: Mapping[str, LoadedController], strictness: Strictness) -> None:
         self.left_out: list[str] = []
@@ -448,18 +456,6 @@ def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
     return loaded[name]
 
 
-def _check_claims(controllers: Iterable[LoadedController]) -> None:
-    owners: dict[str, str] = {}
-    for controller in controllers:
-        for interface in controller.required:
-            if interface in owners:
-                raise CommandRefused(
-                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
-                    f"deactivate {owners[interface]!r} in the same switch."
-                )
-            owners[interface] = controller.name
-
-
 Kinds = Mapping[str, Callable[[str], Controller]]
 """How a controller of each type is made, given its name."""
 
@@ -470,7 +466,7 @@ class ControllerManager:
     """Owns the controllers of one arm.
 
     Attributes:
-        failures: sentences about controllers that failed; whoever tells them takes them out.
+        failures: sentences about controllers that failed; the reader removes them.
         activations: how often a controller was activated.
         activity: counts every change of what is loaded and in which state it is.
         kinds: the types of controllers that can be loaded.
@@ -479,7 +475,7 @@ class ControllerManager:
         joint_names: the arm's joints, chain order.
         kinds: how a controller of each type is made.
         component: name of the arm's hardware component.
-        now: tells the time [s], for statistics alone.
+        now: the time [s], for statistics alone.
     """
 
     def __init__(
@@ -497,7 +493,7 @@ class ControllerManager:
         self._component = HardwareComponent(component, joint_names)
         self._now = now
         self._loaded: dict[str, LoadedController] = {}
-        self._notices: list[tuple[str, object]] = []
+        self._reports: list[tuple[str, object]] = []
         self._prepare()
 
     @property
@@ -527,7 +523,7 @@ class ControllerManager:
             raise CommandRefused(
                 f"Controller {name!r} cannot be loaded: type {kind!r} is not known; known are: {known}."
             )
-        with _told(name, "loaded"):
+        with _refusing(name, "loaded"):
             loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
             loaded.set_parameters(values or {})
         self._loaded[name] = loaded
@@ -542,7 +538,7 @@ class ControllerManager:
         loaded = find(self._loaded, name)
         if loaded.state is State.ACTIVE:
             raise CommandRefused(f"Controller {name!r} is active and cannot be unloaded; deactivate it first.")
-        with _told(name, "unloaded"):
+        with _refusing(name, "unloaded"):
             loaded.clean_up()
         del self._loaded[name]
         self._note_change()
@@ -554,7 +550,7 @@ class ControllerManager:
             CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
         """
         try:
-            with _told(name, "configured"):
+            with _refusing(name, "configured"):
                 find(self._loaded, name).configure(values)
         finally:
             self._note_change()
@@ -565,7 +561,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, or it is active.
         """
-        with _told(name, "cleaned up"):
+        with _refusing(name, "cleaned up"):
             find(self._loaded, name).clean_up()
         self._note_change()
 
@@ -575,7 +571,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
-        with _told(name, "given parameters"):
+        with _refusing(name, "given parameters"):
             find(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
@@ -599,14 +595,20 @@ class ControllerManager:
             activate: names of inactive controllers, or of active ones that are deactivated, too: they begin anew.
             deactivate: names of active controllers.
             state: the arm's newest state; command controllers need one to begin from.
-            strictness: whether controllers that cannot do what they shall are left out.
+            strictness: whether controllers that cannot do what is asked are left out.
 
         Raises:
             CommandRefused: a name, a state or a claim stands against it; nothing was changed.
             SwitchFailed: a controller could not begin.
         """
         switch = plan_switch(self._loaded, self._component, activate, deactivate, strictness)
-        begin = self._state_to_begin(switch.activate, state)
+        if state is None or not state.is_running:
+            needy = next((loaded.name for loaded in switch.activate if loaded.controller.is_command), None)
+            if needy:
+                raise CommandRefused(
+                    f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first."
+                )
+        begin = state or _NOWHERE
         self._deactivate(switch.deactivate)
         try:
             self._activate(switch, begin, strictness)
@@ -644,10 +646,10 @@ class ControllerManager:
         Raises:
             CommandRefused: it would not, and why.
         """
-        find(self._loaded, name).check_order(message, state)
+        find(self._loaded, name).check_command(message, state)
 
     def receive(self, name: str, message: object, state: ArmState | None) -> None:
-        """Have an active controller take an order.
+        """Have an active controller take a command.
 
         Args:
             name: the controller.
@@ -655,7 +657,7 @@ class ControllerManager:
             state: the arm's newest state; None while it is not heard.
 
         Raises:
-            CommandRefused: no such controller, not active, or it refuses the order; nothing was changed.
+            CommandRefused: no such controller, not active, or it refuses the command; nothing was changed.
         """
         self.check(name, message, state)
         self._loaded[name].controller.receive(message, state)
@@ -687,18 +689,18 @@ class ControllerManager:
         elif self._commanding:
             self._commanding[0].execution_time.add(marks[UPDATE] - marks[DECODE])
 
-    def take_notices(self) -> Sequence[tuple[str, object]]:
-        """What the controllers have to tell since the last call: their name and the notice."""
+    def take_reports(self) -> Sequence[tuple[str, object]]:
+        """The reports of the controllers since the last call, each with the name."""
         for loaded in self._active:
             try:
-                for notice in loaded.controller.take_notices():
-                    self._notices.append((loaded.name, notice))
+                for report in loaded.controller.take_reports():
+                    self._reports.append((loaded.name, report))
             except Exception as error:
                 self._fail(loaded, error)
-        if not self._notices:
+        if not self._reports:
             return ()
-        notices, self._notices = self._notices, []
-        return notices
+        reports, self._reports = self._reports, []
+        return reports
 
     @property
     def is_commanding(self) -> bool:
@@ -715,7 +717,7 @@ class ControllerManager:
 
     @property
     def reference(self) -> Joints | None:
-        """Where the commanding controllers are going [rad]; None when nobody commands."""
+        """Where the commanding controllers are going [rad]; None when none commands."""
         for loaded in self._commanding:
             reference = loaded.controller.reference
             if reference is not None:
@@ -738,14 +740,6 @@ class ControllerManager:
             raise CommandRefused(
                 f"Controller name {name!r} cannot be the name of a node; use letters, digits and underscores."
             )
-
-    def _state_to_begin(self, starting: Iterable[LoadedController], state: ArmState | None) -> ArmState:
-        if state is not None and state.is_running:
-            return state
-        needy = next((loaded.name for loaded in starting if loaded.controller.is_command), None)
-        if needy:
-            raise CommandRefused(f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first.")
-        return state or _NOWHERE
 
     def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:
         """A strict switch in which one controller cannot begin leaves none of its controllers active."""
@@ -771,7 +765,7 @@ class ControllerManager:
         for loaded in leaving:
             try:
                 loaded.deactivate()
-                self._notices += [(loaded.name, notice) for notice in loaded.controller.take_notices()]
+                self._reports += [(loaded.name, report) for report in loaded.controller.take_reports()]
             except Exception as error:
                 self.failures.append(f"Controller {loaded.name!r} failed while it was deactivated: {_words(error)}.")
 
@@ -799,15 +793,19 @@ class ControllerManager:
         self._merged = (
             MergedCommand(self._commanding, self._joint_names, self._now) if len(self._commanding) > 1 else None
         )
-        self._ask = self._merged.update if self._merged else _one_or_none(self._commanding)
+        if self._merged:
+            self._ask = self._merged.update
+        else:
+            self._ask = self._commanding[0].controller.update if self._commanding else _hold
 
 
 _NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
 """Given to controllers that only watch, when no state has come yet."""
 
 
-def _one_or_none(commanding: Sequence[LoadedController]) -> Callable[[ArmState], ArmCommand | None]:
-    return commanding[0].controller.update if commanding else lambda state: None
+def _hold(state: ArmState) -> ArmCommand | None:
+    """What is commanded where no controller does."""
+    return None
 
 
 def _words(error: Exception) -> str:
@@ -815,7 +813,7 @@ def _words(error: Exception) -> str:
 
 
 @contextmanager
-def _told(name: str, done: str) -> Iterator[None]:
+def _refusing(name: str, done: str) -> Iterator[None]:
     """Whatever else a controller raises when it is called is a refusal with its name."""
     try:
         yield

@@ -32,9 +32,9 @@ from typing import NamedTuple
 
 from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig, Synchronization
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.motion import EGM_GAIN, FeedForward, ramped, slower, take_step
-from yumi.control.shared_state import Problem
+from yumi.control.shared_state import Factor, Problem
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 
 
@@ -927,10 +927,10 @@ class SpeedScale:
         value: the factor in this cycle.
     """
 
-    def __init__(self, wanted: Mailbox | None = None) -> None:
+    def __init__(self, wanted: Buffer[Factor] | None = None) -> None:
         self._wanted = wanted
         self._rate = 0.0
-        letter = wanted.peek() if wanted else None
+        letter = wanted.read() if wanted else None
         self.value = letter[1][0] if letter else FULL
 
     def advance(self, dt: float) -> bool:
@@ -939,7 +939,7 @@ class SpeedScale:
         Returns:
             Whether :attr:`value` has changed.
         """
-        letter = self._wanted.peek() if self._wanted else None
+        letter = self._wanted.read() if self._wanted else None
         if letter is None or (letter[1][0] == self.value and not self._rate) or dt <= 0.0:
             return False
         wanted, before = letter[1][0], self.value

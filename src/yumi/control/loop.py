@@ -1,57 +1,37 @@
-"""One arm's part of the fast line: its cycle, what comes after the reply, and the watch over silence.
-
-Carries out what is asked of a fast line, between two cycles.
-"""
+"""The control loop: the cycles of each arm with what follows a reply, and the commands served between cycles."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from math import inf
-from typing import Any
+from dataclasses import dataclass, replace
+from math import dist, inf
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.control.commands import Mailbox
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.commands import Buffer
+from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
+from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
-from yumi.control.flight_recorder import FlightRecorder, flight_memory
-from yumi.control.limiter import FULL, Guard, SpeedScale
-from yumi.control.requests import (
-    CheckOrders,
-    CleanupController,
-    ConfigureController,
+from yumi.control.events import (
     ControllerFailed,
-    ControllerNotice,
-    Done,
+    ControllerReport,
     Event,
     FeedbackDoubted,
-    HoldArm,
-    ListControllerKinds,
-    ListControllers,
-    ListHardware,
-    ListParameters,
-    LoadController,
-    Order,
     ProblemOver,
-    Refusal,
-    Reply,
-    Request,
     RobotDoesNotFollow,
     RobotFollows,
     RobotStoppedFollowing,
-    SendOrders,
     SessionLost,
     SessionResumed,
     SessionStarted,
-    SetHardwareState,
-    SetParameters,
-    Strictness,
-    SwitchControllers,
-    UnloadController,
 )
-from yumi.control.shared_state import CAUSES, Problem, Snapshot, put_snapshot
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.limiter import FULL, Guard, SpeedScale
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StationClock
 from yumi.errors import CommandRefused, SwitchFailed
-from yumi.robot.joints import CYCLE, ZERO, ArmState, Side, joint_names
+from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
+from yumi.settings import Values
 
 INTERRUPTION = 5
 """Feedback that has not come for so many cycles is interrupted; later, by the session's own limit, it is lost."""
@@ -62,8 +42,11 @@ DOUBTS_REPORTED = 1.0
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
+EXCHANGED = 0.5
+"""A position that one arm's datagrams report is the other arm's if it is as near to that [rad, over all joints]."""
 
-class ArmLine:
+
+class ArmLoop:
     """Runs the cycles of one arm.
 
     Args:
@@ -72,7 +55,7 @@ class ArmLine:
         manager: its controllers.
         guard: what its commands must pass.
         snapshots: where the outside world looks.
-        recorder: what remembers the cycles; without one it has its own, which nobody reads.
+        recorder: what remembers the cycles; without one it has its own.
         stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
@@ -84,7 +67,7 @@ class ArmLine:
         arm: ArmPort,
         manager: ControllerManager,
         guard: Guard,
-        snapshots: Mailbox,
+        snapshots: Buffer[Snapshot],
         recorder: FlightRecorder | None = None,
         stations: StationClock | None = None,
         period: float = CYCLE,
@@ -101,8 +84,9 @@ class ArmLine:
         if self._speed.value != FULL:
             guard.scale_speed(self._speed.value)
         self._last: Cycle | None = None
+        self._unsettled: Cycle | None = None
         self._interruption = INTERRUPTION * period
-        self._due = (0.5 * period, 1.5 * period)
+        self._due = (0.75 * period, 1.5 * period)
         self._session = 0
         self._problem = Problem.NONE
         self._implausible = 0
@@ -121,26 +105,30 @@ class ArmLine:
 
     @property
     def is_still(self) -> bool:
-        """Whether the arm stands and is told to, or cannot be heard any more.
+        """Whether the arm stands and is commanded to, or is not heard any more.
 
-        What is measured alone would not tell: it is behind the command, and the last command stays in force.
+        The measured position alone does not show it: it is behind the command, and the last command stays in force.
         """
         if self._last is None:
             return True
         return self._guard.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
 
     def check_follows(self) -> None:
-        """See that nothing makes the arm hold whatever it is asked to do.
-
-        Raises:
-            CommandRefused: something does.
-        """
+        """Refuse what the arm could not do because it holds; raises CommandRefused."""
         problem = self._guard.problem
         if problem is not Problem.NONE:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
 
+    @property
+    def position(self) -> Joints:
+        """Where the arm was measured last [rad], (7,)."""
+        return self._position
+
     def is_datagram_due(self, now: float) -> bool:
-        """Whether the next datagram may come any moment: what takes time waits until it is answered."""
+        """Whether the next datagram may arrive at any moment: what takes time waits until it is answered.
+
+        Two arms together leave at least half of each period free, whatever their phases.
+        """
         if self._last is None:
             return False
         soonest, latest = self._due
@@ -148,83 +136,64 @@ class ArmLine:
 
     def run(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one, then do what can wait until after the reply."""
+        cycle = self.reply(now)
+        self.settle(now)
+        return cycle
+
+    def reply(self, now: float) -> Cycle | None:
+        """Answer the newest datagram, if there is one; :meth:`settle` follows."""
+        self._unsettled = None
         self._stations.begin(now)
-        cycle = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
+        self._unsettled = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
+        return self._unsettled
+
+    def settle(self, now: float) -> bool:
+        """After the reply: what the next one needs, what happened, and what others see; whether there was a reply."""
+        cycle, self._unsettled = self._unsettled, None
         if cycle is not None:
-            self._after_reply(cycle)
+            before, self._last, self._position = self._last, cycle, cycle.state.position
+            self._cycles += 1
+            self._is_interrupted = False
+            if self._speed.advance(cycle.state.dt):
+                self._guard.scale_speed(self._speed.value)
+            self._guard.settle(cycle.state)
+            self.manager.watch(cycle.state)
+            self.manager.note_times(cycle.state, self._stations.marks)
+            self._note_changes(before.state if before else None, cycle.state)
+            self.publish(cycle.state.time)
+            self._stations.note(AFTER_REPLY)
+            self._recorder.record(cycle, self.manager.reference, self._stations)
         guard = self._guard
         if guard.counters.implausible != self._implausible or guard.problem is not self._problem:
             self._note_problem(now)
-        return cycle
-
-    def switch(
-        self,
-        activate: Sequence[str],
-        deactivate: Sequence[str],
-        now: float,
-        strictness: Strictness = Strictness.STRICT,
-    ) -> str:
-        """Switch controllers between two cycles; whoever asked for it finds it done in the snapshot.
-
-        Raises:
-            CommandRefused: a rule stands against it; nothing was changed.
-            SwitchFailed: a controller could not begin.
-        """
-        try:
-            return self.manager.switch(activate, deactivate, self.state, strictness)
-        finally:
-            self.publish(now)
+        return cycle is not None
 
     def watch_silence(self, now: float) -> None:
-        """Notice that the robot has fallen silent; to be called every few milliseconds."""
+        """Notice that the robot has stopped sending; to be called every few milliseconds."""
         silence = self._arm.lost_after(now)
-        if silence is None:
-            self._watch_interruption(now)
-            return
-        self._last = None
-        self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
-        self.publish(now)
-
-    def _watch_interruption(self, now: float) -> None:
-        """Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time."""
-        if self._last is None:
-            self._watch_strangers(now)
-            return
-        if self._is_interrupted or self._arm.silence(now) <= self._interruption:
-            return
-        self._is_interrupted = True
-        self._interruptions += 1
-        self.publish(now)
-
-    def _watch_strangers(self, now: float) -> None:
-        """Who waits for a robot wants to know that somebody else is speaking."""
-        foreign = self._arm.wire_counters().foreign
-        if foreign != self._foreign:
-            self._foreign = foreign
+        if silence is not None:
+            self._last = None
+            self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
+            self.publish(now)
+        elif self._last is None:  # who waits for a robot wants to know that another sender was heard
+            foreign = self._arm.wire_counters().foreign
+            if foreign != self._foreign:
+                self._foreign = foreign
+                self.publish(now)
+        elif not self._is_interrupted and self._arm.silence(now) > self._interruption:
+            # Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time.
+            self._is_interrupted = True
+            self._interruptions += 1
             self.publish(now)
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
-        for name, notice in self.manager.take_notices():
-            self._events.append(ControllerNotice(self._side, name, notice))
+        for name, report in self.manager.take_reports():
+            self._events.append(ControllerReport(self._side, name, report))
         if not self._events:
             return ()
         events, self._events = self._events, []
         return events
-
-    def _after_reply(self, cycle: Cycle) -> None:
-        before, self._last, self._position = self._last, cycle, cycle.state.position
-        self._cycles += 1
-        self._is_interrupted = False
-        if self._speed.advance(cycle.state.dt):
-            self._guard.scale_speed(self._speed.value)
-        self._guard.settle(cycle.state)
-        self.manager.watch(cycle.state)
-        self.manager.note_times(cycle.state, self._stations.marks)
-        self._note_changes(before.state if before else None, cycle.state)
-        self.publish(cycle.state.time)
-        self._stations.note(AFTER_REPLY)
-        self._recorder.record(cycle, self.manager.reference, self._stations)
 
     def _note_problem(self, now: float) -> None:
         """The feedback is doubted, the arm holds for a reason of its own, or does no longer."""
@@ -266,11 +235,10 @@ class ArmLine:
             self._events.append(ControllerFailed(self._side, self.manager.failures.pop(0)))
 
     def publish(self, now: float) -> None:
-        """Let the outside see the arm as it is at ``now``."""
+        """Write the snapshot of the arm as it is at ``now``."""
         wire, guard, last = self._arm.wire_counters(), self._guard.counters, self._last
         reference = self.manager.reference
-        put_snapshot(
-            self._snapshots,
+        self._snapshots.write(
             Snapshot(
                 time=now,
                 session=wire.session,
@@ -305,132 +273,165 @@ class ArmLine:
         )
 
 
-Serve = Callable[[ArmLine, Any, float], Done]
+@dataclass(frozen=True, slots=True)
+class ControllerCommand:
+    """What one active controller is commanded, see :meth:`yumi.control.controller.Controller.receive`.
 
-
-class RequestDesk:
-    """Serves requests one after the other; the arms' cycles have to rest meanwhile.
-
-    Args:
-        lines: the arms of this process.
+    Attributes:
+        controller: its name.
+        message: a picklable value it knows.
     """
 
-    def __init__(self, lines: Mapping[Side, ArmLine]) -> None:
-        self._lines = lines
+    side: Side
+    controller: str
+    message: object
 
-    def serve(self, request: Request, now: float) -> Reply:
-        """Carry out ``request``; whatever stands against it becomes a refusal."""
+
+class Commands:
+    """Everything that can be asked of the control loop, served between two cycles: each method is one command.
+
+    Another process names the method, see :class:`CommandPort`.
+
+    Args:
+        arms: the arms of the loop.
+        now: the time [s].
+    """
+
+    def __init__(self, arms: Mapping[Side, ArmLoop], now: Callable[[], float]) -> None:
+        self._arms = arms
+        self._now = now
+
+    def load_controller(self, side: Side, name: str, kind: str, values: Values | None = None) -> None:
+        """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults."""
+        self._arms[side].manager.load_kind(name, kind, values)
+        self._publish(side)
+
+    def configure_controller(self, side: Side, name: str) -> None:
+        """Give an unconfigured or inactive controller its parameters; it is inactive then."""
         try:
-            return self._carry_out(request, now)
-        except (CommandRefused, SwitchFailed) as error:
-            return Refusal(str(error))
-        except Exception as error:
-            return Refusal(f"The request {type(request).__name__} failed with {type(error).__name__}: {error}.")
+            self._arms[side].manager.configure(name)
+        finally:
+            self._publish(side)
 
-    def _carry_out(self, request: Request, now: float) -> Done:
-        if isinstance(request, CheckOrders):
-            return self._check_orders(request.orders)
-        if isinstance(request, SendOrders):
-            return self._send_orders(request.orders)
-        return _SERVED[type(request)](self._lines[request.side], request, now)
+    def clean_up_controller(self, side: Side, name: str) -> None:
+        """Make an inactive controller unconfigured."""
+        self._arms[side].manager.clean_up(name)
+        self._publish(side)
 
-    def _check_orders(self, orders: tuple[Order, ...]) -> Done:
-        """A second order for a controller could rest on what the first changes."""
-        addressees = Counter((order.side, order.controller) for order in orders)
-        for (side, name), count in addressees.items():
+    def unload_controller(self, side: Side, name: str) -> None:
+        """Forget a controller that is not active."""
+        self._arms[side].manager.unload(name)
+        self._publish(side)
+
+    def switch_controllers(
+        self,
+        side: Side,
+        activate: Sequence[str] = (),
+        deactivate: Sequence[str] = (),
+        strictness: Strictness = Strictness.STRICT,
+    ) -> str:
+        """Deactivate and activate controllers as one step, see :meth:`.ControllerManager.switch`."""
+        arm = self._arms[side]
+        try:
+            return arm.manager.switch(activate, deactivate, arm.state, strictness)
+        finally:
+            self._publish(side)
+
+    def hold(self, side: Side) -> None:
+        """Deactivate whatever commands an arm; it comes to rest and holds."""
+        self._arms[side].manager.deactivate_commanding()
+        self._publish(side)
+
+    def set_parameters(self, side: Side, controller: str, values: Values) -> None:
+        """Change parameters of one controller from the next cycle on, all or none."""
+        self._arms[side].manager.set_parameters(controller, values)
+
+    def list_parameters(self, side: Side, controller: str) -> tuple[ParameterInfo, ...]:
+        """What can be set on one controller and what is set."""
+        return self._arms[side].manager.parameters(controller)
+
+    def list_controllers(self, side: Side) -> tuple[ControllerInfo, ...]:
+        """The controllers of one arm, in the order of loading."""
+        return self._arms[side].manager.controllers()
+
+    def list_controller_kinds(self, side: Side) -> tuple[str, ...]:
+        """The types of controllers that can be loaded."""
+        return self._arms[side].manager.kinds
+
+    def hardware(self, side: Side) -> HardwareInfo:
+        """The state of an arm's hardware component and of its interfaces."""
+        return self._arms[side].manager.hardware()
+
+    def set_hardware_state(self, side: Side, name: str, state: State) -> HardwareInfo:
+        """Lead an arm's hardware component to ``state``; who uses what it no longer offers is deactivated."""
+        info = self._arms[side].manager.set_hardware_state(name, state)
+        self._publish(side)
+        return info
+
+    def check_commands(self, *commands: ControllerCommand) -> None:
+        """Whether the controllers would take their commands now; nothing is changed."""
+        # A second command for a controller could rest on what the first changes.
+        for (side, name), count in Counter((each.side, each.controller) for each in commands).items():
             if count > 1:
-                raise CommandRefused(f"Controller {name!r} of {side.value} is sent {count} orders at once; send one.")
-        for order in orders:
-            line = self._lines[order.side]
-            line.check_follows()
-            line.manager.check(order.controller, order.message, line.state)
-        return Done()
+                raise CommandRefused(f"Controller {name!r} of {side.value} is sent {count} commands at once; send one.")
+        for each in commands:
+            arm = self._arms[each.side]
+            arm.check_follows()
+            arm.manager.check(each.controller, each.message, arm.state)
 
-    def _send_orders(self, orders: tuple[Order, ...]) -> Done:
-        """All are checked before any is taken."""
-        self._check_orders(orders)
-        for order in orders:
-            line = self._lines[order.side]
-            line.manager.receive(order.controller, order.message, line.state)
-        return Done()
+    def send_commands(self, *commands: ControllerCommand) -> None:
+        """Have controllers of one or both arms take their commands between the same two cycles, all or none."""
+        self.check_commands(*commands)
+        for each in commands:
+            arm = self._arms[each.side]
+            arm.manager.receive(each.controller, each.message, arm.state)
 
-
-def _load(line: ArmLine, request: LoadController, now: float) -> Done:
-    line.manager.load_kind(request.name, request.kind, request.values)
-    return _shown(line, now)
+    def _publish(self, side: Side) -> None:
+        self._arms[side].publish(self._now())
 
 
-def _configure(line: ArmLine, request: ConfigureController, now: float) -> Done:
-    try:
-        line.manager.configure(request.name)
-    finally:
-        line.publish(now)
-    return Done()
-
-
-def _clean_up(line: ArmLine, request: CleanupController, now: float) -> Done:
-    line.manager.clean_up(request.name)
-    return _shown(line, now)
-
-
-def _unload(line: ArmLine, request: UnloadController, now: float) -> Done:
-    line.manager.unload(request.name)
-    return _shown(line, now)
-
-
-def _switch(line: ArmLine, request: SwitchControllers, now: float) -> Done:
-    return Done(sentence=line.switch(request.activate, request.deactivate, now, request.strictness))
-
-
-def _hold(line: ArmLine, request: HoldArm, now: float) -> Done:
-    line.manager.deactivate_commanding()
-    return _shown(line, now)
-
-
-def _set_parameters(line: ArmLine, request: SetParameters, now: float) -> Done:
-    line.manager.set_parameters(request.controller, request.values)
-    return Done()
-
-
-def _list_parameters(line: ArmLine, request: ListParameters, now: float) -> Done:
-    return Done(parameters=line.manager.parameters(request.controller))
-
-
-def _list_controllers(line: ArmLine, request: ListControllers, now: float) -> Done:
-    return Done(controllers=line.manager.controllers())
-
-
-def _list_kinds(line: ArmLine, request: ListControllerKinds, now: float) -> Done:
-    return Done(kinds=line.manager.kinds)
-
-
-def _list_hardware(line: ArmLine, request: ListHardware, now: float) -> Done:
-    return Done(hardware=(line.manager.hardware(),))
-
-
-def _set_hardware_state(line: ArmLine, request: SetHardwareState, now: float) -> Done:
-    info = line.manager.set_hardware_state(request.name, request.state)
-    line.publish(now)
-    return Done(hardware=(info,))
-
-
-def _shown(line: ArmLine, now: float) -> Done:
-    """Done, and to be seen in the snapshot."""
-    line.publish(now)
-    return Done()
-
-
-_SERVED: Mapping[type, Serve] = {
-    LoadController: _load,
-    ConfigureController: _configure,
-    CleanupController: _clean_up,
-    UnloadController: _unload,
-    SwitchControllers: _switch,
-    HoldArm: _hold,
-    SetParameters: _set_parameters,
-    ListParameters: _list_parameters,
-    ListControllers: _list_controllers,
-    ListControllerKinds: _list_kinds,
-    ListHardware: _list_hardware,
-    SetHardwareState: _set_hardware_state,
+COMMANDS: Mapping[str, Callable[..., object]] = {
+    name: command for name, command in vars(Commands).items() if not name.startswith("_")
 }
+"""The commands by name; nothing else is called from another process."""
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+def serve(
+    commands: Commands, command: Callable[Concatenate[Commands, _P], _T], *args: _P.args, **kwargs: _P.kwargs
+) -> _T:
+    """Carry out one command of :class:`Commands`.
+
+    Raises:
+        CommandRefused: a rule stands against it, or it failed; the sentence says what a failed switch has left.
+    """
+    try:
+        return command(commands, *args, **kwargs)
+    except (CommandRefused, SwitchFailed) as error:
+        raise CommandRefused(str(error)) from error
+    except Exception as error:
+        name = getattr(command, "__name__", "")
+        raise CommandRefused(f"The command {name} failed with {type(error).__name__}: {error}.") from error
+
+
+class CommandPort(Protocol):
+    """Where commands are given, from any thread."""
+
+    def call(self, command: Callable[Concatenate[Commands, _P], _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:
+        """Have ``command``, a method of :class:`Commands`, served between two cycles; returns its answer.
+
+        Raises:
+            CommandRefused: a rule stands against it.
+            RobotNotReady: the control process has ended or does not answer.
+        """
+
+
+def name_the_arm(event: Event, arms: Mapping[Side, ArmLoop]) -> Event:
+    """Say of a doubted position whether the other arm is there: its datagrams may have been exchanged."""
+    if isinstance(event, FeedbackDoubted):
+        own, other = arms[event.side].position, arms[event.side.other].position
+        if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
+            return replace(event, is_other_arm=True)
+    return event

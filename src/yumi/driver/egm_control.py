@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
-from yumi.control.requests import (
-    Done,
+from yumi.control.events import (
     Event,
     FeedbackDoubted,
-    HoldArm,
-    Request,
     RobotDoesNotFollow,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
-    SwitchControllers,
 )
+from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.driver.bringup import Bringup
 from yumi.driver.state import arms_in_words
@@ -30,20 +27,17 @@ FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
 
-class ControlLoop(Protocol):
-    """What is needed of the control loop."""
+class ArmControl(CommandPort, Protocol):
+    """What is needed of the control process."""
 
     def check(self) -> None:
         """See that it runs; raises RobotNotReady."""
 
-    def revive(self) -> Sequence[Side]:
-        """Start again what has ended; returns the arms whose loop was."""
+    def revive(self) -> bool:
+        """Start it again if it has ended; returns whether it had."""
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
 
 
 class EgmControl:
@@ -51,7 +45,7 @@ class EgmControl:
 
     Args:
         bringup: works over RWS.
-        loop: the control loop.
+        control: the control process.
         clock: for waiting.
         default: name of the controller that commands an arm after EGM has started, unless another one did before EGM
             ended by itself.
@@ -61,10 +55,10 @@ class EgmControl:
         desired: the arms on which EGM is to run, whether or not it does.
     """
 
-    def __init__(self, bringup: Bringup, loop: ControlLoop, clock: Clock, default: str, watchdog: Watchdog) -> None:
+    def __init__(self, bringup: Bringup, control: ArmControl, clock: Clock, default: str, watchdog: Watchdog) -> None:
         self.desired: tuple[Side, ...] = ()
         self._bringup = bringup
-        self._loop = loop
+        self._control = control
         self._clock = clock
         self._default = default
         self._watchdog = watchdog
@@ -72,7 +66,7 @@ class EgmControl:
 
     def is_running(self, arms: Sequence[Side]) -> bool:
         """Whether EGM runs on all of ``arms``, and nothing makes one hold whatever it is commanded to do."""
-        return all(self._loop.snapshot(side).is_running for side in arms) and not self._problems(arms)
+        return all(self._control.snapshot(side).is_running for side in arms) and not self._problems(arms)
 
     def note(self, event: Event) -> None:
         """Remember which controllers EGM's end has deactivated."""
@@ -90,12 +84,12 @@ class EgmControl:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        self._loop.check()
+        self._control.check()
         ours = arms if self.desired else ()
         problems = self._problems(arms)
         for side, problem in problems.items():
             self._bringup.step(f"start EGM again: {side.word} arm: {CAUSES[problem]}")
-        if problems or any(self._loop.snapshot(side).is_running for side in Side if side not in ours):
+        if problems or any(self._control.snapshot(side).is_running for side in Side if side not in ours):
             deactivated = dict(self._deactivated)
             self.stop()  # the signal that ends EGM ends it on both
             self._deactivated.update(deactivated)
@@ -103,7 +97,7 @@ class EgmControl:
         if not self.is_running(arms):
             self._start_motion(arms)
         for side in arms:
-            if not self._loop.snapshot(side).is_commanded:
+            if not self._control.snapshot(side).is_commanded:
                 self._activate(side)
             self._deactivated.pop(side, None)
         return f"EGM runs on {arms_in_words(arms)}, the controllers are active"
@@ -119,7 +113,7 @@ class EgmControl:
         try:
             self.hold()
         finally:
-            self._bringup.stop_egm()  # even if the control loop has died
+            self._bringup.stop_egm()  # even if the control process has died
             self._watchdog.disarm()
 
     def stop_if_running(self) -> None:
@@ -133,13 +127,13 @@ class EgmControl:
     def hold(self) -> None:
         """Deactivate whatever commands the arms: they come to rest and hold, their goals are dropped."""
         for side in Side:
-            if self._loop.snapshot(side).is_commanded:
-                self._loop.ask(HoldArm(side))
+            if self._control.snapshot(side).is_commanded:
+                self._control.call(Commands.hold, side)
 
     def _start_motion(self, arms: tuple[Side, ...]) -> None:
         # Where EGM runs on one arm and only the other one has to start, that one goes on.
         machines = {side: self._bringup.state(side) for side in Side}
-        missing = [side for side in arms if not self._loop.snapshot(side).is_running]
+        missing = [side for side in arms if not self._control.snapshot(side).is_running]
         if len(missing) == len(arms) or any(machines[side] is not MachineState.IDLE for side in missing):
             self.hold()
             self._bringup.make_ready()
@@ -156,28 +150,28 @@ class EgmControl:
         names = self._deactivated.get(side, default)
         self._bringup.step(f"activate {', '.join(names)} on the {side.word} arm")
         try:
-            self._loop.ask(SwitchControllers(side, activate=names))
+            self._control.call(Commands.switch_controllers, side, names)
         except CommandRefused as error:
             if names == default:
                 raise
             self._bringup.step(f"activate {self._default} instead: {error}")
-            self._loop.ask(SwitchControllers(side, activate=default))
+            self._control.call(Commands.switch_controllers, side, default)
 
     def _why_not_running(self, arms: tuple[Side, ...]) -> str:
         for side, problem in self._problems(arms).items():
             return f"EGM started but the {side.word} arm holds: {CAUSES[problem]}."
-        silent = [side for side in arms if not self._loop.snapshot(side).is_streaming]
+        silent = [side for side in arms if not self._control.snapshot(side).is_streaming]
         if silent:
             return (
                 f"EGM started on the robot but no datagram came for the {' and '.join(side.word for side in silent)} "
                 "arm; check the remote address and port of the controller's UDPUC device "
                 f"{', '.join(side.unit for side in silent)} and this machine's firewall."
             )
-        words = " and ".join(side.word for side in arms if not self._loop.snapshot(side).is_running)
+        words = " and ".join(side.word for side in arms if not self._control.snapshot(side).is_running)
         return (
             f"EGM started but the robot does not follow on the {words} arm; look at the event log on the FlexPendant."
         )
 
     def _problems(self, arms: Sequence[Side]) -> dict[Side, Problem]:
-        snapshots = {side: self._loop.snapshot(side) for side in arms}
+        snapshots = {side: self._control.snapshot(side) for side in arms}
         return {side: it.problem for side, it in snapshots.items() if it.problem is not Problem.NONE and it.is_running}

@@ -3,34 +3,175 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import hypot, isfinite
 from types import TracebackType
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.cycle import WireCounters
-from yumi.driver.arm import (
-    RobotState,
-    accept_from,
-    correction,
-    is_placed,
-    moves,
-    period,
-    reference,
-    standstill,
-    wire_counters,
-)
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import RapidData, RobotMessage, SensorMessage
+from yumi.driver.arm import accept_from, is_running, period, wire_counters
+from yumi.egm.codec import MOST_NUMBERS, SensorCodec
+from yumi.egm.messages import PathCorrection, RapidData, RobotMessage, SensorMessage, Twist
 from yumi.egm.session import SILENCE, SensorSession
 from yumi.egm.udp import Poller, UdpServer, address_towards
-from yumi.errors import NoConnection, ProtocolError, RobotNotReady
-from yumi.robot.joints import Pose, Vector
+from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
+from yumi.robot.joints import Pose, Quaternion, Vector
 
-GLANCE = 0.050
-"""How often a wait looks whether it is to end [s]."""
+POLL_PERIOD = 0.050
+"""How often a wait checks whether it is to end [s]."""
 
 UNREADABLE = 25
 """So many datagrams that cannot be read, and none that can: this is no robot we know."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotState:
+    """What a robot says in one datagram, and when.
+
+    Attributes:
+        time: when it arrived, on this machine's monotonic clock [s].
+        dt: robot time since the state before, 0 for the first of a session or after a silence [s].
+        session: counts EGM sessions from 1; a change means that the robot began anew.
+        is_first: whether it is the first of its session.
+        message: all of it.
+    """
+
+    time: float
+    dt: float
+    session: int
+    is_first: bool
+    message: RobotMessage
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """Measured joint positions [rad]: axes 1 to 6, or 1, 2, 7, 3, 4, 5, 6 of a seven-axis arm."""
+        return self.message.measured
+
+    @property
+    def external(self) -> tuple[float, ...]:
+        """Measured positions of external axes that are no part of the arm [rad], linear ones [m]."""
+        return self.message.measured_external
+
+    @property
+    def planned(self) -> tuple[float, ...]:
+        """Joint positions the controller is heading for [rad]."""
+        return self.message.planned
+
+    @property
+    def pose(self) -> Pose | None:
+        """Measured pose of the tool, in the frame that RAPID gave EGM; None when the robot sent none."""
+        return self.message.measured_pose
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the robot follows what it is sent; a position stream alone does not."""
+        return is_running(self.message)
+
+
+_UNIT = 1e-3  # by how much the norm of a quaternion may differ from 1
+_OLDEST = 1e6  # [s]
+
+
+def standstill(message: RobotMessage) -> SensorMessage:
+    """Stay where ``message`` was measured, whether the robot heeds its joints or its tool."""
+    pose = message.measured_pose
+    return SensorMessage(
+        seqno=0,
+        position=message.measured,
+        external=message.measured_external,
+        tool_position=None if pose is None else pose.position,
+        tool_orientation=None if pose is None else pose.orientation,
+    )
+
+
+def reference(
+    state: RobotState,
+    *,
+    joints: Sequence[float] | None = None,
+    pose: Pose | None = None,
+    speed: Sequence[float] | None = None,
+    twist: Sequence[float] | None = None,
+    external: Sequence[float] | None = None,
+    external_speed: Sequence[float] | None = None,
+    data: RapidData | None = None,
+) -> SensorMessage:
+    """The message with these references, see :meth:`EgmServer.send`.
+
+    Raises:
+        CommandRefused: a value is not finite, or there are not as many as the robot has.
+    """
+    axes, beside = len(state.joints), len(state.external)
+    return SensorMessage(
+        seqno=0,
+        position=None if joints is None else _finite("joints", joints, axes),
+        velocity=None if speed is None else _finite("speed", speed, axes),
+        tool_position=None if pose is None else _vector("position of pose", pose.position),
+        tool_orientation=None if pose is None else _unit(pose.orientation),
+        twist=None if twist is None else _twist(twist),
+        external=() if external is None else _finite("external", external, beside),
+        external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
+        rapid_data=None if data is None else _numbers(data),
+    )
+
+
+def correction(offset: Sequence[float], age: float) -> PathCorrection:
+    """The path correction by ``offset`` [m], measured ``age`` [s] ago.
+
+    Raises:
+        CommandRefused: a value is not finite, or the age is negative.
+    """
+    if not 0.0 <= age <= _OLDEST:
+        raise CommandRefused(f"Correction refused: age is {age} s; a measurement is 0 to {_OLDEST:g} s old.")
+    return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
+
+
+def is_placed(message: SensorMessage) -> bool:
+    """Whether it says where the robot is to be."""
+    return message.position is not None or message.tool_position is not None or bool(message.external)
+
+
+def moves(message: SensorMessage) -> bool:
+    """Whether it has any reference, be it zero."""
+    return (
+        is_placed(message)
+        or message.velocity is not None
+        or message.twist is not None
+        or bool(message.external_velocity)
+    )
+
+
+def _finite(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    given = tuple(float(value) for value in values)
+    if len(given) != count:
+        raise CommandRefused(f"Reference refused: {name} has {len(given)} values; this robot takes {count}.")
+    for value in given:
+        if not isfinite(value):
+            raise CommandRefused(f"Reference refused: {name} has {value}; the robot takes finite numbers only.")
+    return given
+
+
+def _vector(name: str, values: Sequence[float]) -> Vector:
+    x, y, z = _finite(name, values, 3)
+    return (x, y, z)
+
+
+def _twist(values: Sequence[float]) -> Twist:
+    vx, vy, vz, wx, wy, wz = _finite("twist", values, 6)
+    return (vx, vy, vz, wx, wy, wz)
+
+
+def _unit(orientation: Sequence[float]) -> Quaternion:
+    w, x, y, z = _finite("orientation of pose", orientation, 4)
+    norm = hypot(w, x, y, z)
+    if abs(norm - 1.0) > _UNIT:
+        raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def _numbers(data: RapidData) -> RapidData:
+    if len(data.numbers) > MOST_NUMBERS:
+        raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
+    return RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
 
 
 class EgmServer:
@@ -143,10 +284,10 @@ class EgmServer:
         self._arrived = None
         end = None if timeout is None else self._clock.now() + timeout
         while self._arrived is None and not self._is_stopped:
-            left = GLANCE if end is None else end - self._clock.now()
+            left = POLL_PERIOD if end is None else end - self._clock.now()
             if left < 0.0:
                 return None
-            self._poller.wait(min(left, GLANCE))
+            self._poller.wait(min(left, POLL_PERIOD))
         return self._arrived
 
     def send(
@@ -167,7 +308,7 @@ class EgmServer:
 
         Args:
             joints: positions to reach, as many and in the order of :attr:`RobotState.joints` [rad].
-            pose: where the tool shall be, in EGM's correction frame.
+            pose: where the tool is to be, in EGM's correction frame.
             speed: joint speeds [rad/s]; in a velocity loop (PosCorrGain 0) all there is.
             twist: speed of the tool, along x, y, z [m/s] and about x, y, z [rad/s].
             external: positions of the external axes that are no part of the arm [rad], linear ones [m].

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import Bringup
-from yumi.driver.egm_control import ControlLoop, EgmControl
+from yumi.driver.egm_control import ArmControl, EgmControl
 from yumi.driver.state import Report
 from yumi.driver.stops import StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
@@ -41,16 +41,16 @@ class Recovery:
     Args:
         bringup: works over RWS.
         egm: EGM and controllers.
-        loop: the control loop.
+        control: the control process.
         clock: for waiting.
         stops: what stopped the robot.
     """
 
-    def __init__(self, bringup: Bringup, egm: EgmControl, loop: ControlLoop, clock: Clock, stops: StopLog) -> None:
+    def __init__(self, bringup: Bringup, egm: EgmControl, control: ArmControl, clock: Clock, stops: StopLog) -> None:
         self._bringup = bringup
         self._client = bringup.client
         self._egm = egm
-        self._loop = loop
+        self._control = control
         self._clock = clock
         self._stops = stops
 
@@ -127,8 +127,8 @@ class Recovery:
             RobotNotReady: something has to be done at the robot first; the message says what stopped it and what.
         """
         self._stops.check_confirmed(self._client, confirmed)
-        for side in self._loop.revive():
-            self._bringup.step(f"start the control process of the {side.word} arm again")
+        if self._control.revive():
+            self._bringup.step("start the control process again")
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
             why = f"The robot was stopped by {stop.cause}"

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost
+from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
 from yumi.driver.bringup import STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import ControlLoop, EgmControl
+from yumi.driver.egm_control import ArmControl, EgmControl
 from yumi.driver.gripper import Gripper
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.rapid_routines import RapidRoutines
@@ -45,7 +45,7 @@ class RobotManager:
 
     Args:
         bringup: works over RWS.
-        loop: the control loop.
+        control: the control process.
         clock: for waiting.
         default: name of the controller that commands an arm after EGM has started.
         arms: the arms on which EGM runs unless others are named; the others stand still.
@@ -67,7 +67,7 @@ class RobotManager:
     def __init__(
         self,
         bringup: Bringup,
-        loop: ControlLoop,
+        control: ArmControl,
         clock: Clock,
         default: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
@@ -77,16 +77,16 @@ class RobotManager:
     ) -> None:
         client = bringup.client
         self.speed, self.panel = bringup.speed, bringup.panel
-        self.watchdog = Watchdog(client, loop.check, watchdog)
+        self.watchdog = Watchdog(client, control.check, watchdog)
         self._stops = stops or StopLog(clock)
-        self.monitor = RobotMonitor(client, loop, clock, self._stops, self.speed)
+        self.monitor = RobotMonitor(client, control, clock, self._stops, self.speed)
         self._client = client
         self._bringup = bringup
         self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock)
-        self._egm = EgmControl(bringup, loop, clock, default, self.watchdog)
-        self._recovery = Recovery(bringup, self._egm, loop, clock, self._stops)
+        self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
+        self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
         self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
-        self._loop = loop
+        self._control = control
         self._arms = arms
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._turn = Lock()  # one change at a time; the robot has one state
@@ -133,7 +133,7 @@ class RobotManager:
         return self.monitor.state() if self.monitor.is_running else self.monitor.read()
 
     def note(self, event: Event) -> None:
-        """Take an event of the control loop."""
+        """Take an event of the control process."""
         self._egm.note(event)
         if isinstance(event, SessionLost) and event.deactivated:
             self._lost_link.add(event.side)
@@ -147,7 +147,7 @@ class RobotManager:
         Raises:
             RobotNotReady: it cannot; the message says why.
         """
-        self._loop.check()
+        self._control.check()
         if self._egm.is_running(self._arms):
             return "ready, EGM runs"
         state = self.state()
@@ -270,7 +270,7 @@ class RobotManager:
     @property
     def has_lost_egm(self) -> bool:
         """Whether EGM is to run, and does not."""
-        snapshots = {side: self._loop.snapshot(side) for side in self._egm.desired}
+        snapshots = {side: self._control.snapshot(side) for side in self._egm.desired}
         self._lost_link.difference_update(side for side, each in snapshots.items() if each.is_commanded)
         return any(not each.is_running or side in self._lost_link for side, each in snapshots.items())
 
@@ -288,7 +288,7 @@ class RobotManager:
             if not self.has_lost_egm:
                 return None
             state, _ = stops.read(self._client)
-            lost = [side for side in self._egm.desired if not self._loop.snapshot(side).is_commanded]
+            lost = [side for side in self._egm.desired if not self._control.snapshot(side).is_commanded]
             is_running = state is ControllerState.MOTORS_ON and self.panel.is_running
             is_link = is_running and stops.cause is None and self._lost_link.issuperset(lost)
             if not stops.is_without_person or not (stops.cause is not None or is_link):

@@ -70,7 +70,7 @@ class EgmSettings:
         left_port: UDP port of the left arm, as in the controller's UDPUC device ROB_L.
         right_port: UDP port of the right arm, as in ROB_R.
         silence: the robot is lost after this time without a datagram [s].
-        wake: how the fast line waits: ``auto``, ``blocking``, ``hot`` or ``ahead``.
+        wake: how the control process waits: ``auto`` or ``blocking``.
     """
 
     listen: str = "auto"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.limiter import FULL
+from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 
@@ -25,7 +26,7 @@ class SpeedSetting:
 
     Args:
         value: to begin with.
-        boxes: buffers from which each arm's control loop reads it.
+        buffers: from which each arm's control loop reads it.
         is_in_egm: whether EGM runs on an arm.
 
     Raises:
@@ -35,11 +36,11 @@ class SpeedSetting:
     def __init__(
         self,
         value: float = FULL,
-        boxes: Mapping[Side, Mailbox] | None = None,
+        buffers: Mapping[Side, Buffer[Factor]] | None = None,
         is_in_egm: Callable[[Side], bool] = lambda side: False,
     ) -> None:
         self._lock = Lock()
-        self._boxes = boxes or {}
+        self._buffers = buffers or {}
         self.is_in_egm = is_in_egm
         self._started_with = dict.fromkeys(Side, FULL)
         self._value = checked(value)
@@ -85,8 +86,8 @@ class SpeedSetting:
         return min(self._value, self._started_with[side]) if self.is_in_egm(side) else self._value
 
     def _write(self) -> None:
-        for side, box in self._boxes.items():
-            box.put((self._of_arm(side),))
+        for side, buffer in self._buffers.items():
+            buffer.write(Factor(self._of_arm(side)))
 
 
 def checked(value: float) -> float:

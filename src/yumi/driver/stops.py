@@ -19,8 +19,8 @@ from threading import RLock
 from typing import Protocol
 
 from yumi.clock import Clock
-from yumi.control.requests import Event as ArmEvent
-from yumi.control.requests import RobotStoppedFollowing
+from yumi.control.events import Event as ArmEvent
+from yumi.control.events import RobotStoppedFollowing
 from yumi.driver.readiness import NO_STOP, reason_of, unmet
 from yumi.driver.state import RobotState
 from yumi.errors import RobotNotReady, StopNotConfirmed

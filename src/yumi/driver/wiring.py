@@ -4,13 +4,13 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, hands, robot-watch, watchdog, fast-line-events (two),
+                                            joint-states-l, hands, robot-watch, watchdog, control-events,
                                             automatic-recovery (recovery.automatic), all of them supervised
-                                            (links/supervision.py);
+                                            (process/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
-                     process 2, 3  the fast lines: one arm's cycles each, one thread
+                     process 2     the control process: the cycles of both arms, one thread
 
 The controllers an arm starts with: loaded, given their parameters and led to their initial states.
 """
@@ -34,15 +34,15 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.control.controllers.joint_trajectory import DualArmTrajectoryController, JointTrajectoryController
 from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.events import Event
 from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import FULL, Guard, SpeedScale
-from yumi.control.loop import ArmLine
+from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
-from yumi.control.requests import Event
 from yumi.control.statistics import StationClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup, EgmAddress
-from yumi.driver.control_process import ArmBoxes, FastLines, Rehearsal, WiredArm
+from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import POSITION_CONTROLLER, RobotManager
@@ -64,7 +64,7 @@ def start_controllers(
     """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
 
     Raises:
-        SettingsError: a type is unknown, a parameter not allowed or known to nobody, or a state cannot be reached.
+        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
     """
     started = tuple(_start(manager, settings) for settings in controllers)
     _check_general(controllers, started)
@@ -116,7 +116,7 @@ def _commands(manager: ControllerManager, name: str) -> bool:
 
 
 def _check_general(controllers: Sequence[ControllerSettings], started: Sequence[ControllerSettings]) -> None:
-    """What stands under a wildcard must be for somebody: another mistyped word would pass in silence."""
+    """What stands under a wildcard must be for a controller: a mistyped word would pass unseen."""
     taken = {entry.place for settings in started for entry in settings.entries.values()}
     for settings in controllers:
         for key, entry in settings.entries.items():
@@ -129,13 +129,13 @@ Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a controller is made, in the fast line: what it may be given.
+    """What a controller is given when it is made in the control process.
 
     Attributes:
         name: the controller's name.
         side: its arm.
-        boxes: what its arm shares with the other processes.
-        partner: what the other arm shares with them.
+        buffers: what its arm shares with the driver process.
+        halves: controllers of this name that are active, by arm, for one that moves both arms.
         limits: what the joints may do in the robot's EGM motion.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds.
@@ -143,35 +143,36 @@ class Place:
 
     name: str
     side: Side
-    boxes: ArmBoxes
-    partner: ArmBoxes
+    buffers: ArmBuffers
+    halves: dict[Side, DualArmTrajectoryController]
     limits: JointLimits
     period: float
     speed: SpeedScale
 
 
 def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
-    return kind(place.boxes.forward_positions, place.boxes.forward_speeds, place.limits, place.speed)
+    return kind(place.buffers.forward_positions, place.buffers.forward_speeds, place.limits, place.speed)
 
 
 CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
-    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.boxes.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.boxes.goals, place.limits, place.speed),
-    JointVelocityController.kind: lambda place: JointVelocityController(place.boxes.speeds, place.limits, place.speed),
+    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.buffers.states),
+    JointPositionController.kind: lambda place: JointPositionController(place.buffers.goals, place.limits, place.speed),
+    JointVelocityController.kind: lambda place: JointVelocityController(
+        place.buffers.speeds, place.limits, place.speed
+    ),
     **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
     JointTrajectoryController.kind: lambda place: JointTrajectoryController(
-        place.side, place.boxes.trajectory, place.limits, speed=place.speed
+        place.side, place.buffers.trajectory, place.limits, speed=place.speed
     ),
     DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
         place.side,
-        place.boxes.dual_trajectory,
-        place.boxes.dual_status,
-        place.partner.dual_status,
+        place.buffers.dual_trajectory,
+        place.halves,
         place.limits,
         place.speed,
     ),
     JointGoalController.kind: lambda place: JointGoalController(
-        place.boxes.point_goals, place.limits, place.period, place.speed
+        place.buffers.point_goals, place.limits, place.period, place.speed
     ),
 }
 """How a controller of each type is made."""
@@ -179,7 +180,7 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
 
 @dataclass(frozen=True, slots=True)
 class EgmPlan:
-    """Where the fast line listens; plain values, since it is sent to another process.
+    """Where the control process listens; plain values, since it is sent there.
 
     Attributes:
         listen: local address.
@@ -231,18 +232,26 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
 
 
 def check_controllers(controllers: Controllers) -> Controllers:
-    """``controllers`` as the fast line can start them: tried out, and without what stands under a wildcard for others.
+    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
 
     Raises:
         SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    boxes = {side: ArmBoxes() for side in Side}
-    return {side: start_controllers(_manager_of(side, boxes), entries) for side, entries in controllers.items()}
+    halves: Halves = {}
+    return {
+        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
+        for side, entries in controllers.items()
+    }
+
+
+Halves = dict[str, dict[Side, DualArmTrajectoryController]]
+"""The active halves of controllers that move both arms, by the controllers' name and arm."""
 
 
 def _manager_of(
     side: Side,
-    boxes: Mapping[Side, ArmBoxes],
+    buffers: ArmBuffers,
+    halves: Halves,
     limits: JointLimits = YUMI_LIMITS,
     period: float = CYCLE,
     speed: SpeedScale | None = None,
@@ -250,42 +259,28 @@ def _manager_of(
     speed = speed or SpeedScale()
 
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, boxes[side], boxes[side.other], limits, period, speed))
+        return lambda name: make(Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed))
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
 
 
-def build_arm(plan: EgmPlan, side: Side, boxes: Mapping[Side, ArmBoxes]) -> WiredArm:
-    """An arm of the fast line, with the controllers that only watch already active."""
+def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
+    """Both arms of the control process, with the controllers that only watch already active."""
+    halves: Halves = {}
+    return {side: _build_arm(plan, side, own, halves) for side, own in buffers.items()}
+
+
+def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stations = StationClock(time.monotonic)
-    own = boxes[side]
-    speed = SpeedScale(own.speed_scale)
-    arm, manager, guard = _parts_of_arm(side, plan, boxes, socket, stations, speed)
-    line = ArmLine(side, arm, manager, guard, own.snapshots, FlightRecorder(own.flight), stations, plan.period, speed)
-    return WiredArm(line, socket, _rehearsal_of(side, plan, socket).run)
-
-
-def _rehearsal_of(side: Side, plan: EgmPlan, heard: UdpServer) -> Rehearsal:
-    """The stand-in has boxes of its own: nobody looks into them."""
-    socket = UdpServer("127.0.0.1", 0)
-    boxes = {each: ArmBoxes() for each in Side}
-    return Rehearsal(heard, socket, *_parts_of_arm(side, plan, boxes, socket), SystemClock())
-
-
-def _parts_of_arm(
-    side: Side,
-    plan: EgmPlan,
-    boxes: Mapping[Side, ArmBoxes],
-    socket: UdpServer,
-    stations: StationClock | None = None,
-    speed: SpeedScale | None = None,
-) -> tuple[EgmArm, ControllerManager, Guard]:
-    manager = _manager_of(side, boxes, plan.limits, plan.period, speed)
+    stations, speed = StationClock(time.monotonic), SpeedScale(own.speed_scale)
+    manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
-    session = SensorSession(JointCodec(), silence=plan.silence)
-    return EgmArm(socket, session, stations), manager, Guard(plan.limits, plan.period, plan.position_gain)
+    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stations)
+    guard = Guard(plan.limits, plan.period, plan.position_gain)
+    recorder = FlightRecorder(own.flight)
+    loop = ArmLoop(side, arm, manager, guard, own.snapshots, recorder, stations, plan.period, speed)
+    return ConnectedArm(loop, socket)
 
 
 def first_speed_scale(settings: Settings) -> float:
@@ -301,8 +296,8 @@ class DriverParts(NamedTuple):
     Attributes:
         client: the way to the controller; closed by who made it.
         bringup: what is done over RWS.
-        plan: where the fast lines listen.
-        fast_lines: both arms'.
+        plan: where the control process listens.
+        control: the control process.
         manager: the robot's state.
         signals: what the controller tells of the hands.
         grippers: the hands.
@@ -311,7 +306,7 @@ class DriverParts(NamedTuple):
     client: RwsClient
     bringup: Bringup
     plan: EgmPlan
-    fast_lines: FastLines
+    control: ControlProcess
     manager: RobotManager
     signals: GripperSignals
     grippers: Mapping[Side, Gripper]
@@ -330,13 +325,13 @@ def make_parts(
     """The parts for the robot of ``settings``.
 
     Args:
-        settings: where it is, and how it shall move.
+        settings: where it is, and how it moves.
         controllers: what runs on each arm.
-        on_event: told what happens in a fast line.
-        report: told each step of what is done to the robot.
+        on_event: called with what happens in the control process.
+        report: called with each step of what is done to the robot.
         leading: the controller that commands an arm after EGM has started.
-        arms: those that are guided; the others stand still.
-        warn: told what is not as it should be; None: ``report`` is.
+        arms: those that EGM moves; the others stand still.
+        warn: called with what is not as it should be; None: ``report`` is.
         stops: what stopped the robot, where an earlier connection knows it already.
 
     Raises:
@@ -347,15 +342,15 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
-    fast_lines = FastLines(partial(build_arm, plan), on_event, settings.egm.wake)
-    boxes = {side: each.speed_scale for side, each in fast_lines.boxes.items()}
-    speed = SpeedSetting(first_speed_scale(settings), boxes, lambda side: fast_lines.snapshot(side).is_running)
+    control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
+    scales = {side: each.speed_scale for side, each in control.buffers.items()}
+    speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    manager = RobotManager(bringup, fast_lines, clock, leading, arms, settings.watchdog, stops, settings.recovery)
+    manager = RobotManager(bringup, control, clock, leading, arms, settings.watchdog, stops, settings.recovery)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())
-    return DriverParts(client, bringup, plan, fast_lines, manager, signals, grippers)
+    return DriverParts(client, bringup, plan, control, manager, signals, grippers)
 
 
 def only_at_robot(settings: Settings) -> Only:

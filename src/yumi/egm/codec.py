@@ -1,15 +1,10 @@
 """Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
 
-Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The fast line has
-a leaner codec, see :mod:`yumi.egm.codec`.
-
-The parts of EGM's messages between protobuf and SI values: joints, poses, clocks, forces, data of the program.
-
-The fast line's codec: joints of a seven-axis arm in and out, as few microseconds as Python allows.
-
-It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
-behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always has
-the same length, so it is written as such a run, too. Not thread-safe.
+Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop
+has a leaner codec, :class:`JointCodec`: joints of a seven-axis arm in and out, in as few microseconds as Python
+allows. It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each
+double behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints
+always has the same length, so it is written as such a run, too. Not thread-safe.
 """
 
 from __future__ import annotations
@@ -197,7 +192,7 @@ def _quaternion(part: pb.EgmQuaternion) -> Quaternion:
 def _from_euler(part: pb.EgmEuler) -> Quaternion:
     angles = (part.x * RAD_PER_DEG, part.y * RAD_PER_DEG, part.z * RAD_PER_DEG)
     if not all(isfinite(angle) for angle in angles):
-        return angles[0], *angles  # trigonometry refuses what is not finite; who reads it shall see it
+        return angles[0], *angles  # trigonometry refuses what is not finite; the reader checks it
     return quaternion_from_euler_zyx(angles)
 
 
@@ -221,7 +216,7 @@ LARGEST_DATAGRAM = 1024
 """Longer datagrams are no EGM: the usual servers cut them there (reference/egm.md §8.1) [bytes]."""
 
 MOST_NUMBERS = 40
-"""Numbers a RAPID program and a sensor may tell each other in one datagram (reference/egm.md §1)."""
+"""Numbers a RAPID program and a sensor may send each other in one datagram (reference/egm.md §1)."""
 
 DATA = pb.EgmHeader.MSGTYPE_DATA
 _SEVEN = 7
@@ -238,7 +233,7 @@ _Parsed = TypeVar(
 
 
 class SensorCodec:
-    """Our end: reads what any robot sends, writes what it is told.
+    """Our end: reads what any robot sends, writes references.
 
     Args:
         axes: 7 for a seven-axis arm, 6 for a robot whose external axes are no part of it; None takes the first
@@ -295,17 +290,29 @@ class SensorCodec:
         )
 
     def encode(self, message: SensorMessage) -> bytes:
-        """The datagram that tells the robot ``message``.
+        """The datagram with ``message``.
 
         Raises:
             ValueError: a value is not finite or left out: NaN crashes the controller (reference/egm.md §4.5).
         """
         sensor = pb.EgmSensor()
         _write_header(sensor.header, message.seqno, pb.EgmHeader.MSGTYPE_CORRECTION)
-        _write_planned(sensor, message)
-        _write_speed(sensor, message)
-        if message.rapid_data is not None:
-            write_data(sensor.RAPIDtoRobot, _checked_data(message.rapid_data))
+        if message.position is not None or message.external:
+            write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
+        if message.tool_position is not None or message.tool_orientation is not None:
+            _finite((*(message.tool_position or ()), *(message.tool_orientation or ())))
+            write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
+        if message.velocity is not None or message.external_velocity:
+            write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
+        if message.twist is not None:
+            _finite(message.twist)
+            write_twist(sensor.speedRef, message.twist)
+        data = message.rapid_data
+        if data is not None:
+            if len(data.numbers) > MOST_NUMBERS:
+                raise ValueError(f"a RAPID program takes at most {MOST_NUMBERS} numbers, got {len(data.numbers)}")
+            _finite(data.numbers)
+            write_data(sensor.RAPIDtoRobot, data)
         return sensor.SerializeToString()
 
     def encode_joints(self, seqno: int, position: PartialJoints, velocity: PartialJoints | None) -> bytes:
@@ -388,8 +395,28 @@ class RobotCodec:
         write_times(robot.planned, message.planned_time, message.planned_stamp_ns)
         robot.testSignals.signals[:] = message.test_signals
         robot.testSignals.SetInParent()  # the controller sends it even when it is empty
-        _write_states(robot, message)
-        _write_newer(robot, message)
+        robot.motorState.state = cast("pb.EgmMotorState.MotorStateType", int(message.motors))
+        robot.mciState.state = cast("pb.EgmMCIState.MCIStateType", int(message.mci))
+        robot.rapidExecState.state = cast("pb.EgmRapidCtrlExecState.RapidCtrlExecStateType", int(message.rapid))
+        robot.mciConvergenceMet = message.is_converged
+        # What came after RobotWare 6.07, or is not always there.
+        if message.utilization is not None:
+            robot.utilizationRate = message.utilization * 100.0
+        force = message.force or ()
+        if message.force_control is not None:
+            force_seven = pb.EgmMeasuredForce7(fcActive=message.force_control, force=force)
+            robot.measuredForce = force_seven.SerializeToString()
+        elif message.force is not None:
+            robot.measuredForce = pb.EgmMeasuredForce6(force=force).SerializeToString()
+        if message.move_index is not None:
+            robot.moveIndex = message.move_index
+        if message.collision is not None:
+            robot.CollisionInfo.collsionTriggered = message.collision.is_triggered
+            robot.CollisionInfo.collDetQuota[:] = message.collision.quotas
+        if message.rapid_data is not None:
+            write_data(robot.RAPIDfromRobot, message.rapid_data)
+        if message.torque is not None:
+            robot.torqueRef.joints[:] = message.torque
         return robot.SerializeToString()
 
 
@@ -461,59 +488,6 @@ def _write_header(header: pb.EgmHeader, seqno: int | None, kind: pb.EgmHeader.Me
     header.seqno = (seqno or 0) % UINT32
 
 
-def _write_planned(sensor: pb.EgmSensor, message: SensorMessage) -> None:
-    if message.position is not None or message.external:
-        write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
-    if message.tool_position is not None or message.tool_orientation is not None:
-        _finite((*(message.tool_position or ()), *(message.tool_orientation or ())))
-        write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
-
-
-def _write_speed(sensor: pb.EgmSensor, message: SensorMessage) -> None:
-    if message.velocity is not None or message.external_velocity:
-        write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
-    if message.twist is not None:
-        _finite(message.twist)
-        write_twist(sensor.speedRef, message.twist)
-
-
-def _write_states(robot: pb.EgmRobot, message: RobotMessage) -> None:
-    robot.motorState.state = cast("pb.EgmMotorState.MotorStateType", int(message.motors))
-    robot.mciState.state = cast("pb.EgmMCIState.MCIStateType", int(message.mci))
-    robot.rapidExecState.state = cast("pb.EgmRapidCtrlExecState.RapidCtrlExecStateType", int(message.rapid))
-    robot.mciConvergenceMet = message.is_converged
-
-
-def _write_newer(robot: pb.EgmRobot, message: RobotMessage) -> None:
-    """What came after RobotWare 6.07, or is not always there."""
-    if message.utilization is not None:
-        robot.utilizationRate = message.utilization * 100.0
-    if message.force is not None or message.force_control is not None:
-        robot.measuredForce = _force_bytes(message.force or (), message.force_control)
-    if message.move_index is not None:
-        robot.moveIndex = message.move_index
-    if message.collision is not None:
-        robot.CollisionInfo.collsionTriggered = message.collision.is_triggered
-        robot.CollisionInfo.collDetQuota[:] = message.collision.quotas
-    if message.rapid_data is not None:
-        write_data(robot.RAPIDfromRobot, message.rapid_data)
-    if message.torque is not None:
-        robot.torqueRef.joints[:] = message.torque
-
-
-def _force_bytes(force: Iterable[float], force_control: bool | None) -> bytes:
-    if force_control is None:
-        return pb.EgmMeasuredForce6(force=force).SerializeToString()
-    return pb.EgmMeasuredForce7(fcActive=force_control, force=force).SerializeToString()
-
-
-def _checked_data(data: RapidData) -> RapidData:
-    if len(data.numbers) > MOST_NUMBERS:
-        raise ValueError(f"a RAPID program takes at most {MOST_NUMBERS} numbers, got {len(data.numbers)}")
-    _finite(data.numbers)
-    return data
-
-
 def _finite(values: Sequence[float | None]) -> Sequence[float]:
     if None in values or not _are_finite(cast("Sequence[float]", values)):
         raise ValueError(f"a reference needs finite values for all axes, got {values}")
@@ -568,7 +542,7 @@ class JointCodec:
         )
 
     def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
-        """The datagram that tells the arm its position [rad] and velocity [rad/s].
+        """The datagram that gives the arm its position [rad] and velocity [rad/s].
 
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).

@@ -76,7 +76,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True)
 class RapidData:
-    """What the RAPID program and the sensor may tell each other, RobotWare 7.7.
+    """What the RAPID program and the sensor may send each other, RobotWare 7.7.
 
     Attributes:
         flag: a digital signal; None when there is none.
@@ -113,7 +113,7 @@ class RobotMessage:
         force_control: whether force control is active; None before RobotWare 7.
         move_index: counts movements and changes of target; None before RobotWare 7.6.
         collision: what the motion supervision sees; None before RobotWare 7.6.
-        rapid_data: what the RAPID program tells; None before RobotWare 7.7.
+        rapid_data: what the RAPID program sends; None before RobotWare 7.7.
         torque: torque references of the axes, in ABB's order and unit; None when the robot does not say.
         test_signals: ABB's own.
     """
@@ -145,7 +145,7 @@ class RobotMessage:
 
 
 class JointReport(NamedTuple):
-    """What the fast line reads of a seven-axis arm's :class:`RobotMessage`; a tuple, since that is made fastest.
+    """What the control loop reads of a seven-axis arm's :class:`RobotMessage`; a tuple, since that is made fastest.
 
     Attributes:
         seqno: counts datagrams; a session starts at 0.
@@ -183,8 +183,8 @@ class SensorMessage:
         position: joint positions to reach [rad]; seven in chain order or axes 1 to 6, partial when read from the wire.
         velocity: joint velocities [rad/s], as ``position``.
         sent_ms: the sender's time stamp [ms]; the robot ignores it.
-        tool_position: where the tool shall be, in EGM's correction frame [m].
-        tool_orientation: how it shall be turned; a unit quaternion, w first.
+        tool_position: where the tool is to be, in EGM's correction frame [m].
+        tool_orientation: its orientation; a unit quaternion, w first.
         twist: speed of the tool.
         external: positions of external axes that are no part of the arm [rad], linear ones [m].
         external_velocity: their velocities.

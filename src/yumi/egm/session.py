@@ -2,7 +2,7 @@
 
 The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
 (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the
-session goes on and so does what it was last told, or it has begun anew, then everything begins at where it stands.
+session goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
 
 UDP may deliver a datagram late, twice, or from another sender, so a single datagram proves little. One goes on with the
 session when its number, the robot's clock and our clock agree with the datagram accepted before. Where two accepted
@@ -264,7 +264,7 @@ class SensorSession(Generic[Message]):
         return now - self._last_arrival
 
     def close_if_silent(self, now: float) -> bool:
-        """Close the session when the robot has been silent for too long; tells whether it was closed now."""
+        """Close the session when the robot has been silent for too long; returns whether it was closed now."""
         if not self._is_open or self.silence(now) <= self._silence:
             return False
         self._is_open = False

@@ -160,7 +160,7 @@ class UdpClient:
                 datagram, peer = self._socket.recvfrom(_BUFFER_SIZE)
             except BlockingIOError:
                 return datagrams
-            except OSError:  # as above: nobody listens there at the moment
+            except OSError:  # as above: no socket listens there at the moment
                 continue
             if peer[0] == self._address[0]:
                 datagrams.append(datagram)

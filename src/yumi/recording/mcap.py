@@ -19,8 +19,8 @@ from types import TracebackType
 from typing import IO, Any
 
 from yumi import __version__
+from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import Frame
-from yumi.control.requests import Event, is_fault
 from yumi.control.statistics import StationTimes
 from yumi.errors import MissingPrerequisite, ProtocolError
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints

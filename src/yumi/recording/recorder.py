@@ -21,8 +21,8 @@ from queue import Empty, SimpleQueue
 from threading import Event as Flag
 from threading import Thread
 
+from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FlightRecorder, Frame
-from yumi.control.requests import Event, is_fault
 from yumi.errors import SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.mcap import BEFORE, RecordedEvent, RecordingWriter, recorded_event, write_flight_record

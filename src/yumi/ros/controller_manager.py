@@ -35,13 +35,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
-from yumi.control.requests import ControllerNotice, Event, FastLineEnded, is_fault
+from yumi.control.events import ControllerReport, ControlProcessEnded, Event, is_fault
+from yumi.control.loop import CommandPort
 from yumi.control.statistics import Statistics
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, Side
-from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, Line, MakeInterface
+from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, MakeInterface
 from yumi.ros.executors import Ticker
 from yumi.ros.messages import (
     ACTIVITY,
@@ -460,7 +461,7 @@ class ArmManager:
     def __init__(
         self,
         side: Side,
-        line: Line,
+        line: CommandPort,
         known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
@@ -498,10 +499,10 @@ class ArmManager:
             event: what happened.
             explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
         """
-        if isinstance(event, ControllerNotice):
-            self._nodes.tell(event.controller, event.notice)
+        if isinstance(event, ControllerReport):
+            self._nodes.tell(event.controller, event.report)
             return
-        if isinstance(event, FastLineEnded):
+        if isinstance(event, ControlProcessEnded):
             self._nodes.tell_all(event)
         log = self.node.get_logger()
         if not is_fault(event):

@@ -1,4 +1,4 @@
-"""One arm's controllers as ROS sees them: they live in the fast line, their nodes and parameters here.
+"""One arm's controllers as ROS sees them: they run in the control process, their nodes and parameters are here.
 
 One ROS node for each loaded controller, named like it: its parameters, and the topics and actions of its kind.
 
@@ -10,29 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as Overdue
+from functools import partial
 from typing import Any, Protocol
 
 import rclpy
 from rclpy.executors import Executor
 
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
-from yumi.control.requests import (
-    CleanupController,
-    ConfigureController,
-    Done,
-    FastLineEnded,
-    ListControllerKinds,
-    ListControllers,
-    ListHardware,
-    ListParameters,
-    LoadController,
-    Request,
-    SetHardwareState,
-    SetParameters,
-    Strictness,
-    SwitchControllers,
-    UnloadController,
-)
+from yumi.control.controller_manager import Strictness
+from yumi.control.events import ControlProcessEnded
+from yumi.control.loop import CommandPort, Commands
 from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.joints import Side
@@ -40,18 +27,11 @@ from yumi.ros.parameters import ManagerParameters, Presets, declare, declare_com
 from yumi.settings import Values
 
 
-class Line(Protocol):
-    """What the nodes of an arm ask."""
-
-    def ask(self, request: Request) -> Done:
-        """Have ``request`` served between two cycles."""
-
-
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
 
     def tell(self, notice: Any) -> None:
-        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_notices`."""
+        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_reports`."""
 
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
@@ -83,22 +63,22 @@ class ControllerNode:
         )
         self._rate = rate
 
-    def take_parameters(self, line: Line, presets: Presets) -> None:
+    def take_parameters(self, control: CommandPort, presets: Presets) -> None:
         """Declare the parameters, give the controller those that its files set, and pass on what is set later.
 
         Args:
-            line: where the controller lives.
+            control: where the controller is commanded.
             presets: what holds where its own files say nothing.
 
         Raises:
             CommandRefused: a value in a file is not allowed.
-            RobotNotReady: the fast line is gone.
+            RobotNotReady: the control process has ended.
         """
         declare_common(self.node, self._rate)
-        infos: tuple[ParameterInfo, ...] = line.ask(ListParameters(self._side, self._name)).parameters
+        infos: tuple[ParameterInfo, ...] = control.call(Commands.list_parameters, self._side, self._name)
 
         def change(values: Values) -> None:
-            line.ask(SetParameters(self._side, self._name, values))
+            control.call(Commands.set_parameters, self._side, self._name, values)
 
         changed = declare(self.node, infos, presets)
         if changed:
@@ -113,7 +93,7 @@ class ControllerNode:
         """Pass a notice of the controller on to what it offers; without that it stands in the log."""
         if self._interface is not None:
             self._interface.tell(notice)
-        elif not isinstance(notice, FastLineEnded):
+        elif not isinstance(notice, ControlProcessEnded):
             self.node.get_logger().info(str(notice))
 
     def destroy(self) -> None:
@@ -127,17 +107,17 @@ class ControllerNodes:
 
     Args:
         side: which arm.
-        line: where the controllers live.
+        control: where the controllers are commanded.
         executor: what spins the nodes.
         interfaces: what controllers of a kind offer besides parameters.
         rate: of the controller manager [Hz].
     """
 
     def __init__(
-        self, side: Side, line: Line, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
+        self, side: Side, control: CommandPort, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
     ) -> None:
         self._side = side
-        self._line = line
+        self._control = control
         self._executor = executor
         self._interfaces = interfaces
         self._rate = rate
@@ -153,11 +133,11 @@ class ControllerNodes:
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
-            RobotNotReady: the fast line is gone.
+            RobotNotReady: the control process has ended.
         """
         node = ControllerNode(self._side, info, arguments, self._rate)
         try:
-            node.take_parameters(self._line, presets or {})
+            node.take_parameters(self._control, presets or {})
             if info.kind in self._interfaces:
                 node.offer(self._interfaces[info.kind])
         except Exception:
@@ -199,7 +179,7 @@ class ArmControllers:
 
     Args:
         side: which arm.
-        line: where the controllers live.
+        control: where the controllers are commanded.
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
         known: those of ``controllers.yaml``, loaded or not.
@@ -209,14 +189,14 @@ class ArmControllers:
     def __init__(
         self,
         side: Side,
-        line: Line,
+        control: CommandPort,
         nodes: ControllerNodes,
         parameters: ManagerParameters,
         known: Iterable[ControllerSettings],
         log: Any,
     ) -> None:
         self._side = side
-        self._line = line
+        self._control = control
         self._nodes = nodes
         self._parameters = parameters
         self._known = {settings.name: settings for settings in known}
@@ -226,7 +206,7 @@ class ArmControllers:
         """Make the nodes of the controllers that were loaded from the start.
 
         Raises:
-            YumiError: the fast line is gone.
+            YumiError: the control process has ended.
         """
         for settings in self._known.values():
             self._parameters.note_type(settings.name, settings.kind)
@@ -235,11 +215,11 @@ class ArmControllers:
 
     def list(self) -> tuple[ControllerInfo, ...]:
         """All loaded controllers."""
-        return self._line.ask(ListControllers(self._side)).controllers
+        return self._control.call(Commands.list_controllers, self._side)
 
     def kinds(self) -> tuple[str, ...]:
         """The types that can be loaded."""
-        return self._line.ask(ListControllerKinds(self._side)).kinds
+        return self._control.call(Commands.list_controller_kinds, self._side)
 
     def load(self, name: str) -> None:
         """Load the controller of the type that the parameter ``<name>.type`` says, with its parameter files.
@@ -248,25 +228,25 @@ class ArmControllers:
             YumiError: no or an unknown type, the name is taken, or a value in a file is not allowed.
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
-        self._line.ask(LoadController(self._side, name, kind))
+        self._control.call(Commands.load_controller, self._side, name, kind)
         try:
             self._nodes.add(self._info(name), arguments, self._presets(name, kind))
         except Exception:
-            self._line.ask(UnloadController(self._side, name))
+            self._control.call(Commands.unload_controller, self._side, name)
             raise
 
     def configure(self, name: str) -> None:
         """Make a controller inactive; an inactive one is cleaned up first."""
-        self._line.ask(ConfigureController(self._side, name))
+        self._control.call(Commands.configure_controller, self._side, name)
 
     def cleanup(self, name: str) -> None:
         """Make an inactive controller unconfigured; an unconfigured one stays as it is."""
         if self._info(name).state is not State.UNCONFIGURED:
-            self._line.ask(CleanupController(self._side, name))
+            self._control.call(Commands.clean_up_controller, self._side, name)
 
     def unload(self, name: str) -> None:
         """Forget a controller that is not active, and its node."""
-        self._line.ask(UnloadController(self._side, name))
+        self._control.call(Commands.unload_controller, self._side, name)
         self._nodes.remove(name)
 
     def switch(self, activate: Sequence[str], deactivate: Sequence[str], strictness: int, timeout: float) -> str:
@@ -276,19 +256,21 @@ class ArmControllers:
             activate: names of controllers to activate.
             deactivate: names of controllers to deactivate.
             strictness: one of the wire's numbers, 0 for the default.
-            timeout: how long to wait for the fast line [s]; 0 for the default.
+            timeout: how long to wait for the control process [s]; 0 for the default.
 
         Raises:
             RobotNotReady: it took longer; the switch may still be carried out.
             YumiError: a rule stands against it; nothing was changed.
         """
         chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
-        request = SwitchControllers(self._side, tuple(activate), tuple(deactivate), chosen)
         thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
-        waiting = thread.submit(self._line.ask, request)
+        switch = partial(
+            self._control.call, Commands.switch_controllers, self._side, tuple(activate), tuple(deactivate), chosen
+        )
+        waiting = thread.submit(switch)
         thread.shutdown(wait=False)  # it ends with the answer
         try:
-            return waiting.result(timeout).sentence
+            return waiting.result(timeout)
         except Overdue as error:
             raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
 
@@ -303,7 +285,7 @@ class ArmControllers:
         if active and not is_forced:
             raise CommandRefused(f"Controllers are active: {', '.join(active)}; deactivate them first, or force it.")
         if active:
-            self._line.ask(SwitchControllers(self._side, deactivate=tuple(active)))
+            self._control.call(Commands.switch_controllers, self._side, (), active)
         for info in controllers:
             self.unload(info.name)
 
@@ -336,21 +318,20 @@ class ArmHardware:
 
     Args:
         side: which arm.
-        line: where it lives.
+        control: where it is commanded.
     """
 
-    def __init__(self, side: Side, line: Line) -> None:
+    def __init__(self, side: Side, control: CommandPort) -> None:
         self._side = side
-        self._line = line
+        self._control = control
 
     def info(self) -> HardwareInfo:
         """The component with its interfaces.
 
         Raises:
-            YumiError: the fast line is gone.
+            YumiError: the control process has ended.
         """
-        (info,) = self._line.ask(ListHardware(self._side)).hardware
-        return info
+        return self._control.call(Commands.hardware, self._side)
 
     @property
     def state(self) -> State:
@@ -366,4 +347,4 @@ class ArmHardware:
         Raises:
             YumiError: there is no such component, or it does not go to that state.
         """
-        self._line.ask(SetHardwareState(self._side, name, target))
+        self._control.call(Commands.set_hardware_state, self._side, name, target)

@@ -32,9 +32,9 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
-from yumi.control.requests import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.control_process import FastLines
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, ControllerSettings
@@ -104,7 +104,7 @@ class RosDriver:
     """All nodes of the driver in one process.
 
     Args:
-        fast_lines: both arms'.
+        control: the control process.
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         connection: the way to the controller.
@@ -116,7 +116,7 @@ class RosDriver:
 
     def __init__(
         self,
-        fast_lines: FastLines,
+        control: ControlProcess,
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         connection: Connection,
@@ -134,20 +134,18 @@ class RosDriver:
         self._slow_tickers = {side: Ticker(clock, complain, f"slow-ticker-{side.value}") for side in Side}
         self._trajectories = TrajectoryControllers(
             nodes.dual,
-            {side: boxes.trajectory for side, boxes in fast_lines.boxes.items()},
-            {side: boxes.dual_trajectory for side, boxes in fast_lines.boxes.items()},
-            fast_lines.ask,
+            {side: boxes.trajectory for side, boxes in control.buffers.items()},
+            {side: boxes.dual_trajectory for side, boxes in control.buffers.items()},
+            control,
             clock,
             limits,
             self._ticker,
             manager.monitor,
         )
-        forwarding = forward_interfaces(nodes.streams, fast_lines, clock.now)
+        forwarding = forward_interfaces(nodes.streams, control, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
-        self._arms = {
-            side: self._make_arm(side, own, fast_lines, interfaces, clock) for side, own in controllers.items()
-        }
-        self._managed = ManagedNodes(connection, manager, fast_lines, hands.grippers, self._look)
+        self._arms = {side: self._make_arm(side, own, control, interfaces, clock) for side, own in controllers.items()}
+        self._managed = ManagedNodes(connection, manager, control, hands.grippers, self._look)
         self._hands = Hands(
             hands,
             self._managed.grippers,
@@ -167,7 +165,7 @@ class RosDriver:
             is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)
-        self._commands = command_topics(nodes.streams, fast_lines, clock)
+        self._commands = command_topics(nodes.streams, control, clock)
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
         offered = (nodes.manager, manager, self._managed.permission, self._look)
@@ -178,7 +176,7 @@ class RosDriver:
         self._executors.add_answering("answers-dual", nodes.dual)
         self._executors.add_answering("answers-lives", *self._managed.all)
         self._executors.add_streaming("streams", *nodes.streaming)
-        self._publish(fast_lines, merged_rate, clock, limits)
+        self._publish(control, merged_rate, clock, limits)
 
     def start(self) -> None:
         """Answer from now on."""
@@ -286,26 +284,26 @@ class RosDriver:
         self,
         side: Side,
         own: Iterable[ControllerSettings],
-        fast_lines: FastLines,
+        control: ControlProcess,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
     ) -> ArmManager:
         executor, follow = self._executors.add_answering(f"answers-{side.value}"), partial(self._follow_hardware, side)
-        return ArmManager(side, fast_lines, own, executor, interfaces, clock, self._slow_tickers[side], follow)
+        return ArmManager(side, control, own, executor, interfaces, clock, self._slow_tickers[side], follow)
 
     def _follow_hardware(self, side: Side) -> None:
         self._managed.follow_hardware(side)
 
-    def _publish(self, fast_lines: FastLines, merged_rate: float, clock: Clock, limits: JointLimits) -> None:
+    def _publish(self, control: ControlProcess, merged_rate: float, clock: Clock, limits: JointLimits) -> None:
         """Publish what is known."""
-        nodes, robot, boxes = self._nodes, self._manager.monitor.state, fast_lines.boxes
+        nodes, robot, boxes = self._nodes, self._manager.monitor.state, control.buffers
         self._states = [JointStatePublisher(arm.node, side, boxes[side], clock) for side, arm in self._arms.items()]
         self._state = RobotStateTopic(nodes.manager, robot, clock, self._ticker)
         self._merged = MergedJointStates(nodes.stream, boxes, self._hands.fingers, merged_rate, clock, self._ticker)
         modules = {side: self._hand_parts.settings.modules(side) for side in Side}
         self._descriptions = publish_descriptions(nodes.manager, limits, modules)
         self._health = HealthTopics(
-            nodes.manager, nodes.streams, fast_lines.snapshot, robot, self._hands.statuses, self._ticker
+            nodes.manager, nodes.streams, control.snapshot, robot, self._hands.statuses, self._ticker
         )
 
 
@@ -314,11 +312,11 @@ def stream_node(namespace: str = "") -> Any:
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
-def command_topics(nodes: Mapping[Side, Any], fast_lines: FastLines, clock: Clock) -> list[CommandTopic]:
+def command_topics(nodes: Mapping[Side, Any], control: ControlProcess, clock: Clock) -> list[CommandTopic]:
     """The topics of goals and of speeds, of both arms."""
     topics: list[CommandTopic] = []
     for side, node in nodes.items():
-        boxes, snapshot = fast_lines.boxes[side], partial(fast_lines.snapshot, side)
+        boxes, snapshot = control.buffers[side], partial(control.snapshot, side)
         topics.append(JointCommandTopic(node, side, boxes.goals, snapshot, clock.now))
         topics.append(JointVelocityTopic(node, side, boxes.speeds, snapshot, clock.now))
     return topics

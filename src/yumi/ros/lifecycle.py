@@ -30,10 +30,10 @@ from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
 from rclpy.node import Node
 
 from yumi.control.controller import State, Transition
-from yumi.control.requests import HoldArm
+from yumi.control.loop import CommandPort, Commands
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.ros.controllers import ArmHardware, Line
+from yumi.ros.controllers import ArmHardware
 from yumi.ros.permission import Permission
 
 
@@ -86,7 +86,9 @@ class RobotLife:
 
     noun = "the robot"
 
-    def __init__(self, connection: Connection, manager: Stopping, line: Line, grippers: Iterable[Fingers]) -> None:
+    def __init__(
+        self, connection: Connection, manager: Stopping, line: CommandPort, grippers: Iterable[Fingers]
+    ) -> None:
         self._connection = connection
         self._manager = manager
         self._line = line
@@ -100,8 +102,8 @@ class RobotLife:
 
     def deactivate(self) -> str:
         for side in Side:
-            with suppress(YumiError):  # of a fast line that is gone: the other arm is held, and EGM ended, all the same
-                self._line.ask(HoldArm(side))
+            with suppress(YumiError):  # of a control process that has ended: EGM is ended all the same
+                self._line.call(Commands.hold, side)
         try:
             self._manager.end_motion()
         finally:  # an arm whose EGM does not end is no reason to let fingers go on
@@ -352,7 +354,7 @@ class ManagedNodes:
         self,
         connection: Connection,
         manager: Stopping,
-        line: Line,
+        line: CommandPort,
         grippers: Mapping[Side, Fingers],
         on_change: Callable[[], None],
     ) -> None:

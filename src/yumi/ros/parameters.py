@@ -14,7 +14,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter as RosParameter
 
 from yumi.control.controller import ParameterInfo
-from yumi.control.requests import Strictness
+from yumi.control.controller_manager import Strictness
 from yumi.errors import CommandRefused, YumiError
 from yumi.settings import Entry, Parameter, ParameterType, Value, Values
 

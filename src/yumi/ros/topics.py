@@ -1,4 +1,4 @@
-"""How a streamed command gets in: a message becomes a checked goal in the arm's mailbox, or a refusal.
+"""How a streamed command gets in: a message becomes a checked goal in the arm's buffer, or a refusal.
 
 ================================ ========================== ===================================================
 topic                            type                       for
@@ -30,16 +30,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from yumi.clock import Clock
-from yumi.control.commands import GoalKind, Mailbox, put_goal, put_speeds
+from yumi.control.commands import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.forward_command import FORWARDERS
-from yumi.control.requests import ListControllers
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
-from yumi.driver.control_process import ArmBoxes, FastLines
+from yumi.control.loop import Commands
+from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
+from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import robot_description
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import JOINT_COUNT, ZERO, JointLimits, Joints, Side, finger_names, joint_names
+from yumi.robot.joints import ZERO, JointLimits, Joints, Side, finger_names, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import Ticker
 from yumi.ros.messages import RefusalLog, goal_of, goal_speeds_of, joint_state, positions_of, speeds_of, velocities_of
@@ -74,7 +74,7 @@ class CommandTopic(ABC):
         self,
         node: Any,
         side: Side,
-        box: Mailbox,
+        box: GoalBuffer,
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float] = lambda: nan,
     ) -> None:
@@ -158,7 +158,7 @@ class JointCommandTopic(CommandTopic):
             raise CommandRefused(f"Goal refused: the {self._side.word} arm has no reference yet; send the goal again.")
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
         goal = goal_of(message, self._side, base)
-        put_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
+        write_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
         self._goal = goal
 
 
@@ -169,7 +169,7 @@ class JointVelocityTopic(CommandTopic):
     kind, taker = GoalKind.VELOCITY, "velocity controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        put_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
+        write_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
 
 
 class ForwardTopic(CommandTopic):
@@ -192,7 +192,7 @@ class ForwardTopic(CommandTopic):
         self,
         node: Any,
         side: Side,
-        boxes: tuple[Mailbox, Mailbox],
+        boxes: tuple[GoalBuffer, GoalBuffer],
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float],
         controller: str,
@@ -211,9 +211,9 @@ class ForwardTopic(CommandTopic):
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         self._check_active(snapshot.activation)
         if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
-            put_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
+            write_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
         else:
-            put_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
+            write_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
 
     def tell(self, notice: object) -> None:
         """A forward controller has nothing to tell."""
@@ -265,18 +265,18 @@ class Stamps:
 
 
 class JointStatePublisher:
-    """Publishes ``joint_states`` of one arm whenever the fast line rings.
+    """Publishes ``joint_states`` of one arm after each of its cycles.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
 
     Args:
         node: the arm's controller manager node.
         side: which arm.
-        boxes: what the fast line shares.
+        boxes: what the control process shares.
         clock: the clock of the states' times.
     """
 
-    def __init__(self, node: Any, side: Side, boxes: ArmBoxes, clock: Clock) -> None:
+    def __init__(self, node: Any, side: Side, boxes: ArmBuffers, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         ros_clock = node.get_clock()
         self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
@@ -298,18 +298,17 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._boxes.bell.acquire(timeout=_GLANCE):
+            if not self._boxes.cycle_done.acquire(timeout=_GLANCE):
                 continue
-            for number, values in self._boxes.states.since(last):
+            for number, state in self._boxes.states.since(last):
                 last = number
                 try:
-                    self._publish(values)
+                    self._publish(state)
                 except Exception as error:  # of the middleware, such as after the clock was set: the next one may go
                     self._failures.note(f"Publishing {self._topic}", error)
 
-    def _publish(self, values: tuple[float, ...]) -> None:
-        time, position, velocity = values[0], values[1 : 1 + JOINT_COUNT], values[1 + JOINT_COUNT :]
-        self._publisher.publish(joint_state(self._names, position, velocity, self._stamps.at(time)))
+    def _publish(self, state: JointStates) -> None:
+        self._publisher.publish(joint_state(self._names, state.position, state.velocity, self._stamps.at(state.time)))
 
 
 class MergedJointStates:
@@ -319,7 +318,7 @@ class MergedJointStates:
 
     Args:
         node: any node without namespace.
-        boxes: what the fast line shares, per arm.
+        boxes: what the control process shares, per arm.
         fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
@@ -329,7 +328,7 @@ class MergedJointStates:
     def __init__(
         self,
         node: Any,
-        boxes: Mapping[Side, ArmBoxes],
+        boxes: Mapping[Side, ArmBuffers],
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
@@ -349,12 +348,12 @@ class MergedJointStates:
         velocity: list[float] = []
         oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
-            letter = boxes.states.peek()
-            if letter is not None and now - letter[1][0] < SILENCE:
-                oldest = min(oldest, letter[1][0])
+            newest = boxes.states.read()
+            if newest is not None and now - newest[1].time < SILENCE:
+                oldest = min(oldest, newest[1].time)
                 names += joint_names(side)
-                position += letter[1][1 : 1 + JOINT_COUNT]
-                velocity += letter[1][1 + JOINT_COUNT :]
+                position += newest[1].position
+                velocity += newest[1].velocity
         for side, (place, speed) in self._fingers().items():
             names += finger_names(side)
             position += (place, place)
@@ -434,27 +433,27 @@ class DescriptionWait:
 
 
 def forward_interfaces(
-    nodes: Mapping[Side, Any], fast_lines: FastLines, now: Callable[[], float]
+    nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
 ) -> Mapping[str, MakeInterface]:
     """What forward controllers offer, by their type.
 
     Args:
         nodes: each arm's node for topics alone, whose executor has no services.
-        fast_lines: where the controllers live.
+        control: the control process.
         now: tells the time on the machine's monotonic clock [s].
     """
 
     def active(side: Side) -> frozenset[str]:
-        infos = fast_lines.ask(ListControllers(side)).controllers
+        infos = control.call(Commands.list_controllers, side)
         return frozenset(info.name for info in infos if info.claimed)
 
     def make(_: Any, side: Side, name: str) -> ForwardTopic:
-        boxes = fast_lines.boxes[side]
+        boxes = control.buffers[side]
         return ForwardTopic(
             nodes[side],
             side,
             (boxes.forward_positions, boxes.forward_speeds),
-            partial(fast_lines.snapshot, side),
+            partial(control.snapshot, side),
             now,
             name,
             partial(active, side),

@@ -27,7 +27,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     DualArmTrajectoryController,
@@ -38,10 +38,11 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
+from yumi.control.events import ControlProcessEnded
+from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
-from yumi.control.requests import CheckOrders, Done, FastLineEnded, Order, Request, SendOrders
-from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
-from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory, time_to_start
+from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -66,7 +67,7 @@ class TrajectoryQuery:
         clock: the machine's clock.
     """
 
-    def __init__(self, node: Any, feedback: Mapping[Side, Mailbox], clock: Clock) -> None:
+    def __init__(self, node: Any, feedback: Mapping[Side, Buffer[TrajectoryFeedback]], clock: Clock) -> None:
         self._ros_clock = node.get_clock()
         self._feedback = feedback
         self._clock = clock
@@ -84,7 +85,7 @@ class TrajectoryQuery:
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        letters = {side: box.read() for side, box in self._feedback.items()}
         feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
         now = self._clock.now()
         if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
@@ -123,7 +124,6 @@ def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoi
 _GLANCE = 0.02  # [s] how soon new feedback is passed on
 _CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-Ask = Callable[[Request], Done]
 
 
 class Causes(Protocol):
@@ -174,7 +174,7 @@ class TrajectoryAction:
         node: the controller's node.
         name: the controller's name on each arm.
         feedback: by arm, in the order of the joints; where the controllers let others see how they follow.
-        ask: has a request served by the fast line.
+        control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on, fifty times a second.
@@ -185,8 +185,8 @@ class TrajectoryAction:
         self,
         node: Any,
         name: str,
-        feedback: Mapping[Side, Mailbox],
-        ask: Ask,
+        feedback: Mapping[Side, Buffer[TrajectoryFeedback]],
+        control: CommandPort,
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
@@ -198,7 +198,7 @@ class TrajectoryAction:
         self._name = name
         self._feedback = feedback
         self._sides = tuple(feedback)
-        self._ask = ask
+        self._control = control
         self._clock = clock
         self._limits = limits
         self._numbers = count(1)
@@ -231,7 +231,7 @@ class TrajectoryAction:
 
     def take_notice(self, side: Side, notice: object) -> None:
         """Take what an arm's controller has told; from any thread."""
-        if isinstance(notice, FastLineEnded):
+        if isinstance(notice, ControlProcessEnded):
             self._give_up()
         if not isinstance(notice, TrajectoryEnded):
             return
@@ -272,9 +272,11 @@ class TrajectoryAction:
         """Have every arm take its part of a trajectory, or none.
 
         Raises:
-            YumiError: the trajectory has a fault, a controller refuses it, or the fast line is gone.
+            YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
         """
-        self._ask(CheckOrders(self._orders(dict.fromkeys(self._sides, CancelTrajectory()))))  # refuses while inactive
+        self._control.call(
+            Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
+        )  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
         number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
         orders = {
@@ -284,7 +286,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open[number] = goal  # its end may be told before the answer comes
         try:
-            self._order(orders)
+            self._command(orders)
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
@@ -292,23 +294,23 @@ class TrajectoryAction:
         self._query.note(number, plans)
 
     def _start(self, message: Any) -> float | None:
-        """When the trajectory starts, on the monotonic clock; arms that start together need a time for it."""
-        now, stamped = self._clock.now(), stamp_of(message)
-        if stamped:
-            return now + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
-        return None if len(self._sides) == 1 else now + time_to_start(len(message.points))
+        """When the trajectory starts, on the monotonic clock; None is at once."""
+        stamped = stamp_of(message)
+        if not stamped:
+            return None
+        return self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
 
-    def _order(self, orders: Mapping[Side, object]) -> None:
-        self._ask(SendOrders(self._orders(orders)))
+    def _command(self, messages: Mapping[Side, object]) -> None:
+        self._control.call(Commands.send_commands, *self._commands(messages))
 
-    def _orders(self, orders: Mapping[Side, object]) -> tuple[Order, ...]:
-        return tuple(Order(side, self._name, order) for side, order in orders.items())
+    def _commands(self, messages: Mapping[Side, object]) -> tuple[ControllerCommand, ...]:
+        return tuple(ControllerCommand(side, self._name, message) for side, message in messages.items())
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)
         if found is None:
             return CancelResponse.REJECT  # it has just ended
-        self._try(lambda: self._order({side: CancelTrajectory(found[0]) for side in self._sides}))
+        self._try(lambda: self._command({side: CancelTrajectory(found[0]) for side in self._sides}))
         return CancelResponse.ACCEPT
 
     def _find(self, handle: Any) -> tuple[int, _OpenGoal] | None:
@@ -331,7 +333,7 @@ class TrajectoryAction:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
             result.error_code = int(ResultCode.INVALID_GOAL)
-            result.error_string = "The fast line has ended; call recover, which starts another one."
+            result.error_string = "The control process has ended; call recover, which starts another one."
             handle.abort()
             return result
         end = goal.end
@@ -359,7 +361,7 @@ class TrajectoryAction:
         self._try(lambda: self._send(message, own, None))
 
     def _scale(self, message: Any) -> None:
-        self._try(lambda: self._order({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
+        self._try(lambda: self._command({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
 
     def _try(self, carry: Callable[[], object]) -> None:
         try:
@@ -369,7 +371,7 @@ class TrajectoryAction:
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        letters = {side: peek_feedback(box) for side, box in self._feedback.items()}
+        letters = {side: box.read() for side, box in self._feedback.items()}
         news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
         if len(news) < len(letters):
             return
@@ -400,7 +402,7 @@ class TrajectoryControllers:
         dual_node: for the action of both arms.
         single: where each arm's trajectory controller lets others see how it follows.
         dual: the same of the dual-arm controller's halves.
-        ask: has a request served by the fast line.
+        control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
         ticker: has feedback passed on.
@@ -413,18 +415,18 @@ class TrajectoryControllers:
     def __init__(
         self,
         dual_node: Any,
-        single: Mapping[Side, Mailbox],
-        dual: Mapping[Side, Mailbox],
-        ask: Ask,
+        single: Mapping[Side, Buffer[TrajectoryFeedback]],
+        dual: Mapping[Side, Buffer[TrajectoryFeedback]],
+        control: CommandPort,
         clock: Clock,
         limits: JointLimits,
         ticker: Ticker,
         causes: Causes | None = None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, ask, clock, limits, ticker, causes)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, ticker, causes)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, ask, clock, limits, ticker, causes)
+            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, ticker, causes)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {

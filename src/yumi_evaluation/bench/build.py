@@ -18,7 +18,7 @@ from pathlib import Path
 import yumi
 from yumi.errors import MissingPrerequisite
 
-WAKE_MODES = ("blocking", "ahead", "auto")
+WAKE_MODES = ("blocking", "auto")
 """The settings of ``egm.wake`` that are measured; each adds our contenders once more."""
 
 GAIN = 0.1

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import ControllerInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
-from yumi.control.requests import (
-    ControllerNotice,
-    Done,
-    ListControllers,
-    Order,
-    Request,
-    SendOrders,
-    SwitchControllers,
+from yumi.control.events import (
+    ControllerReport,
 )
+from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home
@@ -26,14 +22,22 @@ from yumi.robot.joints import YUMI_LIMITS, Side, home
 NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER)
 
 
-class FakeLoop:
+class Switch(NamedTuple):
+    """A switch of controllers that was asked for."""
+
+    side: Side
+    activate: tuple[str, ...]
+    deactivate: tuple[str, ...]
+
+
+class FakeControl:
     """Both arms stand at home and follow."""
 
     def __init__(self) -> None:
-        self.orders: list[Order] = []
-        self.switches: list[SwitchControllers] = []
+        self.commands: list[ControllerCommand] = []
+        self.switches: list[Switch] = []
         self.refuses = False
-        self.on_order: Callable[[Order], None] = lambda order: None
+        self.on_command: Callable[[ControllerCommand], None] = lambda command: None
         self.snapshots = {
             side: Snapshot(session=1, is_streaming=True, is_running=True, activation=1, position=home(side))
             for side in Side
@@ -43,46 +47,46 @@ class FakeLoop:
     def snapshot(self, side: Side) -> Snapshot:
         return self.snapshots[side]
 
-    def ask(self, request: Request) -> Done:
-        if isinstance(request, ListControllers):
-            return Done(controllers=tuple(self._info(name, request.side) for name in NAMES))
-        if isinstance(request, SwitchControllers):
-            self._switch(request)
-        if isinstance(request, SendOrders):
+    def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
+        if command is Commands.list_controllers:
+            return tuple(self._info(name, *args) for name in NAMES)
+        if command is Commands.switch_controllers:
+            self._switch(*args)
+        if command is Commands.send_commands:
             if self.refuses:
                 raise CommandRefused("Not now.")
-            self.orders += request.orders
-            for order in request.orders:
-                self.on_order(order)
-        return Done()
+            self.commands += args
+            for each in args:
+                self.on_command(each)
+        return None
 
     def _info(self, name: str, side: Side) -> ControllerInfo:
         is_active = self._active[side] == name
         claimed = ("joint/position",) if is_active else ()
         return ControllerInfo(name, "kind", State.ACTIVE if is_active else State.INACTIVE, ("joint/position",), claimed)
 
-    def _switch(self, request: SwitchControllers) -> None:
-        self.switches.append(request)
-        (self._active[request.side],) = request.activate
-        before = self.snapshots[request.side]
-        self.snapshots[request.side] = replace(before, activation=before.activation + 1)
+    def _switch(self, side: Side, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> None:
+        self.switches.append(Switch(side, activate, deactivate))
+        (self._active[side],) = activate
+        before = self.snapshots[side]
+        self.snapshots[side] = replace(before, activation=before.activation + 1)
 
 
 class FakeRobot:
-    """An executor with a fake control loop."""
+    """An executor with a fake control process below."""
 
     def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
-        self.loop = FakeLoop()
-        self.goals = {side: MemoryMailbox() for side in Side}
+        self.control = FakeControl()
+        self.goals = {side: MemoryBuffer() for side in Side}
         self.motions = MotionRegistry()
-        self.executor = MotionExecutor(self.loop, self.goals, self.motions, arms, YUMI_LIMITS, ManualClock(100.0))
+        self.executor = MotionExecutor(self.control, self.goals, self.motions, arms, YUMI_LIMITS, ManualClock(100.0))
 
-    def rest(self, order: Order) -> None:
-        """For ``on_order``: an arm that is told to stop does."""
-        if isinstance(order.message, StopMotion):
-            self.end(order)
+    def rest(self, command: ControllerCommand) -> None:
+        """For ``on_command``: an arm that is told to stop does."""
+        if isinstance(command.message, StopMotion):
+            self.end(command)
 
-    def end(self, order: Order, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
-        """The control loop reports how an order has ended."""
-        identity = order.message.identity  # type: ignore[attr-defined]
-        self.motions.note(ControllerNotice(order.side, order.controller, GoalEnded(identity, outcome, sentence)))
+    def end(self, command: ControllerCommand, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
+        """The control process reports how a motion has ended."""
+        identity = command.message.identity  # type: ignore[attr-defined]
+        self.motions.note(ControllerReport(command.side, command.controller, GoalEnded(identity, outcome, sentence)))

@@ -9,7 +9,7 @@ from fake_robot import FakeRobot
 from yumi.api.gripper import Gripper
 from yumi.api.robot import Arm, ArmMode
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.requests import SessionLost
+from yumi.control.events import SessionLost
 from yumi.control.shared_state import Snapshot
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names
@@ -33,7 +33,7 @@ def no_gripper() -> None:
 
 
 def show(robot: FakeRobot, **values: object) -> None:
-    robot.loop.snapshots[Side.RIGHT] = replace(robot.loop.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
+    robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
 
 
 def test_arm_reports_what_is_measured(arm: Arm) -> None:
@@ -66,18 +66,18 @@ def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot,
 
 @pytest.mark.parametrize("look", [lambda arm: arm.position, lambda arm: arm.velocity, lambda arm: arm.pose])
 def test_silent_arm_has_no_position(robot: FakeRobot, arm: Arm, look: Callable[[Arm], object]) -> None:
-    robot.loop.snapshots[Side.RIGHT] = Snapshot()
+    robot.control.snapshots[Side.RIGHT] = Snapshot()
     with pytest.raises(RobotNotReady, match="The robot sends no positions of its right arm: EGM is not running"):
         look(arm)
 
 
 def test_arm_stops_and_waits_until_it_stands(robot: FakeRobot, arm: Arm) -> None:
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     arm.stop()
-    assert isinstance(robot.loop.orders[0].message, StopMotion)
+    assert isinstance(robot.control.commands[0].message, StopMotion)
 
 
 def test_arm_waits_for_its_goal_unless_reported_otherwise(robot: FakeRobot, arm: Arm) -> None:
     assert not arm.move_to(RIGHT, wait=False).is_done
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     assert arm.move_to(RIGHT).is_done

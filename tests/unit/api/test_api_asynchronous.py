@@ -36,17 +36,17 @@ class FakeConnected:
     def __init__(self) -> None:
         self.fake = FakeRobot()
         self.executor = self.fake.executor
-        self.fake.loop.on_order = self.fake.rest
+        self.fake.control.on_command = self.fake.rest
         gripper = Gripper(Side.RIGHT, lambda: cast("driver.Gripper", FakeGripper()), 10.0)
         self.arm = AsyncArm(Arm(Side.RIGHT, lambda: self.executor, gripper))
 
     @property
     def stops(self) -> int:
-        return sum(isinstance(order.message, StopMotion) for order in self.fake.loop.orders)
+        return sum(isinstance(order.message, StopMotion) for order in self.fake.control.commands)
 
     async def ordered(self) -> None:
         """Until the first goal is on its way."""
-        while not any(isinstance(order.message, JointGoal) for order in self.fake.loop.orders):
+        while not any(isinstance(order.message, JointGoal) for order in self.fake.control.commands):
             await asyncio.sleep(0)
 
 
@@ -61,7 +61,7 @@ def run(script: Coroutine[None, None, None]) -> None:
 
 def test_awaited_motion_is_over(robot: FakeConnected) -> None:
     async def script() -> None:
-        robot.fake.loop.on_order = robot.fake.end
+        robot.fake.control.on_command = robot.fake.end
         assert (await robot.arm.move_to(RIGHT)).is_done
 
     run(script())
@@ -69,7 +69,7 @@ def test_awaited_motion_is_over(robot: FakeConnected) -> None:
 
 def test_motion_ends_elsewhere_with_its_reason(robot: FakeConnected) -> None:
     async def script() -> None:
-        robot.fake.loop.on_order = lambda order: robot.fake.end(order, GoalOutcome.ABORTED, "axis 2 was held")
+        robot.fake.control.on_command = lambda order: robot.fake.end(order, GoalOutcome.ABORTED, "axis 2 was held")
         with pytest.raises(GoalNotReached, match="axis 2 was held"):
             await robot.arm.move_to(RIGHT)
 

@@ -5,19 +5,18 @@ from dataclasses import replace
 from math import inf, nan
 
 import pytest
-from fake_robot import FakeRobot
+from fake_robot import FakeRobot, Switch
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
-from yumi.control.commands import UNKNOWN, Goal, peek_goal
+from yumi.control.commands import UNKNOWN, Goal, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.requests import (
+from yumi.control.events import (
     ControllerFailed,
-    ControllerNotice,
-    FastLineEnded,
+    ControllerReport,
+    ControlProcessEnded,
     RobotStoppedFollowing,
     SessionLost,
-    SwitchControllers,
 )
 from yumi.control.trajectory import ResultCode
 from yumi.driver.stops import Cause
@@ -36,7 +35,7 @@ def robot() -> FakeRobot:
 
 def test_executor_orders_both_arms_at_once(robot: FakeRobot) -> None:
     motions = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: list(LEFT)}, 0.3, None)
-    assert [(order.side, order.message) for order in robot.loop.orders] == [
+    assert [(order.side, order.message) for order in robot.control.commands] == [
         (Side.RIGHT, JointGoal(RIGHT, motions[0].identity, 0.3, None)),
         (Side.LEFT, JointGoal(LEFT, motions[1].identity, 0.3, None)),
     ]
@@ -46,11 +45,11 @@ def test_executor_orders_both_arms_at_once(robot: FakeRobot) -> None:
 def test_joints_by_name_are_put_in_chain_order(robot: FakeRobot, names: Sequence[str]) -> None:
     backwards = dict(reversed(list(zip(names, RIGHT, strict=True))))
     robot.executor.move({Side.RIGHT: backwards}, None, None)
-    assert robot.loop.orders[0].message.position == RIGHT  # type: ignore[attr-defined]
+    assert robot.control.commands[0].message.position == RIGHT  # type: ignore[attr-defined]
 
 
 def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
-    robot.loop.on_order = robot.rest
+    robot.control.on_command = robot.rest
     robot.executor.follow({Side.RIGHT: [(1.0, BY_NAME, {f"j{axis}": 0.0 for axis in CHAIN_AXES})]})
     with pytest.raises(CommandRefused, match="'yumi_joint_1_r' is a joint of the right arm, and this is the left arm"):
         robot.executor.follow({Side.LEFT: [(1.0, BY_NAME)]})
@@ -59,14 +58,14 @@ def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
 def test_motion_says_what_it_is(robot: FakeRobot) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: under way>"
-    robot.end(robot.loop.orders[0])
+    robot.end(robot.control.commands[0])
     assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: ended>"
 
 
 def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert not motion.is_done
-    robot.end(robot.loop.orders[0])
+    robot.end(robot.control.commands[0])
     motion.wait(0.0)
     assert motion.is_done
 
@@ -74,7 +73,7 @@ def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> Non
 @pytest.mark.parametrize("outcome", [GoalOutcome.ABORTED, GoalOutcome.REPLACED, GoalOutcome.STOPPED])
 def test_motion_that_ends_elsewhere_says_why(robot: FakeRobot, outcome: GoalOutcome) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
-    robot.end(robot.loop.orders[0], outcome, "something came between")
+    robot.end(robot.control.commands[0], outcome, "something came between")
     with pytest.raises(GoalNotReached, match=r"The right arm did not reach its goal: something came between\."):
         motion.wait()
 
@@ -85,7 +84,7 @@ def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
         GoalNotReached, match="The left arm has not reached its goal within 0 s; it is still on its way"
     ):
         motion.wait(0.0)
-    robot.end(robot.loop.orders[0])
+    robot.end(robot.control.commands[0])
     motion.wait(0.0)
 
 
@@ -117,21 +116,21 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(robot: FakeRobot, g
     ):
         with pytest.raises(CommandRefused, match=sentence):
             ask()
-    assert robot.loop.orders == robot.loop.switches == []
+    assert robot.control.commands == robot.control.switches == []
 
 
-def test_motion_that_the_loop_refuses_does_not_begin(robot: FakeRobot) -> None:
-    robot.loop.refuses = True
+def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> None:
+    robot.control.refuses = True
     with pytest.raises(CommandRefused, match="Not now"):
         robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.motions.note(LOST)  # there is nothing to fail
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
-    robot.loop.snapshots[Side.LEFT] = replace(robot.loop.snapshots[Side.LEFT], is_running=False)
+    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], is_running=False)
     with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
         robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
-    assert robot.loop.orders == []
+    assert robot.control.commands == []
 
 
 def test_arm_that_no_one_named_is_not_moved() -> None:
@@ -153,7 +152,7 @@ def test_motion_that_a_stop_has_ended_says_its_cause_and_what_to_confirm(robot: 
     robot.motions.explain = waiting.append
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.motions.note(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
-    robot.end(robot.loop.orders[0], GoalOutcome.ABORTED, "the controller was deactivated")
+    robot.end(robot.control.commands[0], GoalOutcome.ABORTED, "the controller was deactivated")
     assert not motion.is_done
     waiting[0](Cause("10013 Emergency stop: an emergency stop was pressed", "10013-7-a1b2c3"))
     sentence = r"Cause: 10013 Emergency stop: .* Nothing moves until a person confirms the stop 10013-7-a1b2c3"
@@ -195,7 +194,7 @@ def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
     ("event", "sides"),
     [
         (ControllerFailed(Side.LEFT, "it broke"), [Side.LEFT]),
-        (FastLineEnded(Side.RIGHT, 1), [Side.RIGHT]),
+        (ControlProcessEnded(Side.RIGHT, 1), [Side.RIGHT]),
         (SessionLost(Side.RIGHT, 0.08, ()), []),  # an ordered end
     ],
 )
@@ -205,21 +204,19 @@ def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Si
 
 
 def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     for _ in range(3):
         robot.executor.stream(Side.RIGHT, RIGHT)
-    assert robot.loop.switches == [
-        SwitchControllers(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))
-    ]
-    assert peek_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
+    assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
+    assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     robot.executor.stream(Side.RIGHT, RIGHT)
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.executor.stream(Side.RIGHT, RIGHT)
-    assert [switch.activate for switch in robot.loop.switches] == [
+    assert [switch.activate for switch in robot.control.switches] == [
         (STREAM_CONTROLLER,),
         (GOAL_CONTROLLER,),
         (STREAM_CONTROLLER,),
@@ -228,22 +225,22 @@ def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
 
 def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     robot.executor.stream(Side.RIGHT, RIGHT)
-    assert isinstance(robot.loop.orders[-1].message, StopMotion)
+    assert isinstance(robot.control.commands[-1].message, StopMotion)
 
 
 def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
-    robot.loop.on_order = robot.end
+    robot.control.on_command = robot.end
     robot.executor.stream(Side.LEFT, LEFT)
     (motion,) = robot.executor.stop((Side.LEFT,))
-    assert robot.loop.orders[-1].message == StopMotion(motion.identity)
-    assert robot.loop.switches[-1].activate == (GOAL_CONTROLLER,)
+    assert robot.control.commands[-1].message == StopMotion(motion.identity)
+    assert robot.control.switches[-1].activate == (GOAL_CONTROLLER,)
     motion.wait(0.0)
 
 
 def test_arm_that_no_one_commands_needs_no_stop(robot: FakeRobot) -> None:
-    robot.loop.snapshots[Side.LEFT] = replace(robot.loop.snapshots[Side.LEFT], activation=0)
+    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], activation=0)
     assert robot.executor.stop((Side.LEFT,)) == ()
 
 
@@ -253,13 +250,13 @@ def test_numbers_of_any_kind_are_a_goal(robot: FakeRobot) -> None:
             return 0.0
 
     robot.executor.move({Side.RIGHT: [Number(), *RIGHT[1:]]}, None, None)
-    assert robot.loop.orders[0].message.position == RIGHT  # type: ignore[attr-defined]
+    assert robot.control.commands[0].message.position == RIGHT  # type: ignore[attr-defined]
 
 
 def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
-    robot.loop.on_order = robot.rest
+    robot.control.on_command = robot.rest
     robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)], Side.LEFT: [(1.0, LEFT, [0.0] * 7)]})
-    plans = [order.message.plan for order in robot.loop.orders if isinstance(order.message, FollowTrajectory)]
+    plans = [order.message.plan for order in robot.control.commands if isinstance(order.message, FollowTrajectory)]
     assert [(plan.side, plan.start) for plan in plans] == [(Side.RIGHT, 100.1), (Side.LEFT, 100.1)]
 
 
@@ -267,10 +264,10 @@ def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
     ("outcome", "is_reached"), [(Outcome.SUCCEEDED, True), (Outcome.ABORTED, False), (Outcome.CANCELED, False)]
 )
 def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outcome, is_reached: bool) -> None:
-    robot.loop.on_order = robot.rest
+    robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)]})
     notice = TrajectoryEnded(motion.identity, outcome, ResultCode.SUCCESSFUL, "It is over.")
-    robot.motions.note(ControllerNotice(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
+    robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
     assert (motion.future.exception() is None) is is_reached
     if not is_reached:
         assert str(motion.future.exception()) == "The right arm did not reach its goal: It is over."
@@ -292,4 +289,4 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
 def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, points: object, sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         robot.executor.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
-    assert robot.loop.orders == robot.loop.switches == []
+    assert robot.control.commands == robot.control.switches == []

@@ -70,8 +70,8 @@ class Double(Controller):
     def receive(self, message: object, state: ArmState | None) -> None:
         self.orders.append(message)
 
-    def take_notices(self) -> Sequence[object]:
-        self._do("take_notices")
+    def take_reports(self) -> Sequence[object]:
+        self._do("take_reports")
         notices, self.notices = self.notices, []
         return notices
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import JOINTS, configured, moved, state
-from yumi.control.commands import GoalKind, MemoryMailbox, put_goal, put_speeds
+from yumi.control.commands import GoalKind, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.forward_command import (
     FORWARDERS,
     ForwardCommandController,
@@ -15,44 +15,44 @@ from yumi.robot.joints import ZERO, ArmCommand, Joints
 
 
 @pytest.fixture
-def box() -> MemoryMailbox:
-    return MemoryMailbox()
+def box() -> MemoryBuffer:
+    return MemoryBuffer()
 
 
 @pytest.fixture
-def positions(box: MemoryMailbox) -> ForwardCommandController:
-    controller = configured(JointGroupPositionController(box, MemoryMailbox()))
+def positions(box: MemoryBuffer) -> ForwardCommandController:
+    controller = configured(JointGroupPositionController(box, MemoryBuffer()))
     controller.activate(state(ZERO))
     return controller
 
 
 @pytest.fixture
-def speeds(box: MemoryMailbox) -> ForwardCommandController:
-    controller = configured(JointGroupVelocityController(MemoryMailbox(), box))
+def speeds(box: MemoryBuffer) -> ForwardCommandController:
+    controller = configured(JointGroupVelocityController(MemoryBuffer(), box))
     controller.activate(state(ZERO))
     return controller
 
 
 def test_positions_are_forwarded_as_they_are(
-    positions: ForwardCommandController, box: MemoryMailbox, middle: Joints
+    positions: ForwardCommandController, box: MemoryBuffer, middle: Joints
 ) -> None:
-    put_goal(box, 1, middle)
+    write_goal(box, 1, middle)
     assert positions.update(state(ZERO)) == ArmCommand(middle)
     assert positions.update(state(ZERO)) == ArmCommand(middle)
     assert positions.reference == middle
 
 
 @pytest.mark.parametrize("kind", FORWARDERS)
-def test_nothing_is_commanded_until_the_first_message(kind: type[ForwardCommandController], box: MemoryMailbox) -> None:
+def test_nothing_is_commanded_until_the_first_message(kind: type[ForwardCommandController], box: MemoryBuffer) -> None:
     controller = configured(kind(box, box))
-    put_goal(box, 1, ZERO, ZERO)
+    write_goal(box, 1, ZERO, ZERO)
     controller.activate(state(ZERO))
     assert controller.update(state(ZERO)) is None
     assert controller.reference is None
 
 
-def test_speeds_move_the_arm_until_the_timeout(speeds: ForwardCommandController, box: MemoryMailbox) -> None:
-    put_speeds(box, 1, moved(ZERO, 4, 0.2), 2.5)
+def test_speeds_move_the_arm_until_the_timeout(speeds: ForwardCommandController, box: MemoryBuffer) -> None:
+    write_speeds(box, 1, moved(ZERO, 4, 0.2), 2.5)
     commands = [speeds.update(state(ZERO, time=2.5 + 0.004 * number)) for number in range(400)]
     fastest = commands[120]
     assert fastest is not None
@@ -61,9 +61,9 @@ def test_speeds_move_the_arm_until_the_timeout(speeds: ForwardCommandController,
     assert commands[-1].velocity is ZERO
 
 
-def test_speeds_go_on_for_ever_when_the_timeout_is_0(speeds: ForwardCommandController, box: MemoryMailbox) -> None:
+def test_speeds_go_on_for_ever_when_the_timeout_is_0(speeds: ForwardCommandController, box: MemoryBuffer) -> None:
     configured(speeds, timeout=0.0)
-    put_speeds(box, 1, moved(ZERO, 4, 0.2), 2.5)
+    write_speeds(box, 1, moved(ZERO, 4, 0.2), 2.5)
     for number in range(100):
         command = speeds.update(state(ZERO, time=2.5 + number))
     assert command is not None
@@ -71,12 +71,12 @@ def test_speeds_go_on_for_ever_when_the_timeout_is_0(speeds: ForwardCommandContr
 
 
 @pytest.mark.parametrize(("interface", "kind"), [("position", "FORWARD_POSITION"), ("velocity", "FORWARD_VELOCITY")])
-def test_interface_is_chosen_by_its_parameter(interface: str, kind: str, box: MemoryMailbox) -> None:
+def test_interface_is_chosen_by_its_parameter(interface: str, kind: str, box: MemoryBuffer) -> None:
     controller = configured(ForwardCommandController(box, box), interface_name=interface, joints=JOINTS)
     assert controller.goal_kind is GoalKind[kind]
     assert f"{JOINTS[0]}/{interface}" in controller.command_interfaces(JOINTS)
 
 
-def test_other_joints_than_the_arm_s_are_refused(box: MemoryMailbox) -> None:
+def test_other_joints_than_the_arm_s_are_refused(box: MemoryBuffer) -> None:
     with pytest.raises(CommandRefused, match="Parameter 'joints' is yumi_joint_1_r; commands are for yumi_joint_1_r, "):
         configured(ForwardCommandController(box, box), joints=JOINTS[:1])

@@ -7,7 +7,7 @@ from math import nan, radians
 
 import pytest
 
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
@@ -25,7 +25,7 @@ class GuidedArm:
     """A controller and an arm that is one cycle behind what it is told; ``stuck`` holds it fast."""
 
     def __init__(self) -> None:
-        self.goals = MemoryMailbox()
+        self.goals = MemoryBuffer()
         self.controller = JointGoalController(self.goals)
         self.told: list[ArmCommand] = []
         self.notices: list[object] = []
@@ -42,7 +42,7 @@ class GuidedArm:
         if not self.stuck:
             self.state = self.state._replace(position=command.position, velocity=command.velocity)
         self.state = self.state._replace(planned=command.position)
-        self.notices += self.controller.take_notices()
+        self.notices += self.controller.take_reports()
         return command
 
     def run(self, seconds: float) -> None:
@@ -177,7 +177,7 @@ def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands
     arm.order(JointGoal(goal, 1))
     assert arm.controller.update(arm.state) is None
     while arm.controller.update(arm.state) is None:
-        assert arm.controller.take_notices() == ()
+        assert arm.controller.take_reports() == ()
     arm.run(1.0)
     assert arm.state.position == goal
     assert arm.notices == [REACHED]
@@ -209,7 +209,7 @@ def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: GuidedA
 def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.controller.deactivate()
-    assert arm.controller.take_notices() == [
+    assert arm.controller.take_reports() == [
         GoalEnded(1, GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
     ]
     arm.controller.activate(arm.state)
@@ -218,19 +218,19 @@ def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm)
 
 def test_goal_controller_takes_goals_from_its_mailbox(arm: GuidedArm) -> None:
     goal = moved(HOME, 5.0)
-    put_goal(arm.goals, 1, goal)
+    write_goal(arm.goals, 1, goal)
     arm.run(2.0)
     assert arm.state.position == goal
 
 
 def test_goal_controller_ignores_goals_of_another_session(arm: GuidedArm) -> None:
-    put_goal(arm.goals, 2, moved(HOME, 5.0))
+    write_goal(arm.goals, 2, moved(HOME, 5.0))
     arm.run(1.0)
     assert arm.state.position == HOME
 
 
 def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: GuidedArm) -> None:
-    put_goal(arm.goals, 1, (4.0, *HOME[1:]))
+    write_goal(arm.goals, 1, (4.0, *HOME[1:]))
     arm.run(0.1)
     assert arm.notices == [
         GoalEnded(0, GoalOutcome.ABORTED, "Goal refused: axis 1 is 229.2°; its range is -168.5° to 168.5°.")

@@ -5,31 +5,31 @@ from itertools import pairwise
 import pytest
 
 from controller_states import configured, moved, state
-from yumi.control.commands import MemoryMailbox, put_speeds
+from yumi.control.commands import MemoryBuffer, write_speeds
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
 
 
 @pytest.fixture
-def speeds() -> MemoryMailbox:
-    return MemoryMailbox()
+def speeds() -> MemoryBuffer:
+    return MemoryBuffer()
 
 
 @pytest.fixture
-def controller(speeds: MemoryMailbox) -> JointVelocityController:
+def controller(speeds: MemoryBuffer) -> JointVelocityController:
     controller = configured(JointVelocityController(speeds))
     controller.activate(state(ZERO, time=0.0))
     return controller
 
 
 def driven(
-    controller: JointVelocityController, box: MemoryMailbox, velocity: Joints, seconds: float, until: float = 1e9
+    controller: JointVelocityController, box: MemoryBuffer, velocity: Joints, seconds: float, until: float = 1e9
 ) -> list[ArmCommand]:
     """Commands for an arm that does what it is told, while ``velocity`` is ordered each cycle ``until`` [s]."""
     commands, position = [], ZERO
     for number in range(1, round(seconds / CYCLE)):
         if number * CYCLE < until:
-            put_speeds(box, 1, velocity, number * CYCLE)
+            write_speeds(box, 1, velocity, number * CYCLE)
         command = controller.update(state(position, time=number * CYCLE))
         assert command is not None
         position = command.position
@@ -38,7 +38,7 @@ def driven(
 
 
 def test_velocity_controller_comes_to_the_speed_and_moves_the_position_along(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     *_, before, last = driven(controller, speeds, moved(ZERO, 4, 0.7), 1.0)
     assert last.velocity == pytest.approx(moved(ZERO, 4, 0.7))
@@ -46,7 +46,7 @@ def test_velocity_controller_comes_to_the_speed_and_moves_the_position_along(
 
 
 def test_velocity_controller_stops_when_nothing_comes_any_more(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     commands = driven(controller, speeds, moved(ZERO, 4, 0.7), 1.0, until=0.5)
     assert commands[round(0.59 / CYCLE) - 1].velocity[4] == pytest.approx(0.7)
@@ -56,7 +56,7 @@ def test_velocity_controller_stops_when_nothing_comes_any_more(
 
 
 def test_velocity_controller_keeps_the_acceleration_and_jerk_of_the_joints(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     commands = driven(controller, speeds, moved(ZERO, 0, 3.0), 0.8, until=0.2)
     rates = [(new.velocity[0] - old.velocity[0]) / CYCLE for old, new in pairwise(commands)]
@@ -65,7 +65,7 @@ def test_velocity_controller_keeps_the_acceleration_and_jerk_of_the_joints(
 
 
 def test_velocity_controller_stops_before_the_end_of_the_range(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     commands = driven(controller, speeds, moved(ZERO, 1, 1.0), 3.0)
     assert YUMI_LIMITS.upper[1] - 0.01 < commands[-1].position[1] <= YUMI_LIMITS.upper[1]
@@ -73,7 +73,7 @@ def test_velocity_controller_stops_before_the_end_of_the_range(
 
 
 def test_velocity_controller_takes_a_new_timeout_while_it_runs(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     configured(controller, timeout=0.5)
     commands = driven(controller, speeds, moved(ZERO, 4, 0.7), 0.6, until=0.3)
@@ -81,7 +81,7 @@ def test_velocity_controller_takes_a_new_timeout_while_it_runs(
 
 
 def test_velocity_controller_goes_where_the_robot_goes_that_heeds_no_positions(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
     driven(controller, speeds, ZERO, 0.1)
     elsewhere = moved(ZERO, 4, 0.5)
@@ -90,9 +90,9 @@ def test_velocity_controller_goes_where_the_robot_goes_that_heeds_no_positions(
 
 
 def test_velocity_controller_forgets_speeds_from_before_its_activation(
-    controller: JointVelocityController, speeds: MemoryMailbox
+    controller: JointVelocityController, speeds: MemoryBuffer
 ) -> None:
-    put_speeds(speeds, 1, moved(ZERO, 4, 0.7), 0.0)
+    write_speeds(speeds, 1, moved(ZERO, 4, 0.7), 0.0)
     controller.activate(state(ZERO, time=0.0))
     assert controller.update(state(ZERO, time=0.01)) == ArmCommand(ZERO)
 

@@ -81,7 +81,7 @@ def test_controllers_that_command_together_go_together_when_one_fails() -> None:
     assert manager.failures == [
         "Controller 'b' failed with ValueError: nonsense; it and 'a' were deactivated and the arm holds."
     ]
-    assert position.done[-2:] == ["deactivate", "take_notices"]
+    assert position.done[-2:] == ["deactivate", "take_reports"]
 
 
 def test_reference_is_that_of_the_first_who_has_one() -> None:

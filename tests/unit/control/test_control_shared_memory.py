@@ -1,74 +1,105 @@
 from __future__ import annotations
 
+import struct
+from typing import NamedTuple
+
 import pytest
 
-from yumi.control.shared_state import SharedHistory, SharedMailbox
-from yumi.driver.control_process import ChildProcess, PipeClosed, PipeEnd
+from yumi.control.commands import GoalKind
+from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedHistory
+from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
+from yumi.robot.joints import ZERO, Joints
 
 ROUNDS = 20_000
+SEVEN: Joints = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 
 
-def fill(pipe: PipeEnd, box: SharedMailbox) -> None:
-    """In a child: letters whose numbers are all equal, as fast as it goes."""
+class Sample(NamedTuple):
+    """A value with a field of every type that is shared."""
+
+    number: int
+    time: float
+    is_on: bool
+    problem: Problem
+    kind: GoalKind
+    position: Joints
+    reference: Joints | None
+
+
+ONE = Sample(1, 0.25, True, Problem.IMPLAUSIBLE, GoalKind.POSITION | GoalKind.VELOCITY, SEVEN, None)
+OTHER = Sample(-3, 1e9, False, Problem.NONE, GoalKind.NONE, ZERO, SEVEN)
+
+
+def fill(pipe: PipeEnd, buffer: SharedBuffer[JointStates]) -> None:
+    """In a child: values whose numbers are all equal, as fast as it goes."""
     for number in range(1, ROUNDS + 1):
-        box.put((float(number),) * 30)
+        buffer.write(all_equal(number))
     pipe.send("done")
+
+
+def all_equal(number: int) -> JointStates:
+    joints = (float(number),) * 7
+    return JointStates(float(number), joints, joints)  # type: ignore[arg-type]
 
 
 def answer_once(pipe: PipeEnd) -> None:
     pipe.send(pipe.receive() * 2)
 
 
-def test_mailbox_is_empty_at_first() -> None:
-    assert SharedMailbox(2).peek() is None
+def test_buffer_is_empty_at_first() -> None:
+    assert SharedBuffer(Factor).read() is None
 
 
-def test_mailbox_holds_the_latest_letter_with_its_number() -> None:
-    box = SharedMailbox(2)
-    box.put((1.0, 2.0))
-    box.put((3.0, 4.0))
-    assert box.peek() == (2, (3.0, 4.0))
+def test_buffer_holds_the_latest_value_with_its_number_and_the_types_of_its_fields() -> None:
+    buffer = SharedBuffer(Sample)
+    for number, value in enumerate((ONE, OTHER, ONE), 1):
+        buffer.write(value)
+        read = buffer.read()
+        assert read == (number, value)
+        assert [type(each) for each in read[1]] == [type(each) for each in value]
 
 
-def test_mailbox_refuses_letters_of_another_size() -> None:
-    with pytest.raises(ValueError, match="holds 2 numbers, got 3"):
-        SharedMailbox(2).put((1.0, 2.0, 3.0))
+def test_buffer_refuses_values_of_another_size() -> None:
+    with pytest.raises(struct.error):
+        SharedBuffer(JointStates).write(JointStates(0.0, (1.0, 2.0), ZERO))  # type: ignore[arg-type]
 
 
-def test_mailbox_shows_the_letter_before_when_its_writer_died_in_the_middle_of_one() -> None:
-    box = SharedMailbox(1)
-    assert box.peek() is None
-    box.put((1.0,))
-    assert box.peek() == (1, (1.0,))
-    box._memory[0] = 2.0  # begun, never finished
-    box._memory[2] = 5.0
-    assert box.peek() == (1, (1.0,))
+def test_buffer_shows_the_value_before_when_its_writer_died_in_the_middle_of_one() -> None:
+    buffer = SharedBuffer(Factor)
+    assert buffer.read() is None
+    buffer.write(Factor(1.0))
+    assert buffer.read() == (1, Factor(1.0))
+    struct.pack_into("q", buffer._memory, 0, 2)  # begun, never finished
+    struct.pack_into("d", buffer._memory, 16, 5.0)
+    assert buffer.read() == (1, Factor(1.0))
+    buffer.write(Factor(3.0))
+    assert buffer.read() == (2, Factor(3.0))
 
 
-def test_mailbox_never_shows_half_a_letter_of_another_process() -> None:
-    box = SharedMailbox(30)
-    child = ChildProcess("writer", fill, box)
+def test_buffer_never_shows_half_a_value_of_another_process() -> None:
+    buffer = SharedBuffer(JointStates)
+    child = ChildProcess("writer", fill, buffer)
     child.start()
     seen = set()
     while not child.pipe.has_value():
-        letter = box.peek()
-        if letter is not None:
-            assert set(letter[1]) == {float(letter[0])}
-            seen.add(letter[0])
+        newest = buffer.read()
+        if newest is not None:
+            assert newest[1] == all_equal(newest[0])
+            seen.add(newest[0])
     assert child.join(10.0)
-    assert box.peek() == (ROUNDS, (float(ROUNDS),) * 30)
+    assert buffer.read() == (ROUNDS, all_equal(ROUNDS))
     assert seen
 
 
-def test_history_keeps_the_newest_letters_in_order() -> None:
-    history = SharedHistory(1, 3)
-    assert history.peek() is None
+def test_history_keeps_the_newest_values_in_order() -> None:
+    history = SharedHistory(Factor, 3)
+    assert history.read() is None
     for value in (10.0, 20.0, 30.0, 40.0):
-        history.put((value,))
+        history.write(Factor(value))
     assert history.since(0) == [(2, (20.0,)), (3, (30.0,)), (4, (40.0,))]
     assert history.since(3) == [(4, (40.0,))]
     assert history.since(4) == []
-    assert history.peek() == (4, (40.0,))
+    assert history.read() == (4, (40.0,))
 
 
 def test_pipe_passes_values_and_notices_the_end_of_the_child() -> None:

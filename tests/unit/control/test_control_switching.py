@@ -4,8 +4,7 @@ import pytest
 
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.control.controller import State
-from yumi.control.controller_manager import ControllerManager
-from yumi.control.requests import Strictness
+from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import Side, joint_names
 
@@ -108,7 +107,7 @@ def test_controllers_with_disjoint_claims_are_active_at_once(manager: Controller
 
 def test_controller_in_both_lists_begins_anew(manager: ControllerManager, doubles: dict[str, Double]) -> None:
     manager.switch(["first"], ["first"], RUNNING)
-    assert doubles["first"].done == ["configure", "activate", "deactivate", "take_notices", "activate"]
+    assert doubles["first"].done == ["configure", "activate", "deactivate", "take_reports", "activate"]
     assert active(manager) == ["first"]
 
 
@@ -146,7 +145,7 @@ def test_lenient_switch_keeps_what_it_activated_when_one_cannot_begin(
     assert active(manager) == ["speed", "watcher"]
 
 
-@pytest.mark.parametrize("deed", ["deactivate", "take_notices"])
+@pytest.mark.parametrize("deed", ["deactivate", "take_reports"])
 def test_controller_that_fails_on_its_way_out_is_out(
     manager: ControllerManager, doubles: dict[str, Double], deed: str
 ) -> None:
@@ -163,13 +162,13 @@ def test_notices_are_told_in_order_and_once_even_by_who_has_left(
     doubles["first"].notices = ["arrived", "aborted"]
     doubles["watcher"].notices = ["seen"]
     manager.switch([], ["first"], RUNNING)
-    assert manager.take_notices() == [("first", "arrived"), ("first", "aborted"), ("watcher", "seen")]
-    assert manager.take_notices() == ()
+    assert manager.take_reports() == [("first", "arrived"), ("first", "aborted"), ("watcher", "seen")]
+    assert manager.take_reports() == ()
 
 
 def test_controller_that_fails_to_tell_is_deactivated(manager: ControllerManager, doubles: dict[str, Double]) -> None:
-    doubles["first"].faults["take_notices"] = ValueError("no")
-    assert manager.take_notices() == ()
+    doubles["first"].faults["take_reports"] = ValueError("no")
+    assert manager.take_reports() == ()
     assert active(manager) == []
     assert manager.failures[0] == (
         "Controller 'first' failed with ValueError: no; it was deactivated and the arm holds."
@@ -179,7 +178,7 @@ def test_controller_that_fails_to_tell_is_deactivated(manager: ControllerManager
 def test_orders_reach_active_controllers_only(manager: ControllerManager, doubles: dict[str, Double]) -> None:
     manager.receive("first", "good", RUNNING)
     assert doubles["first"].orders == ["good"]
-    with pytest.raises(CommandRefused, match="'second' is inactive and takes no orders; activate it first"):
+    with pytest.raises(CommandRefused, match="'second' is inactive and takes no commands; activate it first"):
         manager.receive("second", "good", RUNNING)
     with pytest.raises(CommandRefused, match="The order is bad; send a good one"):
         manager.receive("first", "bad", RUNNING)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from yumi.control.commands import MemoryMailbox
+from yumi.control.commands import MemoryBuffer
 from yumi.control.limiter import SpeedScale
 from yumi.driver.settings import RobotSettings, Settings
 from yumi.driver.speed import SpeedSetting
@@ -20,16 +20,16 @@ class Arms:
     """What a setting tells the arms; EGM runs on those in ``in_egm``."""
 
     def __init__(self, value: float = 1.0) -> None:
-        self.boxes = {side: MemoryMailbox() for side in Side}
+        self.buffers = {side: MemoryBuffer() for side in Side}
         self.in_egm: set[Side] = set()
-        self.setting = SpeedSetting(value, self.boxes, self.in_egm.__contains__)
+        self.setting = SpeedSetting(value, self.buffers, self.in_egm.__contains__)
 
     def told(self) -> list[float]:
-        letters = [box.peek() for box in self.boxes.values()]
+        letters = [box.read() for box in self.buffers.values()]
         return [letter[1][0] for letter in letters if letter is not None]
 
 
-def test_both_arms_are_reported_what_is_set() -> None:
+def test_both_arms_are_told_what_is_set() -> None:
     arms = Arms(0.1)
     assert arms.told() == [0.1, 0.1]
     assert arms.setting.set(0.5) == "speed_scale is 0.5: every controller moves with at most 50% of its speeds."
@@ -51,7 +51,7 @@ def test_value_that_is_no_number_is_refused(value: Any) -> None:
         Arms().setting.set(value)
 
 
-def test_arm_is_reported_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_started() -> None:
+def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_started() -> None:
     arms = Arms(0.1)
     arms.setting.note_start([Side.RIGHT], 0.1)
     arms.in_egm.add(Side.RIGHT)
@@ -59,7 +59,7 @@ def test_arm_is_reported_no_more_than_the_robots_own_limit_was_lowered_to_when_e
         "speed_scale is 1, but EGM was started with 0.1, which the robot's own limit (MaxSpeedDeviation) keeps until "
         "EGM is started again: stop_egm, then start_egm."
     )
-    told = {side: box.peek() for side, box in arms.boxes.items()}
+    told = {side: box.read() for side, box in arms.buffers.items()}
     assert told[Side.RIGHT] is not None
     assert told[Side.RIGHT][1] == (0.1,)
     assert arms.setting.in_force == 0.1
@@ -92,11 +92,11 @@ def test_first_contact_with_a_robot_at_another_address_is_slow(address: str, giv
 
 
 def test_scale_of_an_arm_begins_with_what_was_put_and_then_changes_gradually() -> None:
-    box = MemoryMailbox()
-    box.put((0.1,))
+    box = MemoryBuffer()
+    box.write((0.1,))
     scale = SpeedScale(box)
     assert (scale.value, scale.advance(CYCLE)) == (0.1, False)
-    box.put((1.0,))
+    box.write((1.0,))
     values = [0.1]
     while scale.advance(CYCLE):
         values.append(scale.value)

@@ -5,7 +5,7 @@ from math import pi, radians, sin
 
 import pytest
 
-from yumi.control.commands import MemoryMailbox, put_goal
+from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import DELAY, JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.statistics import StationClock
@@ -19,7 +19,7 @@ from yumi_evaluation.metrics import transport_delay
 
 def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
     """Three seconds of an arm that swings."""
-    goals, recorder = MemoryMailbox(), FlightRecorder(flight_memory())
+    goals, recorder = MemoryBuffer(), FlightRecorder(flight_memory())
     arm = GuidedArm({"controller": JointPositionController(goals)}, model=model)
     arm.manager.set_parameters("controller", values or {})
     arm.start()
@@ -27,7 +27,7 @@ def recorded(model: ArmModel | None = None, values: Values | None = None) -> tup
     start = arm.robot.arm.planned
     for number in range(750):
         way = radians(15.0) * sin(2.0 * pi * 0.7 * number * CYCLE)
-        put_goal(goals, 1, joints([*start[:6], start[6] + way]))
+        write_goal(goals, 1, joints([*start[:6], start[6] + way]))
         arm.cycle()
         recorder.record(arm.cycles[-1], None, StationClock())
     return recorder.frames()

@@ -17,11 +17,11 @@ from typing import NoReturn
 
 import pytest
 
-from yumi.control.shared_state import PROCESSES, new_bell, shared_numbers
-from yumi.driver.control_process import ChildProcess, PipeEnd
+from yumi.control.shared_state import new_event, shared_numbers
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import child as command_module
 from yumi.process.child import DRIVER_READY, Command
+from yumi.process.pipe import PROCESSES, ChildProcess, PipeEnd
 from yumi.rws.http import HttpLink, HttpRequest, Listener
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
@@ -60,7 +60,7 @@ def test_full_shared_memory_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_missing_semaphores_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PROCESSES, "Semaphore", refuse)
     with pytest.raises(MissingPrerequisite, match=r"no shared memory \(No space left on device\)"):
-        new_bell()
+        new_event()
 
 
 def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:

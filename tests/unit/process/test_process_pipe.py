@@ -9,8 +9,7 @@ from threading import Thread
 
 import pytest
 
-from yumi.control.shared_state import PROCESSES
-from yumi.driver.control_process import PipeClosed, PipeEnd
+from yumi.process.pipe import PROCESSES, PipeClosed, PipeEnd
 
 LONG = 3_000_000
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from flight import CYCLE, LOST, flown
+from yumi.control.events import RobotFollows
 from yumi.control.flight_recorder import Frame
-from yumi.control.requests import RobotFollows
 from yumi.control.statistics import StationTimes
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import (

@@ -5,17 +5,17 @@ from pathlib import Path
 import pytest
 
 from flight import LOST, flown, record_motion
-from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
-from yumi.control.requests import (
+from yumi.control.events import (
     ControllerFailed,
+    ControlProcessEnded,
     CycleFailed,
     Event,
-    FastLineEnded,
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
 )
+from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
 from yumi.recording.mcap import read_recording
 from yumi.recording.recorder import FullRecorder, Records
@@ -51,7 +51,7 @@ def files(folder: Path) -> list[Path]:
         RobotStoppedFollowing(RIGHT, ("joint_position_controller",)),
         ControllerFailed(RIGHT, "Controller 'x' failed."),
         CycleFailed(RIGHT, "OSError: no route"),
-        FastLineEnded(RIGHT, -9),
+        ControlProcessEnded(RIGHT, -9),
     ],
 )
 def test_whatever_stops_a_motion_leaves_a_record(

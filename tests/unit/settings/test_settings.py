@@ -70,7 +70,7 @@ def test_speed_scale_is_a_number_or_left_to_the_address(file: Path, text: str, s
         ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
         ("gripper: {force: 21}", "gripper: force is 21; allowed is 0.1 to 20 N."),
         ("egm_motion: {use_filtering: 1}", "use_filtering is 1; it must be of type bool."),
-        ("egm: {wake: now}", "egm: wake is 'now'; choose one of auto, blocking, hot, ahead."),
+        ("egm: {wake: now}", "egm: wake is 'now'; choose one of auto, blocking."),
         ("robot: here", "mine.yaml: robot needs a mapping, it has 'here'."),
         ("- 1", "must hold a mapping of settings."),
         ("robot: [", "mine.yaml is not YAML in line 1, column 9"),

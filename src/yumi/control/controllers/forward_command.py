@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.commands import GoalInbox, GoalKind, Mailbox
+from yumi.control.commands import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import SpeedMotion
@@ -45,8 +45,8 @@ class ForwardCommandController(Controller):
 
     def __init__(
         self,
-        positions: Mailbox,
-        speeds: Mailbox,
+        positions: GoalBuffer,
+        speeds: GoalBuffer,
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
     ) -> None:

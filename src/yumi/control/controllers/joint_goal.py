@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
-from yumi.control.commands import Mailbox, check_position, peek_goal
+from yumi.control.commands import GoalBuffer, check_position, read_goal
 from yumi.control.controller import Controller
 from yumi.control.limiter import LATE_CYCLE, SpeedScale
 from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, largest_difference, slower, stop, travel
@@ -97,7 +97,7 @@ class GoalEnded:
 class JointGoalController(Controller):
     """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
 
-    Orders come by :meth:`receive`, goals also by a mailbox. Each order's end is a notice. An arm that moves when the
+    Orders come by :meth:`receive`, goals also by a buffer. Each order's end is a notice. An arm that moves when the
     controller is activated is held until it stands, and then sent to its goal: what commanded it until then may have
     led it by another law, whose command is no place to go on from.
 
@@ -112,7 +112,7 @@ class JointGoalController(Controller):
 
     def __init__(
         self,
-        goals: Mailbox,
+        goals: GoalBuffer,
         limits: JointLimits = YUMI_LIMITS,
         period: float = CYCLE,
         speed: SpeedScale | None = None,
@@ -139,7 +139,7 @@ class JointGoalController(Controller):
 
     def activate(self, state: ArmState) -> None:
         self._order = None
-        letter = self._goals.peek()
+        letter = self._goals.read()
         self._letter = letter[0] if letter else 0  # what was sent before belongs to the past
         self._hold(state)
 
@@ -160,7 +160,7 @@ class JointGoalController(Controller):
         self._start(motion)
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        letter = self._goals.peek()
+        letter = self._goals.read()
         if letter is not None and letter[0] != self._letter:
             self._take(state)
         if self._calming is not None and not self._has_come_to_rest(self._calming, state):
@@ -172,7 +172,7 @@ class JointGoalController(Controller):
             self._watch(state)
         return ArmCommand(*self._setpoint.scaled(pace)[:2])
 
-    def take_notices(self) -> Sequence[object]:
+    def take_reports(self) -> Sequence[object]:
         if not self._notices:
             return ()
         notices, self._notices = self._notices, []
@@ -188,8 +188,8 @@ class JointGoalController(Controller):
         return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
 
     def _take(self, state: ArmState) -> None:
-        """A goal from the mailbox; one that cannot be reached is told and left."""
-        number, goal = peek_goal(self._goals, state.session)
+        """A goal from the buffer; one that cannot be reached is told and left."""
+        number, goal = read_goal(self._goals, state.session)
         if goal is None:
             return
         self._letter = number

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from yumi.control.commands import Goal, GoalInbox, GoalKind, Mailbox
+from yumi.control.commands import Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.tracking import GoalForecast, Pursuit
@@ -105,7 +105,7 @@ _TRACKING = (
 
 
 class JointPositionController(Controller):
-    """Takes goals for all joints of an arm from a mailbox.
+    """Takes goals for all joints of an arm from a buffer.
 
     Args:
         goals: where goals arrive, see :mod:`yumi.control.commands`.
@@ -116,7 +116,7 @@ class JointPositionController(Controller):
     kind = "yumi_controllers/JointPositionController"
     goal_kind = GoalKind.POSITION
 
-    def __init__(self, goals: Mailbox, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
+    def __init__(self, goals: GoalBuffer, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
         self._speed = speed or SpeedScale()
         self._inbox = GoalInbox(goals)
         self._joint_names: tuple[str, ...] = ()

@@ -1,43 +1,28 @@
-"""The joint trajectory controller: follows splines through given points, in step with the arm's own delay.
+"""The joint trajectory controllers: follow splines through given points, in step with the arm's own delay.
 
-The arm is told where to be ``lookahead`` earlier than it shall be there, and its speed beside its position, so that the
-robot's own loop has no error left to make speed of (reference/egm.md §6.1). What is desired of the arm is therefore
-the trajectory a ``lookahead`` ago; it is what the measured position is judged by. Result codes and tolerances are
-upstream's (reference/ros2_control.md §3.2).
-
-One motion along a trajectory, and what is judged of it in every cycle: tolerances, arrival, the partner.
-
-What a trajectory controller is told, and what it tells: plain values that cross between processes.
-
-The parameters of a trajectory controller: upstream's names, and what lets an arm follow without lag.
-
-The dual-arm trajectory controller: one on each arm, both on one trajectory, starting and ending together.
+The arm is commanded to be somewhere ``lookahead`` before it is due there, and its speed beside its position, so that
+the robot's own loop has no error left to make speed of (reference/egm.md §6.1). What is desired of the arm is therefore
+the trajectory a ``lookahead`` ago; the measured position is judged by that. Parameters, result codes and tolerances
+are upstream's (reference/ros2_control.md §3.2).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import Enum, auto
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
-from yumi.control.commands import Mailbox
+from yumi.control.commands import Buffer
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import STANDING, Calming, PointMotion, Setpoint, stop
-from yumi.control.shared_state import Skew, TrajectoryFeedback, put_feedback
+from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
-    PARTNER_SILENCE,
     ArmPlan,
-    Nobody,
-    OtherArm,
-    Partner,
-    PartnerReport,
-    Phase,
     Pieces,
     ResultCode,
-    SkewWatch,
     Spline,
     TrajectoryPoint,
     Walk,
@@ -81,11 +66,11 @@ class Tolerances:
 
 @dataclass(frozen=True, slots=True)
 class FollowTrajectory:
-    """An order: follow a trajectory, in place of whatever the arm does now.
+    """A command: follow a trajectory, in place of whatever the arm does now.
 
     Attributes:
         plan: the arm's part of it.
-        goal: number by which its end is told; each order has its own.
+        goal: number by which its end is reported; each command has its own.
         tolerances: what ends it.
     """
 
@@ -96,7 +81,7 @@ class FollowTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class CancelTrajectory:
-    """An order: come to rest within the limits.
+    """A command: come to rest within the limits.
 
     Attributes:
         goal: which motion; another one goes on. None ends any.
@@ -107,13 +92,26 @@ class CancelTrajectory:
 
 @dataclass(frozen=True, slots=True)
 class ScaleSpeed:
-    """An order: let time on the trajectory go by slower or faster than outside.
+    """A command: let time on the trajectory go by slower or faster than outside.
 
     Attributes:
         factor: of the speed, 0 to 1.
     """
 
     factor: float
+
+
+OTHER_ARM_TIMEOUT = 0.250
+"""An arm that has not followed the common trajectory for so long does not follow it any more [s]. What ends its motion
+ends the other's at once; what remains is a robot whose datagrams do not come, which may be late by tens of ms."""
+
+
+class Phase(Enum):
+    """How far an arm is with a trajectory."""
+
+    RUNNING = auto()
+    REACHED = auto()
+    CANCELED = auto()
 
 
 class Outcome(Enum):
@@ -126,10 +124,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryEnded:
-    """A notice: a motion has ended.
+    """A report: a motion has ended.
 
     Attributes:
-        goal: the number of its order.
+        goal: the number of its command.
         outcome: how.
         code: the result code that says so.
         sentence: the same for a person.
@@ -162,13 +160,13 @@ def trajectory_parameters(joint_names: Sequence[str]) -> tuple[Parameter, ...]:
             0.0,
             0.2,
             "s",
-            "How much earlier than due the arm is told: the delay from a command to its effect.",
+            "How much earlier than due the arm is commanded: the delay from a command to its effect.",
         ),
         Parameter("start_tolerance", 0.02, 1e-4, 0.5, _RAD, "A first point due at 0 s is at most so far from the arm."),
         Parameter("constraints.stopped_velocity_tolerance", 0.01, 0.0, 1.0, _RATE, "Speed at the goal; 0 is any."),
         Parameter("constraints.goal_time", 0.0, 0.0, 3600.0, "s", "The goal may be reached so late; 0 waits for ever."),
         Parameter(
-            "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until told otherwise."
+            "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until commanded otherwise."
         ),
         Parameter("action_monitor_rate", 20.0, 1.0, 250.0, "Hz", "How often feedback is given."),
     )
@@ -212,11 +210,11 @@ class TrajectorySettings:
 
     Attributes:
         feedforward: share of the planned speed that is sent beside the position.
-        lookahead: how much earlier than due the arm is told [s].
+        lookahead: how much earlier than due the arm is commanded [s].
         start_tolerance: how far from the arm a trajectory may begin without time to go there [rad].
-        scale: share of the speed until told otherwise.
+        scale: share of the speed until commanded otherwise.
         feedback_period: time between two feedbacks [s].
-        bounds: tolerances where an order names none.
+        bounds: tolerances where a command names none.
         deceleration: what a cancelled motion brakes with [rad/s²], (7,).
     """
 
@@ -250,7 +248,7 @@ class TrajectorySettings:
         )
 
     def bounds_with(self, wanted: Tolerances) -> Bounds:
-        """The tolerances an order wants, and the controller's own for the others."""
+        """The tolerances of a command, and the controller's own for the others."""
         own = self.bounds
         return Bounds(
             path=_chosen(wanted.path, own.path),
@@ -280,40 +278,36 @@ Violation = tuple[ResultCode, str]
 
 
 class TrajectoryGoal:
-    """A motion that somebody waits for.
+    """A motion along one trajectory.
 
     Args:
-        number: of its order.
+        number: of its command.
         names: of the joints, for sentences.
         spline: the whole way.
         bounds: what ends it.
-        start: when it starts, on the machine's monotonic clock [s].
 
     Attributes:
         number: as above.
         begin: when the way begins, on its own clock [s].
         end: when it ends, on the same clock [s].
         phase: how far it is.
-        first: when the first cycle came in which the arm was told to move [s]; 0 before.
-        skew: between the partners.
+        first: when the first cycle came in which the arm was commanded to move [s]; 0 before.
     """
 
-    def __init__(self, number: int, names: Sequence[str], spline: Spline, bounds: Bounds, start: float) -> None:
+    def __init__(self, number: int, names: Sequence[str], spline: Spline, bounds: Bounds) -> None:
         self.number = number
         self.begin = spline.begin
         self.phase = Phase.RUNNING
         self.first = 0.0
-        self.skew = SkewWatch()
         self._names = names
         self._walk = Walk(spline)
         self.end = spline.end
         self._bounds = bounds
         self._watches_velocity = min(bounds.path_velocity) < inf
-        self._heard = start
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether the arm comes to rest because somebody wants it."""
+        """Whether the arm comes to rest because it was cancelled."""
         return self.phase is Phase.CANCELED
 
     def judge(self, time: float, state: ArmState, pace: float | None = 1.0) -> Violation | None:
@@ -329,24 +323,6 @@ class TrajectoryGoal:
             self.phase = Phase.REACHED
         if self.phase is Phase.RUNNING and time - self.end > self._bounds.goal_time:
             return ResultCode.GOAL_TOLERANCE_VIOLATED, self._missed_goal(time, state)
-        return None
-
-    def compare(self, ours: PartnerReport, theirs: PartnerReport | None, rate: float) -> Violation | None:
-        """What is wrong with the partner."""
-        if theirs is not None and theirs.goal == self.number:
-            if theirs.phase is Phase.ABORTED:
-                return ResultCode(theirs.code), "The other arm's part of the motion was aborted; both arms stop."
-            self._heard = max(self._heard, theirs.time)
-            is_under_way = rate == 1.0 or max(ours.progress, theirs.progress) < self.end  # waiting is not slowed down
-            if not self.is_cancelled and is_under_way and theirs.phase in (Phase.RUNNING, Phase.REACHED):
-                self.skew.note(ours, theirs, rate)
-            if theirs.phase in (Phase.SUCCEEDED, Phase.CANCELED):
-                return None
-        silence = ours.time - self._heard
-        if silence > PARTNER_SILENCE and not self.is_cancelled:
-            return ResultCode.INVALID_GOAL, (
-                f"The other arm has not followed the trajectory for {silence * 1e3:.0f} ms; both arms stop."
-            )
         return None
 
     def _judge_way(self, time: float, state: ArmState, pace: float | None) -> Violation | None:
@@ -417,15 +393,14 @@ class _Brake:
 
 
 class JointTrajectoryController(Controller):
-    """Follows one trajectory at a time; a new one replaces it, from whatever the arm is told then.
+    """Follows one trajectory at a time; a new one replaces it, from whatever the arm is commanded then.
 
-    Orders come by :meth:`receive`; each motion's end is a notice.
+    Commands come by :meth:`receive`; each motion's end is a report.
 
     Args:
         side: its arm.
         feedback: where others see how it follows.
         limits: what the joints may do.
-        partner: the arm that follows the other part of its trajectories.
         speed: the factor on the arm's speed; time on a trajectory goes by slower by it.
     """
 
@@ -434,21 +409,19 @@ class JointTrajectoryController(Controller):
     def __init__(
         self,
         side: Side,
-        feedback: Mailbox,
+        feedback: Buffer[TrajectoryFeedback],
         limits: JointLimits = YUMI_LIMITS,
-        partner: Partner | None = None,
         speed: SpeedScale | None = None,
     ) -> None:
         self._side = side
         self._names = joint_names(side)
         self._limits = limits
         self._feedback = feedback
-        self._partner = partner or Nobody()
         self._speed = speed or SpeedScale()
         defaults = {each.name: each.default for each in self.parameters(self._names)}
         self._settings = TrajectorySettings.of(defaults, self._names, limits.acceleration)
         self._scale = self._rate = self._settings.scale
-        self._notices: list[TrajectoryEnded] = []
+        self._reports: list[TrajectoryEnded] = []
         self._goal: TrajectoryGoal | None = None
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
@@ -507,21 +480,21 @@ class JointTrajectoryController(Controller):
         self._is_judged = False
         return ArmCommand(self._position, velocity if velocity is ZERO else self._fed(velocity))
 
-    def take_notices(self) -> Sequence[object]:
+    def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
         state = self._state
         if state is not None and not self._is_judged:
             self._is_judged = True
             if self._goal is not None:
                 self._watch(self._goal, state)
-            if self._goal is not None and self._partner.is_there:
-                self._meet_partner(self._goal, state)
+            if self._goal is not None:
+                self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
-        if not self._notices:
+        if not self._reports:
             return ()
-        notices, self._notices = self._notices, []
-        return notices
+        reports, self._reports = self._reports, []
+        return reports
 
     @property
     def reference(self) -> Joints | None:
@@ -555,22 +528,22 @@ class JointTrajectoryController(Controller):
             share *= self._pace
         return velocity if share == 1.0 else _scaled(velocity, share)
 
-    def _prepared(self, order: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
+    def _prepared(self, command: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
         """The whole way, and the time on it that the newest command belongs to."""
         if state is None:
             raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
         if self._calming is not None and max(map(abs, state.velocity)) > STANDING:
             raise refused("the arm still moves from before this controller was activated; wait until it stands.")
-        if self._checked is not None and self._checked[0] is order and self._checked[1] is state:
+        if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
             return self._checked[2:]
-        plan, settings = order.plan, self._settings
+        plan, settings = command.plan, self._settings
         if plan.side is not self._side:
             raise refused(
                 f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
             )
-        if any(isnan(value) for value in order.tolerances.values):
+        if any(isnan(value) for value in command.tolerances.values):
             raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
-        now = 0.0 if plan.start is None else state.time - plan.start + settings.lookahead
+        now = self._time_at_once(state) if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
         if late > 0.0:
             raise refused(
@@ -583,23 +556,22 @@ class JointTrajectoryController(Controller):
         if now > 0.0:
             now *= self._speed.value
         spline = join(plan, setpoint, now, self._limits, settings.start_tolerance)
-        self._checked = (order, state, spline, now)
+        self._checked = (command, state, spline, now)
         return spline, now
 
-    def _follow(self, order: FollowTrajectory, spline: Spline, now: float) -> None:
+    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
         assert self._state is not None
-        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", tells=False)
+        self._end(
+            Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", is_replaced=True
+        )
         if isinstance(self._source, _Brake):
             self._rate = 1.0 if self._is_braking else self._scale
-        begin = self._state.time if order.plan.start is None else max(self._state.time, order.plan.start)
-        self._goal = TrajectoryGoal(
-            order.goal, self._names, spline, self._settings.bounds_with(order.tolerances), begin
-        )
+        self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
         self._source, self._time, self._checked, self._calming = Walk(spline), now, None, None
 
-    def _cancel(self, order: CancelTrajectory) -> None:
+    def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
-        if goal is None or goal.is_cancelled or order.goal not in (None, goal.number):
+        if goal is None or goal.is_cancelled or command.goal not in (None, goal.number):
             return
         goal.phase = Phase.CANCELED
         self._brake()
@@ -618,24 +590,22 @@ class JointTrajectoryController(Controller):
         violation = goal.judge(time, state, self._pace if is_steady else None)
         if violation is not None:
             self._abort(*violation)
-        elif goal.phase is Phase.REACHED and not self._partner.is_there:
+        elif goal.phase is Phase.REACHED and self._may_succeed(goal):
             self._succeed()
 
-    def _meet_partner(self, goal: TrajectoryGoal, state: ArmState) -> None:
-        ours = self._report(goal, state)
-        self._partner.tell(ours)
-        theirs = self._partner.hear()
-        problem = goal.compare(ours, theirs, self._pace)
-        if problem is not None:
-            self._abort(*problem)
-        elif theirs is not None and theirs.goal == goal.number:
-            if theirs.phase is Phase.CANCELED:
-                self._cancel(CancelTrajectory(goal.number))
-            elif goal.phase is Phase.REACHED and theirs.phase in (Phase.REACHED, Phase.SUCCEEDED):
-                self._succeed()
+    def _time_at_once(self, state: ArmState) -> float:
+        """The time on a trajectory that starts at once that the newest command belongs to [s]."""
+        return 0.0
 
-    def _report(self, goal: TrajectoryGoal, state: ArmState, code: int = 0) -> PartnerReport:
-        return PartnerReport(goal.number, goal.phase, state.time, goal.first, self._time, code)
+    def _compare_arms(self, goal: TrajectoryGoal, state: ArmState) -> None:
+        """What follows from the other arm, where two follow one trajectory."""
+
+    def _may_succeed(self, goal: TrajectoryGoal) -> bool:
+        return True
+
+    @property
+    def _skew(self) -> Skew | None:
+        return None
 
     def _succeed(self) -> None:
         self._end(Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, "The goal is reached.")
@@ -645,19 +615,14 @@ class JointTrajectoryController(Controller):
         self._brake()
         self._end(Outcome.ABORTED, code, sentence)
 
-    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, tells: bool = True) -> None:
-        """The motion is over for whoever waits for it; a partner that goes over to the same new one is not told."""
+    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
+        """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
         goal, self._goal = self._goal, None
-        if goal is None:
-            return
-        goal.phase = Phase[outcome.name]
-        skew = goal.skew.skew if self._partner.is_there else None
-        self._notices.append(TrajectoryEnded(goal.number, outcome, code, sentence, skew))
-        if tells and self._state is not None:
-            self._partner.tell(self._report(goal, self._state, code))
+        if goal is not None:
+            self._reports.append(TrajectoryEnded(goal.number, outcome, code, sentence, self._skew))
 
     def _brake(self) -> None:
-        """From what the arm is told now, at the speed time goes by."""
+        """From what the arm is commanded now, at the speed time goes by."""
         setpoint = self._source.setpoint(self._time)
         if self._goal is not None and not isinstance(self._source, _Brake):
             setpoint = setpoint.scaled(self._pace)
@@ -686,12 +651,11 @@ class JointTrajectoryController(Controller):
         desired, velocity = source.motion(time)
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
             velocity = _scaled(velocity, self._pace)
-        number, skew = (goal.number, goal.skew.skew) if goal is not None else (0, Skew())
-        put_feedback(
-            self._feedback,
+        number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
+        self._feedback.write(
             TrajectoryFeedback(
-                number, state.time, time, self._pace, skew, desired, velocity, state.position, state.velocity
-            ),
+                number, state.time, time, self._pace, *skew, desired, velocity, state.position, state.velocity
+            )
         )
 
 
@@ -704,13 +668,12 @@ def _scaled(values: Joints, factor: float) -> Joints:
 
 
 class DualArmTrajectoryController(JointTrajectoryController):
-    """One arm's half; an end of one arm's motion ends the other's.
+    """One arm's half of a motion of both arms; an end of one arm's motion ends the other's.
 
     Args:
         side: its arm.
         feedback: where others see how it follows.
-        ours: where the other arm's controller looks.
-        theirs: where the other arm's controller tells.
+        halves: of this controller that are active, by arm; shared by both.
         limits: what the joints may do.
         speed: the factor on the arm's speed.
     """
@@ -720,10 +683,89 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def __init__(
         self,
         side: Side,
-        feedback: Mailbox,
-        ours: Mailbox,
-        theirs: Mailbox,
+        feedback: Buffer[TrajectoryFeedback],
+        halves: dict[Side, DualArmTrajectoryController],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
     ) -> None:
-        super().__init__(side, feedback, limits, OtherArm(ours, theirs), speed)
+        super().__init__(side, feedback, limits, speed)
+        self._halves = halves
+        self._worst_skew = self._start_skew = 0.0
+        self._followed_together = -inf
+
+    def activate(self, state: ArmState) -> None:
+        super().activate(state)
+        self._halves[self._side] = self
+
+    def deactivate(self) -> None:
+        super().deactivate()
+        self._halves.pop(self._side, None)
+
+    def _time_at_once(self, state: ArmState) -> float:
+        """Arms at rest take the newer of their datagrams as the start, so that they are in step from the first cycle.
+
+        One that moves goes on from its own newest command.
+        """
+        other = self._halves.get(self._side.other)
+        if other is None or other._state is None or self._source.setpoint(self._time).velocity is not ZERO:
+            return 0.0
+        return min(0.0, state.time - other._state.time)
+
+    def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
+        super()._follow(command, spline, now)
+        assert self._state is not None
+        self._worst_skew = self._start_skew = 0.0
+        self._followed_together = max(self._state.time, command.plan.start or -inf)
+
+    def _cancel(self, command: CancelTrajectory) -> None:
+        goal = self._goal
+        super()._cancel(command)
+        other = goal and self._other(goal)
+        if goal is not None and other and goal.is_cancelled and not other._is_cancelled:
+            other._cancel(CancelTrajectory(goal.number))
+
+    def _compare_arms(self, goal: TrajectoryGoal, state: ArmState) -> None:
+        other = self._other(goal)
+        if other is not None and other._goal is not None and other._state is not None:
+            theirs = other._goal
+            self._followed_together = max(self._followed_together, other._state.time)
+            is_under_way = self._pace == 1.0 or max(self._time, other._time) < goal.end  # waiting is not slowed down
+            if is_under_way and not goal.is_cancelled and goal.first and theirs.first:
+                self._start_skew = goal.first - theirs.first
+                if self._pace > 0.0:
+                    difference = (self._time - other._time) / self._pace - (state.time - other._state.time)
+                    self._worst_skew = max(self._worst_skew, abs(difference))
+        silence = state.time - self._followed_together
+        if silence > OTHER_ARM_TIMEOUT and not goal.is_cancelled:
+            self._abort(
+                ResultCode.INVALID_GOAL,
+                f"The other arm has not followed the trajectory for {silence * 1e3:.0f} ms; both arms stop.",
+            )
+
+    def _may_succeed(self, goal: TrajectoryGoal) -> bool:
+        other = self._other(goal)
+        return other is not None and other._goal is not None and other._goal.phase is Phase.REACHED
+
+    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
+        goal = self._goal
+        super()._end(outcome, code, sentence, is_replaced=is_replaced)
+        other = goal and self._other(goal)
+        if not other:
+            return
+        if outcome is Outcome.SUCCEEDED:
+            other._succeed()
+        elif outcome is Outcome.ABORTED and not is_replaced:
+            other._abort(code, "The other arm's part of the motion was aborted; both arms stop.")
+
+    @property
+    def _skew(self) -> Skew:
+        return Skew(self._start_skew, self._worst_skew)
+
+    @property
+    def _is_cancelled(self) -> bool:
+        return self._goal is not None and self._goal.is_cancelled
+
+    def _other(self, goal: TrajectoryGoal) -> DualArmTrajectoryController | None:
+        """The other half, while it follows the same trajectory."""
+        other = self._halves.get(self._side.other)
+        return other if other and other._goal is not None and other._goal.number == goal.number else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.commands import GoalInbox, GoalKind, Mailbox
+from yumi.control.commands import GoalBuffer, GoalInbox, GoalKind
 from yumi.control.controller import Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import SpeedMotion
@@ -17,10 +17,10 @@ from yumi.settings import Parameter, Values, number
 
 
 class JointVelocityController(Controller):
-    """Takes speeds for all joints of an arm from a mailbox.
+    """Takes speeds for all joints of an arm from a buffer.
 
     Args:
-        speeds: where they arrive, see :func:`yumi.control.commands.put_speeds`.
+        speeds: where they arrive, see :func:`yumi.control.commands.write_speeds`.
         limits: what the joints may do.
         speed: the factor on their speeds.
     """
@@ -28,7 +28,7 @@ class JointVelocityController(Controller):
     kind = "yumi_controllers/JointVelocityController"
     goal_kind = GoalKind.VELOCITY
 
-    def __init__(self, speeds: Mailbox, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
+    def __init__(self, speeds: GoalBuffer, limits: JointLimits = YUMI_LIMITS, speed: SpeedScale | None = None) -> None:
         self._speed = speed or SpeedScale()
         self._inbox = GoalInbox(speeds)
         self._motion = SpeedMotion(limits)

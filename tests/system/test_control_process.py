@@ -1,4 +1,4 @@
-"""The fast line as a process of its own, with the test as the robot on the other end of real sockets."""
+"""The control process, with the test as the robot on the other end of real sockets."""
 
 from __future__ import annotations
 
@@ -14,34 +14,21 @@ from queue import Queue
 import pytest
 
 from yumi.clock import SystemClock, wait_until
-from yumi.control.commands import put_goal
+from yumi.control.commands import write_goal
 from yumi.control.controller import State
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
-from yumi.control.requests import (
-    ConfigureController,
-    Event,
-    FastLineEnded,
-    ListControllerKinds,
-    ListControllers,
-    ListHardware,
-    ListParameters,
-    LoadController,
-    Order,
-    SendOrders,
-    SessionLost,
-    SetHardwareState,
-    SetParameters,
-    SwitchControllers,
-)
-from yumi.control.shared_state import Snapshot, peek_snapshot
+from yumi.control.events import ControlProcessEnded, Event, SessionLost
+from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.trajectory import MOST_POINTS, JointTrajectory, TrajectoryPoint, plan_trajectory
-from yumi.driver.control_process import ChildProcess, FastLines, PipeEnd
+from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
-from yumi.driver.wiring import EgmPlan, build_arm
+from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient, UdpServer, free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady
+from yumi.process.pipe import ChildProcess, PipeEnd
 from yumi.process.realtime import prefer_process
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 
@@ -87,10 +74,10 @@ def events() -> Queue[Event]:
 
 
 @pytest.fixture
-def fast_lines(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[FastLines]:
+def control(ports: Mapping[Side, int], events: Queue[Event]) -> Iterator[ControlProcess]:
     controllers = {side: read_controllers(side) for side in Side}
     plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
-    lines = FastLines(partial(build_arm, plan), events.put)
+    lines = ControlProcess(partial(build_arms, plan), events.put)
     lines.start()
     yield lines
     lines.stop()
@@ -103,17 +90,19 @@ def robot(ports: Mapping[Side, int]) -> Iterator[Robot]:
     robot.close()
 
 
-def snapshot(fast_lines: FastLines) -> Snapshot:
-    """After the bell: the snapshot is written before it rings."""
-    assert fast_lines.boxes[RIGHT].bell.acquire(timeout=5.0)
-    return peek_snapshot(fast_lines.boxes[RIGHT].snapshots)
+def snapshot(control: ControlProcess) -> Snapshot:
+    """After a cycle: the snapshot is written before it is done."""
+    assert control.buffers[RIGHT].cycle_done.acquire(timeout=5.0)
+    return read_snapshot(control.buffers[RIGHT].snapshots)
 
 
-def test_fast_line_answers_with_the_measured_position_then_follows_goals(fast_lines: FastLines, robot: Robot) -> None:
+def test_control_process_answers_with_the_measured_position_then_follows_goals(
+    control: ControlProcess, robot: Robot
+) -> None:
     assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
-    assert snapshot(fast_lines).is_running
-    fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
-    put_goal(fast_lines.boxes[RIGHT].goals, 1, ELSEWHERE)
+    assert snapshot(control).is_running
+    control.call(Commands.switch_controllers, RIGHT, (POSITION,))
+    write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
     reply = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.004))
     assert reply.position is not None
     assert 0.0 < (reply.position[0] or 0.0) < 0.2
@@ -126,77 +115,77 @@ class Unreadable:
         return int, ("no number",)
 
 
-def test_fast_line_refuses_a_request_that_cannot_be_read_and_goes_on(fast_lines: FastLines) -> None:
-    with pytest.raises(CommandRefused, match=r"The request cannot be read: ValueError: .*no number"):
-        fast_lines.ask(SendOrders((Order(RIGHT, POSITION, Unreadable()),)))
-    assert fast_lines.ask(ListControllers(RIGHT)).controllers
+def test_control_process_refuses_a_command_that_cannot_be_read_and_goes_on(control: ControlProcess) -> None:
+    with pytest.raises(CommandRefused, match=r"The command cannot be read: ValueError: .*no number"):
+        control.call(Commands.send_commands, ControllerCommand(RIGHT, POSITION, Unreadable()))
+    assert control.call(Commands.list_controllers, RIGHT)
 
 
-def test_fast_line_goes_on_when_the_terminal_stops_its_programs(fast_lines: FastLines, robot: Robot) -> None:
+def test_control_process_goes_on_when_the_terminal_stops_its_programs(control: ControlProcess, robot: Robot) -> None:
     for child in active_children():
         os.kill(child.pid or 0, signal.SIGTSTP)
     assert robot.exchange(MESSAGE).position == pytest.approx(HOME, abs=1e-6)
 
 
-def test_fast_line_lists_its_controllers(fast_lines: FastLines) -> None:
-    infos = fast_lines.ask(ListControllers(RIGHT)).controllers
+def test_control_process_lists_its_controllers(control: ControlProcess) -> None:
+    infos = control.call(Commands.list_controllers, RIGHT)
     states = {info.name: info.state for info in infos}
     assert states.pop("joint_state_broadcaster") is State.ACTIVE
     assert {POSITION, "joint_goal_controller"} <= set(states)
     assert set(states.values()) == {State.INACTIVE}
 
 
-def test_fast_line_loads_what_it_knows_and_lists_its_parameters(fast_lines: FastLines) -> None:
+def test_control_process_loads_what_it_knows_and_lists_its_parameters(control: ControlProcess) -> None:
     (kind,) = (
-        kind for kind in fast_lines.ask(ListControllerKinds(RIGHT)).kinds if kind.endswith("/JointPositionController")
+        kind
+        for kind in control.call(Commands.list_controller_kinds, RIGHT)
+        if kind.endswith("/JointPositionController")
     )
-    fast_lines.ask(LoadController(RIGHT, "second", kind, {"p": 0.5}))
-    fast_lines.ask(ConfigureController(RIGHT, "second"))
-    (info,) = (
-        info for info in fast_lines.ask(ListParameters(RIGHT, "second")).parameters if info.parameter.name == "p"
-    )
+    control.call(Commands.load_controller, RIGHT, "second", kind, {"p": 0.5})
+    control.call(Commands.configure_controller, RIGHT, "second")
+    (info,) = (info for info in control.call(Commands.list_parameters, RIGHT, "second") if info.parameter.name == "p")
     assert (info.value, info.parameter.highest) == (0.5, 2.0)
-    assert fast_lines.ask(ListControllers(RIGHT)).controllers[-1].state is State.INACTIVE
-    assert peek_snapshot(fast_lines.boxes[RIGHT].snapshots).activity > 0
+    assert control.call(Commands.list_controllers, RIGHT)[-1].state is State.INACTIVE
+    assert read_snapshot(control.buffers[RIGHT].snapshots).activity > 0
 
 
-def test_fast_line_leads_the_hardware_of_an_arm(fast_lines: FastLines) -> None:
-    (info,) = fast_lines.ask(SetHardwareState(RIGHT, "ROB_R", State.UNCONFIGURED)).hardware
-    assert (info.state, fast_lines.ask(ListHardware(RIGHT)).hardware) == (State.UNCONFIGURED, (info,))
-    assert all(each.state is not State.ACTIVE for each in fast_lines.ask(ListControllers(RIGHT)).controllers)
+def test_control_process_leads_the_hardware_of_an_arm(control: ControlProcess) -> None:
+    info = control.call(Commands.set_hardware_state, RIGHT, "ROB_R", State.UNCONFIGURED)
+    assert (info.state, control.call(Commands.hardware, RIGHT)) == (State.UNCONFIGURED, info)
+    assert all(each.state is not State.ACTIVE for each in control.call(Commands.list_controllers, RIGHT))
 
 
-def test_fast_line_passes_orders_to_both_arms_or_none(fast_lines: FastLines) -> None:
-    orders = tuple(Order(side, POSITION, "go") for side in Side)
-    with pytest.raises(CommandRefused, match="'joint_position_controller' is inactive and takes no orders"):
-        fast_lines.ask(SendOrders(orders))
+def test_control_process_passes_commands_to_both_arms_or_none(control: ControlProcess) -> None:
+    commands = [ControllerCommand(side, POSITION, "go") for side in Side]
+    with pytest.raises(CommandRefused, match="'joint_position_controller' is inactive and takes no commands"):
+        control.call(Commands.send_commands, *commands)
 
 
-def test_fast_line_refuses_to_start_controllers_before_egm_runs(fast_lines: FastLines) -> None:
+def test_control_process_refuses_to_start_controllers_before_egm_runs(control: ControlProcess) -> None:
     with pytest.raises(CommandRefused, match="EGM is not running on this arm"):
-        fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,)))
+        control.call(Commands.switch_controllers, RIGHT, (POSITION,))
 
 
-def test_fast_line_refuses_a_gain_out_of_range(fast_lines: FastLines) -> None:
+def test_control_process_refuses_a_gain_out_of_range(control: ControlProcess) -> None:
     with pytest.raises(CommandRefused, match="'p' of controller 'joint_position_controller' is 9"):
-        fast_lines.ask(SetParameters(RIGHT, POSITION, {"p": 9.0}))
+        control.call(Commands.set_parameters, RIGHT, POSITION, {"p": 9.0})
 
 
-def test_fast_line_tells_that_the_robot_is_lost_within_100_ms(
-    fast_lines: FastLines, robot: Robot, events: Queue[Event]
+def test_control_process_tells_that_the_robot_is_lost_within_100_ms(
+    control: ControlProcess, robot: Robot, events: Queue[Event]
 ) -> None:
     robot.exchange(MESSAGE)
     while not isinstance(event := events.get(timeout=5.0), SessionLost):
         continue
     assert event.side is RIGHT
     assert event.silence < 0.1
-    assert not peek_snapshot(fast_lines.boxes[RIGHT].snapshots).is_streaming
+    assert not read_snapshot(control.buffers[RIGHT].snapshots).is_streaming
 
 
-def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:
+def test_control_process_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:
     controllers = {side: read_controllers(side) for side in Side}
     plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
-    lines = FastLines(partial(build_arm, plan), events.put)
+    lines = ControlProcess(partial(build_arms, plan), events.put)
     with (
         UdpServer("127.0.0.1", ports[RIGHT]),
         pytest.raises(NoConnection, match=f"UDP port {ports[RIGHT]} is taken"),
@@ -204,19 +193,21 @@ def test_fast_line_says_that_its_port_is_taken(ports: Mapping[Side, int], events
         lines.start()
 
 
-def test_fast_line_that_was_killed_is_started_again(fast_lines: FastLines, robot: Robot, events: Queue[Event]) -> None:
+def test_control_process_that_was_killed_is_started_again(
+    control: ControlProcess, robot: Robot, events: Queue[Event]
+) -> None:
     robot.exchange(MESSAGE)
-    next(child for child in active_children() if child.name == f"yumi-fast-line-{RIGHT.value}").kill()
-    while not isinstance(events.get(timeout=5.0), FastLineEnded):
+    next(child for child in active_children() if child.name == "yumi-control").kill()
+    while not isinstance(events.get(timeout=5.0), ControlProcessEnded):
         continue
-    with pytest.raises(RobotNotReady, match="The fast-line process of the right arm has ended; call recover"):
-        fast_lines.check()
-    assert fast_lines.revive() == (RIGHT,)
-    fast_lines.check()
-    assert not fast_lines.snapshot(RIGHT).is_streaming
+    with pytest.raises(RobotNotReady, match="The control process has ended; call recover"):
+        control.check()
+    assert control.revive()
+    control.check()
+    assert not control.snapshot(RIGHT).is_streaming
     answer = robot.exchange(replace(MESSAGE, seqno=900))
     assert answer.position == pytest.approx(HOME)
-    assert fast_lines.ask(SwitchControllers(RIGHT, activate=(POSITION,))).sentence
+    assert control.call(Commands.switch_controllers, RIGHT, (POSITION,))
 
 
 def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:
@@ -259,26 +250,26 @@ def way(side: Side, seconds: float, count: int) -> FollowTrajectory:
 
 @pytest.mark.timeout(120)
 def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_over_to_moving_arms(
-    ports: Mapping[Side, int], fast_lines: FastLines
+    ports: Mapping[Side, int], control: ControlProcess
 ) -> None:
     follow = {Side.RIGHT: way(Side.RIGHT, 80.0, MOST_POINTS), Side.LEFT: way(Side.LEFT, 20.0, 200)}
     robot = ChildProcess("robot", stream_both_arms, ports)
     robot.start()
     try:
         clock = SystemClock()
-        wait_until(clock, lambda: all(fast_lines.snapshot(side).is_running for side in Side), 10.0, lambda: "no EGM")
+        wait_until(clock, lambda: all(control.snapshot(side).is_running for side in Side), 10.0, lambda: "no EGM")
         for side in Side:
-            fast_lines.ask(SwitchControllers(side, activate=("joint_trajectory_controller",)))
+            control.call(Commands.switch_controllers, side, ("joint_trajectory_controller",))
         clock.wait(0.5)
-        before = [fast_lines.snapshot(side).missed for side in Side]
+        before = [control.snapshot(side).missed for side in Side]
         for goal in range(1, 4):
             for side in Side:
                 order = replace(follow[side], goal=goal)
-                fast_lines.ask(SendOrders((Order(side, "joint_trajectory_controller", order),)))
+                control.call(Commands.send_commands, ControllerCommand(side, "joint_trajectory_controller", order))
         clock.wait(0.5)
-        assert [fast_lines.snapshot(side).missed for side in Side] == before
-        assert all(fast_lines.snapshot(side).interruptions == 0 for side in Side)
-        assert max(map(abs, fast_lines.snapshot(RIGHT).velocity)) > 0.0
+        assert [control.snapshot(side).missed for side in Side] == before
+        assert all(control.snapshot(side).interruptions == 0 for side in Side)
+        assert max(map(abs, control.snapshot(RIGHT).velocity)) > 0.0
     finally:
         robot.pipe.send(None)
         longest = robot.pipe.receive()

@@ -1,4 +1,4 @@
-"""The parent's handle on an arm's process, with a pipe in memory."""
+"""The parent's handle on the control process, with a pipe in memory."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from yumi.control.requests import CycleFailed, Event, FastLineEnded
-from yumi.control.shared_state import Snapshot, put_snapshot
-from yumi.driver import control_process as fast_lines
-from yumi.driver.control_process import STALE, ArmBoxes, FastLineProcess, PipeClosed, WakeMode
+from yumi.control.events import ControlProcessEnded, CycleFailed, Event
+from yumi.control.shared_state import Snapshot
+from yumi.driver import control_process
+from yumi.driver.control_process import STALE, ControlProcess
+from yumi.process.pipe import PipeClosed
 from yumi.robot.joints import Side
 
 LONG = 5.0
@@ -33,6 +34,9 @@ class Child:
     def start(self) -> None:
         """It runs already."""
 
+    def send(self, message: object) -> None:
+        """The test says what it answers."""
+
     def receive(self) -> Any:
         said = self.says.get(timeout=LONG)
         if said is PipeClosed:
@@ -47,13 +51,8 @@ class Child:
 @pytest.fixture
 def child(monkeypatch: pytest.MonkeyPatch) -> Child:
     child = Child()
-    monkeypatch.setattr(fast_lines, "ChildProcess", lambda *_: child)
+    monkeypatch.setattr(control_process, "ChildProcess", lambda *_: child)
     return child
-
-
-@pytest.fixture
-def boxes() -> dict[Side, ArmBoxes]:
-    return {side: ArmBoxes() for side in Side}
 
 
 @pytest.fixture
@@ -62,30 +61,29 @@ def heard() -> SimpleQueue[Event]:
 
 
 @pytest.fixture
-def line(child: Child, boxes: dict[Side, ArmBoxes], heard: SimpleQueue[Event]) -> Iterator[FastLineProcess]:
+def control(child: Child, heard: SimpleQueue[Event]) -> Iterator[ControlProcess]:
     def hear(event: Event) -> None:
         heard.put(event)
         if isinstance(event, CycleFailed):
             raise RuntimeError("can't start new thread")
 
-    line = FastLineProcess(LEFT, lambda *_: None, boxes, hear, WakeMode.BLOCKING)  # type: ignore[arg-type, return-value]
+    control = ControlProcess(lambda _: {}, hear)
     child.says.put("started")
-    line.start()
-    line.wait_until_it_listens()
-    yield line
+    control.start()
+    yield control
     child.says.put(PipeClosed)
-    line.join()
+    control.stop()
 
 
 def test_listener_that_fails_is_logged_once_and_hears_what_follows(
-    child: Child, line: FastLineProcess, heard: SimpleQueue[Event], caplog: pytest.LogCaptureFixture
+    child: Child, control: ControlProcess, heard: SimpleQueue[Event], caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.ERROR):
         for _ in range(3):
             child.says.put(CycleFailed(LEFT, "no more"))
             assert isinstance(heard.get(timeout=LONG), CycleFailed)
         child.says.put(PipeClosed)
-        assert isinstance(heard.get(timeout=LONG), FastLineEnded)
+        assert [heard.get(timeout=LONG) for _ in Side] == [ControlProcessEnded(side, -9) for side in Side]
     assert [record.getMessage() for record in caplog.records] == [
         "Handling CycleFailed of the left arm failed with RuntimeError: can't start new thread"
     ]
@@ -93,10 +91,10 @@ def test_listener_that_fails_is_logged_once_and_hears_what_follows(
 
 @pytest.mark.parametrize(("age", "is_known"), [(0.0, True), (STALE + 0.1, False)])
 def test_process_that_stands_still_does_not_count_as_running(
-    age: float, is_known: bool, line: FastLineProcess, boxes: dict[Side, ArmBoxes]
+    age: float, is_known: bool, control: ControlProcess
 ) -> None:
     made = Snapshot(time.monotonic() - age, session=3, is_streaming=True, is_running=True, activation=7)
-    put_snapshot(boxes[LEFT].snapshots, made)
-    snapshot = line.snapshot()
+    control.buffers[LEFT].snapshots.write(made)
+    snapshot = control.snapshot(LEFT)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3
     assert snapshot.session == 3

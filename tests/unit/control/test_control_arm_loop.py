@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+import pytest
+
+from egm_loop import EgmLoop
+from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import Controller
+from yumi.control.controller_manager import ControllerManager
+from yumi.control.cycle import WireCounters
+from yumi.control.events import (
+    ControllerFailed,
+    RobotFollows,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionResumed,
+    SessionStarted,
+)
+from yumi.control.limiter import Guard
+from yumi.control.loop import ArmLoop, Commands
+from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
+
+
+class ScriptedArm:
+    """Reports what the test puts in, remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.next: ArmState | None = None
+        self.told: list[ArmCommand] = []
+        self.lost: float | None = None
+        self.age = 0.0
+        self.foreign = 0
+
+    def read(self, now: float) -> ArmState | None:
+        state, self.next = self.next, None
+        return state
+
+    def write(self, command: ArmCommand) -> None:
+        self.told.append(command)
+
+    def silence(self, now: float) -> float:
+        return self.age
+
+    def lost_after(self, now: float) -> float | None:
+        lost, self.lost = self.lost, None
+        return lost
+
+    def wire_counters(self) -> WireCounters:
+        return WireCounters(session=1, missed=3, foreign=self.foreign)
+
+
+class Pusher(Controller):
+    kind = "test/Pusher"
+    fault = False
+
+    def activate(self, state: ArmState) -> None:
+        self.goal = state.position
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        if self.fault:
+            raise RuntimeError("broken")
+        return ArmCommand(tuple(value + 0.001 for value in state.position))  # type: ignore[arg-type]
+
+    @property
+    def reference(self) -> Joints | None:
+        return self.goal
+
+
+@pytest.fixture
+def arm() -> ScriptedArm:
+    return ScriptedArm()
+
+
+@pytest.fixture
+def snapshots() -> MemoryBuffer:
+    return MemoryBuffer()
+
+
+@pytest.fixture
+def loop(arm: ScriptedArm, snapshots: MemoryBuffer) -> ArmLoop:
+    manager = ControllerManager(joint_names(Side.LEFT))
+    manager.load("pusher", Pusher())
+    manager.configure("pusher")
+    return ArmLoop(Side.LEFT, arm, manager, Guard(YUMI_LIMITS), snapshots)
+
+
+def feed(
+    loop: ArmLoop, arm: ScriptedArm, position: Joints, *, session: int = 1, is_running: bool = True, now: float = 1.0
+) -> None:
+    arm.next = ArmState(now, 0.004, session, position, ZERO, position, is_running)
+    loop.run(now)
+
+
+def test_loop_does_nothing_without_a_datagram(loop: ArmLoop, arm: ScriptedArm) -> None:
+    assert loop.run(0.0) is None
+    assert arm.told == []
+    assert loop.state is None
+
+
+def test_loop_answers_the_first_datagram_with_the_measured_position(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    assert arm.told == [ArmCommand(middle)]
+    assert loop.take_events() == [SessionStarted(Side.LEFT, 1), RobotFollows(Side.LEFT)]
+
+
+def test_loop_publishes_a_snapshot_after_each_reply(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    snapshot = read_snapshot(snapshots)
+    assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
+    assert snapshot.reference is None
+
+
+def test_loop_shows_a_switch_in_the_snapshot_at_once(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    Commands({Side.LEFT: loop}, lambda: 1.001).switch_controllers(Side.LEFT, ["pusher"])
+    assert read_snapshot(snapshots).is_commanded
+    Commands({Side.LEFT: loop}, lambda: 1.002).switch_controllers(Side.LEFT, [], ["pusher"])
+    assert not read_snapshot(snapshots).is_commanded
+
+
+def test_loop_deactivates_controllers_when_the_robot_falls_silent(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
+    arm.lost = 0.062
+    loop.watch_silence(1.062)
+    (event,) = loop.take_events()
+    assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
+    assert str(event) == (
+        "Left arm: EGM feedback lost, the robot has been silent for 62 ms; pusher deactivated. "
+        "Call start_egm when the controller is back."
+    )
+    assert read_snapshot(snapshots) == Snapshot(
+        time=1.062, session=1, activity=4, position=middle, admitted=middle, cycles=1, missed=3
+    )
+
+
+def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:
+    feed(loop, arm, middle)
+    arm.lost = 0.1
+    loop.watch_silence(1.1)
+    loop.take_events()
+    feed(loop, arm, middle)
+    events = loop.take_events()
+    assert events == [SessionResumed(Side.LEFT, 1), RobotFollows(Side.LEFT)]
+    assert str(events[0]) == "Left arm: EGM feedback is back, session 1 goes on and the arm holds."
+
+
+def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer
+) -> None:
+    arm.foreign = 7
+    loop.watch_silence(1.0)
+    assert read_snapshot(snapshots).foreign == 7
+
+
+def test_loop_bears_an_interruption_and_goes_on(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    Commands({Side.LEFT: loop}, lambda: 1.0).switch_controllers(Side.LEFT, ["pusher"])
+    loop.take_events()
+    arm.age = 0.021
+    for now in (1.021, 1.03, 1.04):
+        loop.watch_silence(now)
+    snapshot = read_snapshot(snapshots)
+    assert (snapshot.is_streaming, snapshot.is_running, snapshot.interruptions) == (False, True, 1)
+    feed(loop, arm, middle)
+    assert read_snapshot(snapshots).is_streaming
+    assert read_snapshot(snapshots).is_commanded
+    assert loop.take_events() == ()
+
+
+def test_loop_deactivates_controllers_when_the_robot_stops_following(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
+    feed(loop, arm, middle, is_running=False)
+    assert loop.take_events() == [RobotStoppedFollowing(Side.LEFT, ("pusher",))]
+
+
+def test_loop_begins_a_new_session_without_controllers_and_without_a_jump(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(loop, arm, ZERO)
+    loop.manager.switch(["pusher"], [], loop.state)
+    feed(loop, arm, middle, session=2, now=20.0)
+    feed(loop, arm, middle, session=2, now=20.004)
+    assert arm.told[1:] == [ArmCommand(middle), ArmCommand(middle)]
+
+
+def test_loop_holds_and_tells_when_a_controller_fails(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop.take_events()
+    Pusher.fault = True
+    try:
+        feed(loop, arm, middle)
+    finally:
+        Pusher.fault = False
+    (event,) = loop.take_events()
+    assert isinstance(event, ControllerFailed)
+    assert "Left arm: Controller 'pusher' failed with RuntimeError: broken" in str(event)
+    assert arm.told[-1] == ArmCommand(middle)
+
+
+def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
+    """What is measured is behind what was commanded, and a command stays in force when nobody answers any more."""
+    loop = EgmLoop()
+    loop.begin()
+    loop.go(YUMI_LIMITS.upper)
+    loop.run(0.02)
+    loop.deactivate()
+    assert not loop.line.is_still
+    loop.run(1.0)
+    assert loop.line.is_still

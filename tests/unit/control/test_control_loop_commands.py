@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from unit.control.controller_doubles import RUNNING, Double
+from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import State
+from yumi.control.controller_manager import ControllerManager, Strictness
+from yumi.control.events import ControllerReport
+from yumi.control.limiter import Guard
+from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
+from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.driver.arm import PerfectArm
+from yumi.errors import CommandRefused
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
+
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
+
+
+class Arms:
+    """Both arms, each with a double named ``double`` that is active."""
+
+    def __init__(self) -> None:
+        self.doubles = {side: Double() for side in Side}
+        self.buffers = {side: MemoryBuffer() for side in Side}
+        self.loops = {side: self._loop(side) for side in Side}
+        self.commands = Commands(self.loops, lambda: 5.0)
+
+    def _loop(self, side: Side) -> ArmLoop:
+        manager = ControllerManager(joint_names(side), {"test/Double": lambda name: Double("velocity")}, side.unit)
+        manager.load("double", self.doubles[side])
+        manager.configure("double")
+        manager.switch(["double"], [], RUNNING)
+        return ArmLoop(side, PerfectArm(ZERO), manager, Guard(YUMI_LIMITS), self.buffers[side])
+
+    def call(self, command: Any, *args: Any) -> Any:
+        return serve(self.commands, command, *args)
+
+    def refusal(self, command: Any, *args: Any) -> str:
+        with pytest.raises(CommandRefused) as refused:
+            self.call(command, *args)
+        return str(refused.value)
+
+    def snapshot(self, side: Side) -> Snapshot:
+        return read_snapshot(self.buffers[side])
+
+    def state(self, side: Side, name: str) -> State:
+        return next(info.state for info in self.call(Commands.list_controllers, side) if info.name == name)
+
+
+@pytest.fixture
+def arms() -> Arms:
+    return Arms()
+
+
+def test_loop_serves_every_command_there_is(arms: Arms) -> None:
+    rest = {"name": "nobody", "kind": "nothing", "controller": "nobody", "values": {}, "state": State.ACTIVE}
+    refusals = []
+    for command in COMMANDS.values():
+        names = command.__code__.co_varnames[1 : command.__code__.co_argcount]  # type: ignore[attr-defined]
+        arguments = [RIGHT if name == "side" else rest[name] for name in names if name in {"side", *rest}]
+        try:
+            arms.call(command, *arguments)
+        except CommandRefused as refusal:
+            refusals.append(str(refusal))
+    assert len(refusals) > 3
+    assert not any("failed with" in refusal for refusal in refusals)
+
+
+def test_loop_leads_a_controller_through_its_lifecycle(arms: Arms) -> None:
+    assert arms.call(Commands.list_controller_kinds, LEFT) == ("test/Double",)
+    arms.call(Commands.load_controller, LEFT, "other", "test/Double", {"p": 0.5})
+    assert arms.state(LEFT, "other") is State.UNCONFIGURED
+    arms.call(Commands.configure_controller, LEFT, "other")
+    assert arms.state(LEFT, "other") is State.INACTIVE
+    arms.call(Commands.clean_up_controller, LEFT, "other")
+    assert arms.state(LEFT, "other") is State.UNCONFIGURED
+    arms.call(Commands.unload_controller, LEFT, "other")
+    assert [info.name for info in arms.call(Commands.list_controllers, LEFT)] == ["double"]
+
+
+def test_loop_switches_by_the_strictness_asked_for(arms: Arms) -> None:
+    lenient = (LEFT, ("nobody",), ("double",), Strictness.BEST_EFFORT)
+    assert "There is no controller 'nobody'" in arms.call(Commands.switch_controllers, *lenient)
+    assert arms.state(LEFT, "double") is State.INACTIVE
+    assert "There is no controller 'nobody'" in arms.refusal(Commands.switch_controllers, LEFT, ("nobody",))
+
+
+def test_loop_has_an_arm_hold_whatever_commands_it(arms: Arms) -> None:
+    arms.call(Commands.hold, LEFT)
+    assert [arms.state(side, "double") for side in (LEFT, RIGHT)] == [State.INACTIVE, State.ACTIVE]
+    arms.call(Commands.hold, LEFT)
+
+
+def test_loop_sets_and_lists_parameters(arms: Arms) -> None:
+    arms.call(Commands.set_parameters, RIGHT, "double", {"p": 0.25})
+    infos = arms.call(Commands.list_parameters, RIGHT, "double")
+    assert [(info.parameter.name, info.value) for info in infos] == [("p", 0.25), ("mode", "slow")]
+
+
+def test_loop_leads_the_hardware(arms: Arms) -> None:
+    info = arms.call(Commands.set_hardware_state, RIGHT, "ROB_R", State.INACTIVE)
+    assert arms.call(Commands.hardware, RIGHT) == info
+    assert (info.state, arms.state(RIGHT, "double")) == (State.INACTIVE, State.INACTIVE)
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        (Commands.load_controller, ("other", "test/Double")),
+        (Commands.configure_controller, ("spare",)),
+        (Commands.clean_up_controller, ("spare",)),
+        (Commands.unload_controller, ("spare",)),
+        (Commands.switch_controllers, ((), ("double",))),
+        (Commands.hold, ()),
+        (Commands.set_hardware_state, ("ROB_L", State.INACTIVE)),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_loop_shows_a_change_in_the_snapshot_at_once(arms: Arms, command: Any, arguments: tuple[Any, ...]) -> None:
+    arms.call(Commands.load_controller, LEFT, "spare", "test/Double")
+    before = arms.snapshot(LEFT).activity
+    arms.call(command, LEFT, *arguments)
+    assert (arms.snapshot(LEFT).activity > before, arms.snapshot(LEFT).time) == (True, 5.0)
+
+
+def test_loop_refuses_what_a_rule_stands_against(arms: Arms) -> None:
+    sentence = arms.refusal(Commands.load_controller, RIGHT, "double", "test/Double")
+    assert sentence == "Controller 'double' is loaded already; unload it first or choose another name."
+
+
+def test_loop_refuses_a_command_that_fails(arms: Arms) -> None:
+    arms.loops[LEFT].manager.controllers = lambda: 1 / 0  # type: ignore[assignment,return-value,method-assign]
+    sentence = arms.refusal(Commands.list_controllers, LEFT)
+    assert sentence == "The command list_controllers failed with ZeroDivisionError: division by zero."
+
+
+def test_loop_sends_commands_to_controllers_of_both_arms(arms: Arms) -> None:
+    arms.call(
+        Commands.send_commands,
+        ControllerCommand(LEFT, "double", "go left"),
+        ControllerCommand(RIGHT, "double", "go right"),
+    )
+    assert [arms.doubles[side].orders for side in (LEFT, RIGHT)] == [["go left"], ["go right"]]
+
+
+@pytest.mark.parametrize(
+    ("second", "sentence"),
+    [
+        (ControllerCommand(RIGHT, "double", "bad"), "The order is bad; send a good one."),
+        (ControllerCommand(RIGHT, "nobody", "good"), "There is no controller 'nobody'; loaded are: double."),
+        (ControllerCommand(LEFT, "double", "good"), "Controller 'double' of l is sent 2 commands at once; send one."),
+    ],
+)
+def test_loop_sends_no_command_when_one_is_refused(arms: Arms, second: ControllerCommand, sentence: str) -> None:
+    first = ControllerCommand(LEFT, "double", "good")
+    assert arms.refusal(Commands.send_commands, first, second) == sentence
+    assert arms.refusal(Commands.check_commands, first, second) == sentence
+    assert [double.orders for double in arms.doubles.values()] == [[], []]
+
+
+def test_loop_checks_commands_without_sending_them(arms: Arms) -> None:
+    arms.call(Commands.check_commands, ControllerCommand(LEFT, "double", "good"))
+    assert arms.doubles[LEFT].orders == []
+
+
+def test_loop_passes_reports_on(arms: Arms) -> None:
+    arms.doubles[LEFT].notices = ["arrived"]
+    (event,) = arms.loops[LEFT].take_events()
+    assert event == ControllerReport(LEFT, "double", "arrived")
+    assert str(event) == "Left arm: double: arrived"

@@ -1,0 +1,208 @@
+"""The loop inside the control process, with a pipe and arms of the test."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from yumi.clock import ManualClock
+from yumi.control.events import CycleFailed
+from yumi.driver import control_process
+from yumi.driver.control_process import (
+    Answer,
+    Call,
+    ConnectedArm,
+    ControlServer,
+    Refusal,
+    Stop,
+    WakeMode,
+    run_control_process,
+)
+from yumi.process.pipe import PipeClosed
+from yumi.robot.joints import Side
+
+
+class Source:
+    """Something that is readable once it was told so."""
+
+    def __init__(self) -> None:
+        self._reader, self._writer = os.pipe()
+
+    def fileno(self) -> int:
+        return self._reader
+
+    def make_readable(self) -> None:
+        os.write(self._writer, b"x")
+
+    def close(self) -> None:
+        os.close(self._reader)
+        os.close(self._writer)
+
+
+class Parent(Source):
+    """Its end of the pipe: sends its messages, then closes; remembers what it received."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.received: list[Any] = []
+        self.messages: list[object] = [Stop()]
+
+    def read(self) -> bool:
+        if not self.messages:
+            raise PipeClosed
+        return True
+
+    def receive(self) -> Any:
+        return self.messages.pop(0)
+
+    def send(self, value: object) -> None:
+        self.received.append(value)
+
+
+class Arm:
+    """An arm that takes 100 ms for a cycle, and fails at the first if it is broken."""
+
+    state = None
+
+    def __init__(self, clock: ManualClock, parent: Parent, *, is_broken: bool) -> None:
+        self.manager = SimpleNamespace(deactivate_commanding=self._deactivate)
+        self.is_still = True
+        self.deactivated = 0
+        self.settled = 0
+        self.watched: list[float] = []
+        self._clock, self._parent, self._is_broken = clock, parent, is_broken
+
+    def _deactivate(self) -> None:
+        self.deactivated += 1
+
+    def reply(self, now: float) -> None:
+        self._clock.advance(0.1)
+        self._parent.make_readable()
+        if self._is_broken:
+            raise ValueError("a command of six joints")
+
+    def settle(self, now: float) -> bool:
+        self.settled += 1
+        return True
+
+    def is_datagram_due(self, now: float) -> bool:
+        return False
+
+    def watch_silence(self, now: float) -> None:
+        self.watched.append(now)
+
+    def take_events(self) -> tuple[object, ...]:
+        return ()
+
+
+class Processors:
+    """Remembers what was asked of them."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+    def hold(self) -> None:
+        self.calls.append("hold")
+
+    def release(self) -> None:
+        self.calls.append("release")
+
+
+@pytest.fixture
+def parent() -> Iterator[Parent]:
+    parent = Parent()
+    yield parent
+    parent.close()
+
+
+@pytest.fixture
+def arms(clock: ManualClock, parent: Parent) -> dict[Side, Arm]:
+    """The left one is broken."""
+    return {side: Arm(clock, parent, is_broken=side is Side.LEFT) for side in Side}
+
+
+def run(arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: Any = None) -> dict[Side, int]:
+    """Until the parent stops it, with a datagram for each arm; returns how many cycles were reported as done."""
+    sockets = {side: Source() for side in arms}
+    done = dict.fromkeys(arms, 0)
+
+    def release(side: Side) -> None:
+        done[side] += 1
+
+    for socket in sockets.values():
+        socket.make_readable()
+    connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
+    events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
+    ControlServer(parent, connected, events, clock, processors).run()  # type: ignore[arg-type]
+    for socket in sockets.values():
+        socket.close()
+    return done
+
+
+def test_control_process_does_not_take_its_own_standstill_for_the_robots_silence(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock
+) -> None:
+    run(arms, parent, clock)
+    assert [arm.watched[0] for arm in arms.values()] == [0.0, 0.0]
+
+
+def test_control_process_deactivates_what_commands_when_a_cycle_fails(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock
+) -> None:
+    parent.messages = [Call(7, "list_controllers", (Side.LEFT,), {}), Stop()]
+    run({Side.LEFT: arms[Side.LEFT]}, parent, clock)
+    assert arms[Side.LEFT].deactivated >= 1
+    failures = [each for each in parent.received if isinstance(each, CycleFailed)]
+    assert "ValueError: a command of six joints" in str(failures[0])
+
+
+def test_control_process_serves_one_arm_while_the_other_fails(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock
+) -> None:
+    done = run(arms, parent, clock)
+    assert done[Side.RIGHT] >= 1
+    assert done[Side.LEFT] == arms[Side.LEFT].settled == 0
+    assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == {Side.LEFT}
+
+
+def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
+    parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
+    run(arms, parent, clock)
+    assert Answer(3, Refusal("There is no command '_publish'.")) in parent.received
+
+
+def test_processors_are_kept_awake_only_while_a_robot_streams(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock
+) -> None:
+    processors = Processors()
+    arms[Side.RIGHT].state = object()  # type: ignore[assignment]
+    run(arms, parent, clock, processors)
+    assert (set(processors.calls[:-1]), processors.calls[-1]) == ({"hold"}, "release")
+    processors.calls.clear()
+    parent.messages = [Stop()]
+    arms[Side.RIGHT].state = None
+    run(arms, parent, clock, processors)
+    assert set(processors.calls) == {"release"}
+
+
+@pytest.mark.parametrize(
+    ("mode", "is_permitted", "words"),
+    [
+        (WakeMode.AUTO, True, "processors kept awake while EGM runs"),
+        (WakeMode.AUTO, False, "asleep between datagrams"),
+        (WakeMode.BLOCKING, True, "asleep between datagrams"),
+    ],
+)
+def test_wake_mode_takes_what_is_permitted(
+    monkeypatch: pytest.MonkeyPatch, parent: Parent, mode: WakeMode, is_permitted: bool, words: str
+) -> None:
+    monkeypatch.setattr(control_process.AwakeProcessors, "are_permitted", staticmethod(lambda: is_permitted))
+    monkeypatch.setattr(control_process, "prepare_process", lambda: "prepared")
+    monkeypatch.setattr(control_process, "ControlServer", lambda *_: SimpleNamespace(run=lambda: None))
+    monkeypatch.setattr(control_process.signal, "signal", lambda *_: None)  # type: ignore[attr-defined]
+    run_control_process(parent, lambda _: {}, {}, mode)  # type: ignore[arg-type]
+    assert parent.received == [f"Control process: prepared, {words}."]
