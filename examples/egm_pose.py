@@ -1,4 +1,4 @@
-"""Lead the tool of any six-axis ABB robot round a circle of 40 mm, with EGM in pose mode.
+"""Move the tool of any six-axis ABB robot round a circle of 40 mm, with EGM in pose mode.
 
 Start it, then run EGMRunPose on the controller: `python examples/egm_pose.py [port [address]]`.
 """

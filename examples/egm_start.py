@@ -1,4 +1,4 @@
-"""Begin EGM on the right arm of a virtual YuMi, so that another egm_*.py example can guide it.
+"""Begin EGM on the right arm of a virtual YuMi, so that another egm_*.py example can command it.
 
 Start `yumi controller` and the other example, with the right arm's port, in terminals of their own before:
 `python examples/egm_joint.py 6512`. Then `python examples/egm_start.py joint` (or `velocity`, or `stream`).

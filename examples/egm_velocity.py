@@ -15,7 +15,7 @@ PERIOD = 4.0  # [s]
 
 
 def turn(server: EgmServer, duration: float) -> None:
-    """Turn for ``duration`` [s] of robot time, then stop: without an answer the robot would go on as it was told."""
+    """Turn for ``duration`` [s] of robot time, then stop: without an answer the robot would go on at its last speed."""
     elapsed, rest = 0.0, []
     for state in server:
         elapsed = 0.0 if state.is_first else elapsed + state.dt

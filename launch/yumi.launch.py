@@ -5,7 +5,6 @@
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1
     ros2 launch yumi_ros2 yumi.launch.py virtual:=true
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 bringup:=false       # touch nothing until it is asked
-    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 autostart:=false     # lead the managed nodes yourself
 
 The password of a robot is read from the environment variable YUMI_PASSWORD.
 """
@@ -31,7 +30,6 @@ ARGUMENTS = (
     ("controllers", "", "Controllers instead of the delivered controllers.yaml."),
     ("record", "", "Record every cycle of both arms to this MCAP file."),
     ("bringup", "true", "Whether the driver brings the robot to ready at start; else it only reads until it is asked."),
-    ("autostart", "true", "Whether the driver connects and activates its managed nodes by itself."),
     ("network", "false", "Whether all machines of the subnet find the driver's ROS 2 nodes."),
     ("virtual", "false", "Whether to start a virtual controller, and drive that."),
     ("log_level", "info", "Of the driver: debug, info, warn or error."),
@@ -62,8 +60,7 @@ def _start(context: Any) -> list[Any]:
 
 def _driver(given: dict[str, str]) -> Node:
     options = [part for name in PASSED_ON if given[name] for part in (f"--{name.replace('_', '-')}", given[name])]
-    for name in ("bringup", "autostart"):
-        options.append(f"--{name}" if given[name].lower() == "true" else f"--no-{name}")
+    options.append("--bringup" if given["bringup"].lower() == "true" else "--no-bringup")
     if given["network"].lower() == "true":
         options.append("--network")
     return _command("up", options, ["--log-level", given["log_level"]])

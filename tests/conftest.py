@@ -15,15 +15,15 @@ from yumi.robot.joints import Joints, joints
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """A machine shared with others may stand still for longer than a robot bears: what it disturbed is asked again.
+    """A ``real_time`` test asserts times, which other work on the machine can disturb: it is repeated, at most twice.
 
-    What takes long runs where it is asked for only, see ``make soak``.
+    Long tests run only where they are selected, see ``make soak``.
     """
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]
     for item in items:
-        if item.get_closest_marker("real_time") or item.get_closest_marker("ros"):
+        if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.flaky(reruns=2))
 
 

@@ -25,7 +25,7 @@ from yumi.driver.state import RobotState
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.driver import RosDriver, close_ros, open_ros
-from yumi.ros.gripper import HandParts
+from yumi.ros.gripper import GripperParts
 
 BURST = 0.010
 """How long the busy callback computes [s]."""
@@ -35,7 +35,7 @@ BURST_PERIOD = BURST / 0.3
 
 
 class AbsentRobot:
-    """Stands where a robot manager, its watch, a connection or a gripper would be."""
+    """In the place of a robot manager, its watch or a gripper."""
 
     wanted = ()
 
@@ -53,8 +53,12 @@ class AbsentRobot:
         """Nothing is known of it."""
         return RobotState()
 
+    @property
+    def vacuum(self) -> AbsentRobot:
+        return self
+
     def reading(self, side: Side) -> None:
-        """Nothing is known of its hands."""
+        """Nothing is known of its grippers."""
 
     def close(self) -> None:
         """Nothing to close."""
@@ -111,9 +115,9 @@ def main() -> None:
     line = GuidedLine(settings, plan, arguments.goal)
     open_ros()
     absent = AbsentRobot()
-    hands = HandParts(dict.fromkeys(Side, absent), absent, settings.gripper)
+    grippers = GripperParts(dict.fromkeys(Side, absent), absent, settings.gripper)
     rate = settings.ros.merged_rate
-    driver = RosDriver(line.lines, plan.controllers, absent, absent, hands, rate, SystemClock(), plan.limits)
+    driver = RosDriver(line.lines, plan.controllers, absent, grippers, rate, SystemClock(), plan.limits)
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None

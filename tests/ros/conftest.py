@@ -1,7 +1,7 @@
 """A virtual controller and the driver as processes of their own, and a plain rclpy client beside them, for all tests.
 
 Each of them takes seconds to start, and to find the others; a test leaves them as it found them, but for EGM, which it
-may find running or not: ``guided`` and ``idle`` see to that.
+may find running or not: ``egm_running`` and ``idle`` see to that.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def idle(client: Client) -> Client:
 
 
 @pytest.fixture
-def guided(client: Client) -> Client:
+def egm_running(client: Client) -> Client:
     """With EGM running on both arms, and something that commands them."""
     answer = client.call(Trigger, "yumi_robot_manager/start_egm")
     assert answer.success, answer.message

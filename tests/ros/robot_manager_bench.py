@@ -1,30 +1,25 @@
-"""The robot manager's ROS side in this process, on a manager and a connection that remember what they are asked."""
+"""The robot manager's ROS side in this process, on a manager that remembers its calls."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from threading import Barrier, Event, Thread
 from typing import Any
 
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.action import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock
-from yumi.control.controller import HardwareInfo, State
-from yumi.control.loop import Commands
 from yumi.driver.speed import SpeedSetting
 from yumi.driver.state import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.errors import RobotNotReady
+from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 from yumi.ros.health import RobotStateTopic
-from yumi.ros.lifecycle import ManagedNodes
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
@@ -79,119 +74,58 @@ class FakeManager:
         return f"{name} done"
 
 
-class FakeConnection:
-    """Opens and ends; or does not, with a sentence."""
-
-    def __init__(self) -> None:
-        self.refusal = ""
-
-    def connect(self) -> str:
-        if self.refusal:
-            raise RobotNotReady(self.refusal)
-        return "Connected."
-
-    def disconnect(self) -> str:
-        return "Disconnected."
-
-
-class FakeLine:
-    """The arms' hardware components."""
-
-    def __init__(self) -> None:
-        self.states = dict.fromkeys(Side, State.ACTIVE)
-        self.held: list[Side] = []
-
-    def call(self, command: Callable[..., Any], side: Side, *args: Any) -> HardwareInfo | None:
-        if command is Commands.hold:
-            self.held.append(side)
-            return None
-        if command is Commands.set_hardware_state:
-            self.states[side] = args[1]
-        assert command in (Commands.hardware, Commands.set_hardware_state)
-        return HardwareInfo(side.unit, self.states[side], (), ())
-
-
-class FakeGripper:
-    """Counts how often it was told to hold."""
-
-    def __init__(self) -> None:
-        self.holds = 0
-        self.refusal = ""
-
-    def position(self) -> float:
-        return 0.01
-
-    def hold(self) -> None:
-        self.holds += 1
-        if self.refusal:
-            raise RobotNotReady(self.refusal)
-
-
 class RobotManagerRig:
-    """All nodes, spun by a thread; and a client."""
+    """The robot manager's node, spun by a thread; and a client."""
 
     def __init__(self) -> None:
-        self.manager, self.connection, self.line = FakeManager(), FakeConnection(), FakeLine()
+        self.manager = FakeManager()
+        self.inactive: set[Side] = set()
         self.node = rclpy.create_node("yumi_robot_manager")
-        self.grippers = {side: FakeGripper() for side in Side}
-        self.managed = ManagedNodes(self.connection, self.manager, self.line, self.grippers, lambda: None)
-        offered = (self.node, self.manager, self.managed.permission, lambda: None)
+        offered = (self.node, self.manager, self._check_arms, lambda: None)
         RobotManagerServices(*offered)
         self.speed = SpeedSetting()
         SpeedScaleInterface(self.node, self.speed)
         self.actions = RobotManagerActions(*offered)
-        self.ticker = Ticker(SystemClock(), print)
-        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.ticker)
+        self.timers = TimerThread(SystemClock(), print)
+        self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.timers)
         self.client = Client()
         self._executor = MultiThreadedExecutor(num_threads=THREADS)
-        for node in (self.node, *self.managed.all):
-            self._executor.add_node(node)
+        self._executor.add_node(self.node)
         self._is_over = Event()
         self._thread = Thread(target=self._spin, name="robot-manager-rig")
         self._thread.start()
         self._begin_all_threads()
-        self.ticker.start()
+        self.timers.start()
 
     def begin(self) -> None:
-        """A test begins: all active, nothing refused, nothing noted."""
+        """A test begins: both arms active, nothing refused, no calls."""
         self.manager.refusals.clear()
         self.manager.robot = READY
         self.manager.may_go_on.set()
-        self.connection.refusal = ""
-        self.managed.bring_up()
+        self.inactive.clear()
         self.manager.calls.clear()
-        self.line.held.clear()
-        for gripper in self.grippers.values():
-            gripper.holds, gripper.refusal = 0, ""
         self.client.sentences.clear()
 
     def call(self, kind: Any, service: str, /, **fields: Any) -> Any:
         return self.client.call(kind, f"/yumi_robot_manager/{service}", kind.Request(**fields))
-
-    def lead(self, node: str, label: str) -> bool:
-        request = ChangeState.Request(transition=Transition(label=label))
-        return bool(self.client.call(ChangeState, f"{node}/change_state", request).success)
-
-    def lead_by_number(self, node: str, number: int) -> bool:
-        request = ChangeState.Request(transition=Transition(id=number))
-        return bool(self.client.call(ChangeState, f"{node}/change_state", request).success)
-
-    def life(self, node: str) -> str:
-        return str(self.client.call(GetState, f"{node}/get_state").current_state.label)
 
     def know(self, **fields: Any) -> None:
         """The robot is otherwise than it was."""
         self.manager.robot = replace(self.manager.robot, **fields)
 
     def close(self) -> None:
-        self.ticker.stop()
+        self.timers.stop()
         self._is_over.set()
         self._thread.join()
         self._executor.shutdown()
         self.client.close()
         self.actions.destroy()
-        self.managed.destroy()
         self.node.destroy_node()
+
+    def _check_arms(self, sides: Iterable[Side]) -> None:
+        for side in sides:
+            if side in self.inactive:
+                raise CommandRefused(f"The {side.word} arm is inactive.")
 
     def _begin_all_threads(self) -> None:
         """The pool would begin them one after another, in the middle of tests that look for threads left behind."""

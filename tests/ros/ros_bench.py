@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,15 @@ class Robot:
         self._command.kill()
         self._command = None
 
+    @contextmanager
+    def power_cut(self) -> Iterator[None]:
+        """Without power for the time of a block; it is back for the next test, however the block ends."""
+        self.kill()
+        try:
+            yield
+        finally:
+            self.start()
+
     def stop(self) -> None:
         if self._command is not None:
             self._command.stop()
@@ -73,7 +83,7 @@ class Client:
         self.node.create_subscription(Log, "/rosout", lambda message: self.sentences.append(message.msg), 100)
 
     def until(self, is_so: Callable[[], bool], timeout: float = TIMEOUT, what: str = "it") -> None:
-        """Spin until ``is_so``; with the words of a :class:`yumi.ros.clients.Spinner`, whose place it can take."""
+        """Spin until ``is_so``; like :meth:`ros_clients.Spinner.until`, whose place it can take."""
         clock = self.node.get_clock()
         end = clock.now().nanoseconds + int(timeout * 1e9)
         while not is_so():

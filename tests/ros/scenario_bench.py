@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import TIMEOUT, Robot, rclpy
+from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
@@ -25,7 +26,6 @@ from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
 from yumi.process.child import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
-from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
@@ -45,7 +45,7 @@ class Scenario:
         says: what a user then reads in the robot's state or in the log.
         recovered: what the result of ``recover`` says.
         refused: what it says while somebody has to act first, as a regular expression.
-        mended: what somebody has to do; None where nobody has to.
+        repaired_by: what somebody has to do; None where nobody has to.
         side: which arm it happens to; None is both, or the robot.
         duration: how long it lasts [s]; None is its own time.
     """
@@ -54,7 +54,7 @@ class Scenario:
     says: str
     recovered: str
     refused: str = ""
-    mended: Fault | None = None
+    repaired_by: Fault | None = None
     side: Side | None = None
     duration: float | None = None
 
@@ -88,7 +88,7 @@ def tracking(frames: Sequence[Frame], begin: float, end: float) -> Tracking:
     return Tracking(missed, max(leads))
 
 
-class Ear:
+class Listener:
     """What a user reads: the state of robot, arms and hands as it was told, and the log.
 
     Attributes:
@@ -141,9 +141,9 @@ class Application:
         self.node = rclpy.create_node("application")
         self.spinner = Spinner(self.node)
         self.manager = RobotManagerClient(self.spinner)
-        self.arms = {side: ArmClient(self.spinner, side, lambda *_: None) for side in Side}
+        self.arms = {side: ArmClient(self.spinner, side) for side in Side}
         self.grippers = {side: GripperClient(self.spinner, side) for side in Side}
-        self.ear = Ear(self.node)
+        self.listener = Listener(self.node)
 
     def close(self) -> None:
         self.spinner.close()
@@ -187,7 +187,7 @@ class Stage:
             self.application.close()
         self.application = Application()
         # A service of a driver that was killed is found for some time yet: only what it sends shows the new one.
-        self.until(lambda: self.application.ear.has("EGM: "), "A state of the robot")
+        self.until(lambda: self.application.listener.has("EGM: "), "A state of the robot")
 
     def stop_driver(self) -> None:
         """In order: its recording is complete then."""
@@ -226,7 +226,7 @@ class Stage:
                 yield goals
                 assert self.processes() == processes
             finally:
-                self.mend()
+                self.repair()
 
     @contextmanager
     def span(self, name: str) -> Iterator[None]:
@@ -243,21 +243,21 @@ class Stage:
 
     def notice(self, change: Callable[[], None], says: str) -> float:
         """How long it takes from before a ``change`` until a user can read of it [s]."""
-        self.application.ear.heard.clear()
+        self.application.listener.heard.clear()
         begin = self._clock.now()
         change()
         self.until_heard(says)
         return self._clock.now() - begin
 
-    def strike(self, scenario: Scenario) -> float:
+    def inject(self, scenario: Scenario) -> float:
         """Have it happen; how long it took until a user could read of it [s]."""
-        self._damage = scenario.mended
+        self._damage = scenario.repaired_by
         told = self.notice(lambda: self.happen(scenario.fault, scenario.side, scenario.duration), scenario.says)
         arms = [self.application.arms[side] for side in scenario.sides]
         self.until(lambda: not any(arm.is_commanded for arm in arms), "The end of the motion")
         return told
 
-    def mend(self) -> None:
+    def repair(self) -> None:
         """What somebody does, where somebody has to."""
         if self._damage is not None:
             self.happen(self._damage)
@@ -302,7 +302,7 @@ class Stage:
         arms = self.application.arms
 
         def are_there() -> bool:
-            if self.application.ear.has(STOOD_STILL) and not all(arm.is_commanded for arm in arms.values()):
+            if self.application.listener.has(STOOD_STILL) and not all(arm.is_commanded for arm in arms.values()):
                 self._guide()
                 self._order(goals)
             return all(arms[side].error(goal) < THERE for side, goal in goals.items())
@@ -327,11 +327,11 @@ class Stage:
         self.application.spinner.until(is_so, TIMEOUT, what)
 
     def until_heard(self, part: str) -> None:
-        ear = self.application.ear
+        listener = self.application.listener
         try:
-            self.until(lambda: ear.has(part), repr(part))
+            self.until(lambda: listener.has(part), repr(part))
         except RobotNotReady as error:
-            raise AssertionError(f"{error} Heard: {ear.heard}") from error
+            raise AssertionError(f"{error} Heard: {listener.heard}") from error
 
     def _start_to_move(self) -> dict[Side, Joints]:
         self._guide()

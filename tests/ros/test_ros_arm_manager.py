@@ -39,7 +39,7 @@ from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros
@@ -101,13 +101,13 @@ class MemoryLine:
 
 
 class Interface:
-    """Remembers what its controller tells."""
+    """Remembers the events of its controller."""
 
     def __init__(self) -> None:
         self.notices: list[object] = []
 
-    def tell(self, notice: object) -> None:
-        self.notices.append(notice)
+    def on_event(self, event: object) -> None:
+        self.notices.append(event)
 
     def destroy(self) -> None:
         self.notices.append("destroyed")
@@ -115,12 +115,11 @@ class Interface:
 
 @pytest.fixture(scope="module")
 def rig(ros: None) -> Iterator[SimpleNamespace]:
-    executor, line, interface = SingleThreadedExecutor(), MemoryLine(), Interface()
+    executor, line, interface, clock = SingleThreadedExecutor(), MemoryLine(), Interface(), SystemClock()
     entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
     known = [ControllerSettings("listed", KIND, entries)]
-    arm = ArmManager(
-        Side.RIGHT, line, known, executor, {KIND: lambda *_: interface}, SystemClock(), Ticker(SystemClock(), print)
-    )
+    interfaces = {KIND: lambda *_: interface}
+    arm = ArmManager(Side.RIGHT, line, known, executor, interfaces, clock, TimerThread(clock, print))
     client = Client(executor)
     descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
     yield SimpleNamespace(
@@ -162,7 +161,7 @@ def test_manager_serves_nothing_but_parameters_until_it_has_a_description(rig: S
 @pytest.mark.parametrize(
     ("urdf", "sentence"),
     [
-        ("no XML", "The robot description cannot be used: it is no XML"),
+        ("no XML", "The robot description cannot be used: it is not XML"),
         ("<robot/>", "The robot description cannot be used: it has no joint yumi_joint_1_r, yumi_joint_2_r"),
     ],
 )
@@ -233,7 +232,7 @@ def test_refused_parameter_changes_nothing_and_says_why(
         ("joints", ParameterType.PARAMETER_STRING_ARRAY, "Which joints.", "only while the controller is unconfigured"),
     ],
 )
-def test_parameter_tells_type_unit_and_rule(
+def test_parameter_reports_type_unit_and_rule(
     watcher: Watcher, manager: Manager, name: str, type_: int, description: str, constraints: str
 ) -> None:
     request = DescribeParameters.Request(names=[name])
@@ -263,17 +262,16 @@ def test_settled_parameter_is_refused_until_the_controller_is_cleaned_up(watcher
 
 
 def test_notice_of_a_controller_reaches_what_it_offers(rig: SimpleNamespace, watcher: Watcher) -> None:
-    rig.arm.tell(ControllerReport(Side.RIGHT, "watcher", "arrived"))
-    rig.arm.tell(ControllerReport(Side.RIGHT, "gone", "lost"))
+    rig.arm.on_event(ControllerReport(Side.RIGHT, "watcher", "arrived"))
+    rig.arm.on_event(ControllerReport(Side.RIGHT, "gone", "lost"))
     assert rig.interface.notices[-1] == "arrived"
 
 
-def test_failure_of_a_controller_is_logged_and_makes_a_repeated_request_new(
+def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_again(
     rig: SimpleNamespace, watcher: Watcher, manager: Manager
 ) -> None:
     assert manager.switch(["watcher"], []).ok
-    assert manager.switch(["watcher"], []).ok  # the outcome of the first
-    rig.arm.tell(ControllerFailed(Side.RIGHT, "Controller 'watcher' failed."))
+    rig.arm.on_event(ControllerFailed(Side.RIGHT, "Controller 'watcher' failed."))
     manager.client.until(manager.client.hears("Right arm: Controller 'watcher' failed."))
     assert not manager.switch(["watcher"], []).ok
     assert manager.switch([], ["watcher"]).ok
@@ -310,7 +308,7 @@ def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
     assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
 
 
-def test_manager_without_its_control_process_lists_nothing_refuses_all_and_is_finalized(
+def test_manager_without_the_control_process_lists_nothing_refuses_all_and_is_finalized(
     rig: SimpleNamespace, manager: Manager
 ) -> None:
     rig.line.is_gone = True

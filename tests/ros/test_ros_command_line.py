@@ -195,15 +195,6 @@ def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
         )
 
 
-def test_driver_that_starts_nothing_by_itself_needs_no_robot(tmp_path: Path) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # bound but not listening: nobody answers
-        options = ["--robot", "127.0.0.1", "--rws-port", str(taken.getsockname()[1]), "--no-autostart"]
-        ports = ["--left-egm-port", str(free_port()), "--right-egm-port", str(free_port())]
-        with Command("driver", ["up", *options, *ports], tmp_path / "driver.log") as driver:
-            assert driver.wait_until_ready(60.0).startswith("serving the robot at 127.0.0.1")
-
-
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
     outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port))
     expect_one_sentence(outcome, f"Another driver runs on this machine in the same ROS domain (process {driver.pid});")

@@ -190,7 +190,7 @@ def test_topic_refuses_goals_before_the_arm_can_take_them(
     assert node.warnings == [f"Goal refused: {sentence}"]
 
 
-def test_topic_hands_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, boxes: Boxes) -> None:
+def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, boxes: Boxes) -> None:
     topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), lambda: 12.5)
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[0.7]))
     _, taken = read_goal(boxes.goals, 3)

@@ -45,7 +45,7 @@ def manager(client: Client) -> Manager:
 
 
 @pytest.fixture
-def guided(manager: Manager) -> Manager:
+def egm_running(manager: Manager) -> Manager:
     """With EGM running and no controller commanding the right arm."""
     begin_egm(manager.client)
     assert manager.switch([], [POSITION], BEST_EFFORT).ok
@@ -69,8 +69,8 @@ def heard(client: Client, kind: Any, topic: str, qos: Any = 10) -> list[Any]:
 # ros2 control
 
 
-def test_list_controllers_shows_every_column(guided: Manager) -> None:
-    controllers = guided.controllers()
+def test_list_controllers_shows_every_column(egm_running: Manager) -> None:
+    controllers = egm_running.controllers()
     broadcaster, position = controllers[BROADCASTER], controllers[POSITION]
     assert (broadcaster.type, broadcaster.state) == ("joint_state_broadcaster/JointStateBroadcaster", "active")
     assert (position.type, position.state, position.update_rate) == (POSITION_KIND, "inactive", 248)
@@ -82,13 +82,13 @@ def test_list_controllers_shows_every_column(guided: Manager) -> None:
     assert not any(getattr(position, name) for name in lists)
 
 
-def test_controller_claims_its_interfaces_only_while_it_is_active(guided: Manager) -> None:
-    assert guided.switch([POSITION], []).ok
-    assert {*guided.controllers()[POSITION].claimed_interfaces} >= {*POSITIONS}
-    listed = guided.call("list_hardware_interfaces").command_interfaces
+def test_controller_claims_its_interfaces_only_while_it_is_active(egm_running: Manager) -> None:
+    assert egm_running.switch([POSITION], []).ok
+    assert {*egm_running.controllers()[POSITION].claimed_interfaces} >= {*POSITIONS}
+    listed = egm_running.call("list_hardware_interfaces").command_interfaces
     assert {each.name for each in listed if each.is_claimed} >= {*POSITIONS}
-    assert guided.switch([], [POSITION]).ok
-    assert not guided.controllers()[POSITION].claimed_interfaces
+    assert egm_running.switch([], [POSITION]).ok
+    assert not egm_running.controllers()[POSITION].claimed_interfaces
 
 
 def test_list_controller_types_has_a_base_class_for_each_type(manager: Manager) -> None:
@@ -114,16 +114,16 @@ def test_list_hardware_interfaces_shows_commands_and_states(manager: Manager) ->
 
 
 def test_load_controller_with_set_state_loads_configures_and_activates_by_best_effort(
-    guided: Manager, spare: str
+    egm_running: Manager, spare: str
 ) -> None:
-    assert guided.state(spare) == "not loaded"
-    assert guided.set_parameter(f"{spare}.type", text(POSITION_KIND)).successful
-    assert guided.call("load_controller", name=spare).ok
-    assert guided.state(spare) == "unconfigured"
-    assert guided.call("configure_controller", name=spare).ok
-    assert guided.state(spare) == "inactive"
-    assert guided.switch([spare], [], strictness=int(True)).ok
-    assert guided.state(spare) == "active"
+    assert egm_running.state(spare) == "not loaded"
+    assert egm_running.set_parameter(f"{spare}.type", text(POSITION_KIND)).successful
+    assert egm_running.call("load_controller", name=spare).ok
+    assert egm_running.state(spare) == "unconfigured"
+    assert egm_running.call("configure_controller", name=spare).ok
+    assert egm_running.state(spare) == "inactive"
+    assert egm_running.switch([spare], [], strictness=int(True)).ok
+    assert egm_running.state(spare) == "active"
 
 
 def test_set_controller_state_leads_a_controller_through_its_life(manager: Manager, spare: str) -> None:
@@ -136,41 +136,41 @@ def test_set_controller_state_leads_a_controller_through_its_life(manager: Manag
     assert manager.state(spare) == "inactive"
 
 
-def test_switch_without_strictness_leaves_out_what_cannot_be_switched(guided: Manager) -> None:
-    answer = guided.switch([POSITION, "nobody"], [], strictness=0)
+def test_switch_without_strictness_leaves_out_what_cannot_be_switched(egm_running: Manager) -> None:
+    answer = egm_running.switch([POSITION, "nobody"], [], strictness=0)
     assert answer.ok
     assert answer.message.startswith("Successfully switched controllers!")
     assert "'nobody'" in answer.message
-    assert guided.switch([], [POSITION], strictness=0).ok
+    assert egm_running.switch([], [POSITION], strictness=0).ok
 
 
-def test_strict_switch_refuses_an_unknown_name_and_changes_nothing(guided: Manager) -> None:
-    answer = guided.switch([POSITION, "nobody"], [], STRICT)
+def test_strict_switch_refuses_an_unknown_name_and_changes_nothing(egm_running: Manager) -> None:
+    answer = egm_running.switch([POSITION, "nobody"], [], STRICT)
     assert not answer.ok
     assert "There is no controller 'nobody'" in answer.message
-    assert guided.state(POSITION) == "inactive"
+    assert egm_running.state(POSITION) == "inactive"
 
 
-def test_switch_with_nothing_left_is_a_success_in_upstreams_words(guided: Manager) -> None:
-    answer = guided.switch([], [POSITION], BEST_EFFORT)
+def test_switch_with_nothing_left_is_a_success_in_upstreams_words(egm_running: Manager) -> None:
+    answer = egm_running.switch([], [POSITION], BEST_EFFORT)
     assert answer.ok
     assert answer.message.startswith(
         "After checking the controllers, no controllers need to be activated or deactivated."
     )
 
 
-def test_switch_refuses_a_second_owner_of_an_interface(guided: Manager, spare: str) -> None:
-    assert guided.spawn(spare, POSITION_KIND)
-    answer = guided.switch([POSITION], [], BEST_EFFORT)
+def test_switch_refuses_a_second_owner_of_an_interface(egm_running: Manager, spare: str) -> None:
+    assert egm_running.spawn(spare, POSITION_KIND)
+    answer = egm_running.switch([POSITION], [], BEST_EFFORT)
     assert not answer.ok
     assert f"'{spare}' has claimed" in answer.message
-    assert guided.switch([POSITION], [spare], STRICT).ok  # the one for the other
-    assert guided.switch([], [POSITION], STRICT).ok
+    assert egm_running.switch([POSITION], [spare], STRICT).ok  # the one for the other
+    assert egm_running.switch([], [POSITION], STRICT).ok
 
 
 def test_switch_refuses_a_strictness_that_does_not_exist(manager: Manager) -> None:
     answer = manager.switch([POSITION], [], strictness=7)
-    assert (answer.ok, answer.message) == (False, "Strictness 7 is none; choose 1 (best effort) or 2 (strict).")
+    assert (answer.ok, answer.message) == (False, "Strictness 7 is unknown; choose 1 (best effort) or 2 (strict).")
 
 
 def test_active_controller_is_neither_unloaded_nor_cleaned_up_nor_configured(manager: Manager) -> None:
@@ -218,14 +218,16 @@ def test_spawner_finds_all_six_parameter_services(manager: Manager) -> None:
         manager.client.node.destroy_client(client)
 
 
-def test_spawner_gives_a_controller_the_parameters_of_its_file(guided: Manager, spare: str, tmp_path: Path) -> None:
+def test_spawner_gives_a_controller_the_parameters_of_its_file(
+    egm_running: Manager, spare: str, tmp_path: Path
+) -> None:
     file = tmp_path / "spare.yaml"
     file.write_text(f"/**:\n  ros__parameters:\n    p: 0.5\n/r/{spare}:\n  ros__parameters:\n    p: 0.75\n")
-    assert guided.spawn(spare, POSITION_KIND, [str(file)])
-    assert guided.state(spare) == "active"
-    assert get_parameter(guided.client, f"/r/{spare}", "p").double_value == 0.75
-    assert guided.unspawn(spare)
-    assert guided.state(spare) == "not loaded"
+    assert egm_running.spawn(spare, POSITION_KIND, [str(file)])
+    assert egm_running.state(spare) == "active"
+    assert get_parameter(egm_running.client, f"/r/{spare}", "p").double_value == 0.75
+    assert egm_running.unspawn(spare)
+    assert egm_running.state(spare) == "not loaded"
 
 
 def test_spawner_may_set_a_list_where_a_text_was(manager: Manager, spare: str, tmp_path: Path) -> None:
@@ -274,14 +276,6 @@ def test_controller_whose_file_breaks_a_rule_is_not_loaded(
     assert manager.set_parameter(f"{spare}.params_file", texts([])).successful
 
 
-def test_request_that_is_sent_again_gets_the_outcome_of_the_first(manager: Manager, spare: str) -> None:
-    assert manager.set_parameter(f"{spare}.type", text(POSITION_KIND)).successful
-    assert manager.call("load_controller", name=spare).ok
-    assert manager.call("load_controller", name=spare).ok
-    assert manager.call("configure_controller", name=spare).ok
-    assert not manager.call("load_controller", name=spare).ok  # now it is another one, and the name is taken
-
-
 def test_hardware_spawner_leads_a_component_and_compares_id_and_label(manager: Manager) -> None:
     (name,) = (each.name for each in manager.call("list_hardware_components").component)
     inactive, active = State(id=2, label="inactive"), State(id=3, label="active")
@@ -300,15 +294,15 @@ def test_component_is_not_led_to_where_it_cannot_go(manager: Manager, name: str,
     assert (answer.ok, answer.state) == (False, component.state)
 
 
-def test_inactive_component_deactivates_who_commands_it(guided: Manager) -> None:
-    (component,) = guided.call("list_hardware_components").component
-    assert guided.switch([POSITION], []).ok
-    assert guided.set_hardware(component.name, 2, "inactive").ok
-    assert guided.state(POSITION) == "inactive"
-    assert not guided.switch([POSITION], []).ok
-    assert guided.set_hardware(component.name, 3, "active").ok
-    assert guided.switch([POSITION], []).ok
-    assert guided.switch([], [POSITION]).ok
+def test_inactive_component_deactivates_who_commands_it(egm_running: Manager) -> None:
+    (component,) = egm_running.call("list_hardware_components").component
+    assert egm_running.switch([POSITION], []).ok
+    assert egm_running.set_hardware(component.name, 2, "inactive").ok
+    assert egm_running.state(POSITION) == "inactive"
+    assert not egm_running.switch([POSITION], []).ok
+    assert egm_running.set_hardware(component.name, 3, "active").ok
+    assert egm_running.switch([POSITION], []).ok
+    assert egm_running.switch([], [POSITION]).ok
 
 
 # rqt
@@ -324,9 +318,9 @@ def test_rqt_finds_both_managers_by_their_services(client: Client, side: Side) -
 
 
 @pytest.mark.parametrize("timeout", [pytest.param(0.3, id="rqt_controller_manager"), pytest.param(0.0, id="moveit")])
-def test_switch_succeeds_with_the_timeouts_of_rqt_and_moveit(guided: Manager, timeout: float) -> None:
-    assert guided.switch([POSITION], [], STRICT, asap=False, timeout=timeout).ok
-    assert guided.switch([], [POSITION], STRICT, asap=False, timeout=timeout).ok
+def test_switch_succeeds_with_the_timeouts_of_rqt_and_moveit(egm_running: Manager, timeout: float) -> None:
+    assert egm_running.switch([POSITION], [], STRICT, asap=False, timeout=timeout).ok
+    assert egm_running.switch([], [POSITION], STRICT, asap=False, timeout=timeout).ok
 
 
 def test_rqt_joint_trajectory_controller_finds_a_description_with_joint_limits(client: Client) -> None:
@@ -345,37 +339,37 @@ def test_launch_tests_see_a_node_for_each_controller(client: Client, side: Side)
     client.until(lambda: expected <= set(client.node.get_node_names_and_namespaces()))
 
 
-def test_launch_tests_hear_joint_states(guided: Manager) -> None:
-    got = heard(guided.client, JointState, "/joint_states")
-    guided.client.until(lambda: bool(got) and len(got[-1].name) >= 14)
+def test_launch_tests_hear_joint_states(egm_running: Manager) -> None:
+    got = heard(egm_running.client, JointState, "/joint_states")
+    egm_running.client.until(lambda: bool(got) and len(got[-1].name) >= 14)
 
 
-def test_activity_is_known_to_late_comers_and_follows_each_change(guided: Manager) -> None:
-    got = heard(guided.client, ControllerManagerActivity, f"{guided.name}/activity", LATCHED)
+def test_activity_is_known_to_late_comers_and_follows_each_change(egm_running: Manager) -> None:
+    got = heard(egm_running.client, ControllerManagerActivity, f"{egm_running.name}/activity", LATCHED)
 
     def state() -> str:
         return next((each.state.label for each in got[-1].controllers if each.name == POSITION), "") if got else ""
 
-    guided.client.until(lambda: state() == "inactive")
+    egm_running.client.until(lambda: state() == "inactive")
     assert got[-1].hardware_components[0].state == State(id=3, label="active")
-    assert guided.switch([POSITION], []).ok
-    guided.client.until(lambda: state() == "active")
-    assert guided.switch([], [POSITION]).ok
-    guided.client.until(lambda: state() == "inactive")
+    assert egm_running.switch([POSITION], []).ok
+    egm_running.client.until(lambda: state() == "active")
+    assert egm_running.switch([], [POSITION]).ok
+    egm_running.client.until(lambda: state() == "inactive")
 
 
-def test_diagnostics_have_the_three_tasks_of_a_controller_manager(guided: Manager) -> None:
-    got = heard(guided.client, DiagnosticArray, "/diagnostics")
+def test_diagnostics_have_the_three_tasks_of_a_controller_manager(egm_running: Manager) -> None:
+    got = heard(egm_running.client, DiagnosticArray, "/diagnostics")
     tasks = ("Controllers Activity", "Hardware Components Activity", "Controller Manager Activity")
-    wanted = {f"{guided.name}: {task}" for task in tasks}
+    wanted = {f"{egm_running.name}: {task}" for task in tasks}
     latest: dict[str, Any] = {}
 
     def all_there() -> bool:
         latest.update({status.name: status for array in got for status in array.status})
         return wanted <= set(latest)
 
-    guided.client.until(all_there)
-    controllers, hardware, manager = (latest[f"{guided.name}: {task}"] for task in tasks)
+    egm_running.client.until(all_there)
+    controllers, hardware, manager = (latest[f"{egm_running.name}: {task}"] for task in tasks)
     assert {controllers.hardware_id, hardware.hardware_id, manager.hardware_id} == {"ros2_control"}
     assert controllers.message in {"Not all controllers are active", "All controllers are active"}
     values = {pair.key: pair.value for status in (controllers, hardware, manager) for pair in status.values}

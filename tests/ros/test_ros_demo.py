@@ -7,6 +7,7 @@ import os
 import pty
 from collections.abc import Callable, Iterator
 from math import pi, radians
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -14,8 +15,9 @@ from ros_bench import Robot
 
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
 from yumi.driver.settings import RobotSettings
+from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.joints import Side, home
-from yumi.ros.move_and_grab import GOALS
+from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
@@ -68,7 +70,7 @@ def test_yes_that_was_typed_before_the_question_confirms_nothing(terminal: Calla
     assert screen_on(io.StringIO()).confirm("It stands.", lambda: terminal("no")) is False
 
 
-def test_nobody_is_asked_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_question_is_asked_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("yes\n"))
     assert screen_on(io.StringIO()).confirm("It stands.", lambda: None) is False
 
@@ -79,3 +81,34 @@ def test_prompt_ends_when_the_demonstration_is_interrupted(terminal: Callable[[s
 
     with pytest.raises(KeyboardInterrupt):
         screen_on(io.StringIO()).confirm("It stands.", interrupt)
+
+
+class Done:
+    """A future that has its result."""
+
+    def __init__(self, value: object) -> None:
+        self.result = lambda: value
+
+    def done(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("message", "stop", "offered"),
+    [
+        ("The stop 10013-1-aaaaaa is open. It did not become idle.", "50204-3-bbbbbb", ""),
+        ("Call recover with the id 50204-3-bbbbbb.", "50204-3-bbbbbb", "50204-3-bbbbbb"),
+    ],
+)
+def test_stop_is_offered_for_confirmation_only_with_its_own_text(message: str, stop: str, offered: str) -> None:
+    """The state in the result is newer than the message: a stop that it alone knows was not shown to a person."""
+    result = SimpleNamespace(success=False, message=message, state=SimpleNamespace(stop=stop))
+    handle = SimpleNamespace(get_result_async=lambda: Done(SimpleNamespace(result=result)))
+    application = MoveAndGrab.__new__(MoveAndGrab)
+    application._recover_client = SimpleNamespace(
+        server_is_ready=lambda: True, send_goal_async=lambda *_, **__: Done(handle)
+    )
+    with pytest.raises(RobotNotReady, match=stop if offered else "10013-1-aaaaaa") as refused:
+        application._request_recovery("")
+    assert refused.value.stop == offered
+    assert isinstance(refused.value, StopNotConfirmed) is bool(offered)

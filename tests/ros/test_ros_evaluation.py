@@ -67,7 +67,7 @@ class BusyMachine:
 
 
 @pytest.mark.parametrize(("disturbed", "repeats"), [(0, 0), (2, 2), (4, 3)])
-def test_disturbed_runs_are_repeated_and_told(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
+def test_disturbed_runs_are_repeated_and_noted(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
     machine, told = BusyMachine(disturbed), list[str]()
     monkeypatch.setattr(wire_runs, "run_on_wire", machine.run)
     monkeypatch.setattr(wire_runs, "_bring_back", lambda node, start: None)

@@ -47,7 +47,7 @@ def family(ros: None) -> Iterator[Family]:
     family.close()
 
 
-def test_a_failed_callback_is_told_though_no_other_one_comes(family: Family) -> None:
+def test_a_failed_callback_is_reported_though_no_other_one_comes(family: Family) -> None:
     may_fail = Event()
 
     def fail() -> None:
@@ -55,7 +55,7 @@ def test_a_failed_callback_is_told_though_no_other_one_comes(family: Family) -> 
         raise ValueError("no such thing")
 
     family.callback = fail
-    family.executors.add_answering("answers", family.node)
+    family.executors.add_multi_threaded("services", family.node)
     family.executors.start()
     family.call()
     may_fail.set()
@@ -65,8 +65,8 @@ def test_a_failed_callback_is_told_though_no_other_one_comes(family: Family) -> 
 def test_a_family_that_waits_keeps_no_other_one_waiting(family: Family) -> None:
     other, may_end, has_come = Family("other"), Event(), Event()
     family.callback, other.callback = lambda: may_end.wait(LONG), has_come.set
-    family.executors.add_streaming("one", family.node)
-    family.executors.add_answering("two", other.node)
+    family.executors.add_single_threaded("one", family.node)
+    family.executors.add_multi_threaded("two", other.node)
     family.executors.start()
     family.call()
     other.call()
@@ -76,7 +76,7 @@ def test_a_family_that_waits_keeps_no_other_one_waiting(family: Family) -> None:
     other.close()
 
 
-def test_a_callback_that_always_fails_is_told_less_and_less(family: Family) -> None:
+def test_a_callback_that_always_fails_is_reported_less_and_less(family: Family) -> None:
     count, has_failed = 200, Event()
     calls: list[None] = []
 
@@ -89,7 +89,7 @@ def test_a_callback_that_always_fails_is_told_less_and_less(family: Family) -> N
         raise ValueError("no such thing")
 
     family.callback = fail
-    family.executors.add_answering("answers", family.node)
+    family.executors.add_multi_threaded("services", family.node)
     family.executors.start()
     family.call()
     assert has_failed.wait(LONG)
@@ -109,7 +109,7 @@ def test_callbacks_are_answered_by_one_thread_where_the_system_permits_no_other(
                 raise RuntimeError("can't start new thread")
         start(self)
 
-    family.executors.add_answering("answers", family.node)
+    family.executors.add_multi_threaded("services", family.node)
     monkeypatch.setattr(Thread, "start", permit_one)
     family.executors.start()
     assert len(pool) > 1
@@ -126,7 +126,7 @@ def test_executors_that_get_no_thread_are_refused_in_a_sentence(
     def refuse(self: Thread) -> None:
         raise RuntimeError("can't start new thread")
 
-    family.executors.add_answering("answers", family.node)
+    family.executors.add_multi_threaded("services", family.node)
     monkeypatch.setattr(Thread, "start", refuse)
     with pytest.raises(MissingPrerequisite, match="permits no further thread for ROS 2's services"):
         family.executors.start()

@@ -34,7 +34,7 @@ def test_controllers_status_warns_when_none_is_loaded() -> None:
     assert diagnostics.controllers_status([], threshold) == (WARN, "No controllers are currently loaded", [])
 
 
-def test_controllers_status_tells_execution_times_of_active_controllers() -> None:
+def test_controllers_status_reports_execution_times_of_active_controllers() -> None:
     level, sentence, pairs = diagnostics.controllers_status([controller(State.ACTIVE)], threshold)
     assert (level, sentence) == (OK, "All controllers are active")
     assert {pair.key: pair.value for pair in pairs} == {
@@ -43,7 +43,7 @@ def test_controllers_status_tells_execution_times_of_active_controllers() -> Non
     }
 
 
-def test_controllers_status_tells_only_the_state_of_an_inactive_controller() -> None:
+def test_controllers_status_reports_only_the_state_of_an_inactive_controller() -> None:
     level, sentence, pairs = diagnostics.controllers_status([controller(State.INACTIVE)], threshold)
     assert (level, sentence, [pair.key for pair in pairs]) == (OK, "Not all controllers are active", ["one.state"])
 
@@ -59,7 +59,7 @@ def test_controllers_status_shows_the_worst_of_mean_and_deviation(
     assert diagnostics.controllers_status([controller(State.ACTIVE, times)], threshold)[0] == level
 
 
-def test_hardware_status_tells_times_and_rates_of_reading_and_writing() -> None:
+def test_hardware_status_reports_times_and_rates_of_reading_and_writing() -> None:
     level, sentence, pairs = diagnostics.hardware_status(hardware(), 248, threshold)
     assert (level, sentence) == (OK, "All hardware components are active")
     values = {pair.key: pair.value for pair in pairs}
@@ -74,7 +74,7 @@ def test_hardware_status_is_an_error_unless_the_component_is_active(state: State
     assert [(pair.key, pair.value) for pair in pairs] == [("ROB_R.state", state.value)]
 
 
-def test_manager_status_tells_the_rate_before_the_first_datagram() -> None:
+def test_manager_status_reports_the_rate_before_the_first_datagram() -> None:
     level, sentence, pairs = diagnostics.manager_status(hardware(period=Statistics()), 248, threshold)
     assert (level, sentence) == (OK, "Controller Manager is running")
     assert [(pair.key, pair.value) for pair in pairs] == [("update_rate", "248")]

@@ -9,9 +9,10 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.control.commands import MemoryBuffer
+from yumi.control.shared_state import JointStates
 from yumi.robot.joints import JOINT_COUNT, Side, finger_names, joint_names
-from yumi.ros.executors import Ticker
-from yumi.ros.topics import SILENCE, MergedJointStates
+from yumi.ros.executors import TimerThread
+from yumi.ros.topics import STALE, MergedJointStates
 
 pytestmark = pytest.mark.ros
 
@@ -23,12 +24,12 @@ class Node:
 
     def __init__(self, clock: ManualClock) -> None:
         self.published: list[Any] = []
-        self.ticker = Ticker(clock, pytest.fail)
+        self.timers = TimerThread(clock, pytest.fail)
         self._clock = clock
 
     def tick(self) -> None:
         self._clock.advance(PERIOD)
-        self.ticker.tick()
+        self.timers.tick()
 
     def create_publisher(self, *_: Any) -> Any:
         return SimpleNamespace(publish=self.published.append)
@@ -46,12 +47,12 @@ def states() -> dict[Side, MemoryBuffer]:
 def node(clock: ManualClock, states: dict[Side, MemoryBuffer]) -> Node:
     node = Node(clock)
     boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.ticker)
+    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.timers)
     return node
 
 
 def hear(box: MemoryBuffer, time: float) -> None:
-    box.write((time, *[0.1] * JOINT_COUNT, *[0.2] * JOINT_COUNT))
+    box.write(JointStates(time, (0.1,) * JOINT_COUNT, (0.2,) * JOINT_COUNT))
 
 
 def test_merged_states_have_both_arms_and_the_fingers_that_are_known(
@@ -68,7 +69,7 @@ def test_merged_states_leave_out_an_arm_that_fell_silent(
     node: Node, states: dict[Side, MemoryBuffer], clock: ManualClock
 ) -> None:
     hear(states[Side.RIGHT], clock.now())
-    clock.advance(SILENCE - PERIOD)
+    clock.advance(STALE - PERIOD)
     hear(states[Side.LEFT], clock.now())
     node.tick()
     assert list(node.published[-1].name) == [*joint_names(Side.LEFT), *finger_names(Side.LEFT)]

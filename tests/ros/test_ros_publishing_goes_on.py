@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from yumi.clock import SystemClock
+from yumi.control.shared_state import JointStates
 from yumi.driver.control_process import ArmBuffers
-from yumi.robot.joints import Side
+from yumi.robot.joints import ZERO, Side
 
 pytestmark = pytest.mark.ros
 topics = pytest.importorskip("yumi.ros.topics")
@@ -60,8 +61,8 @@ def boxes(node: Node) -> Iterator[ArmBuffers]:
     publisher.stop()
 
 
-def tell(boxes: ArmBuffers, number: float) -> None:
-    boxes.states.write((number, *[0.0] * 14))
+def write(boxes: ArmBuffers, number: float) -> None:
+    boxes.states.write(JointStates(number, ZERO, ZERO))
     boxes.cycle_done.release()
 
 
@@ -71,10 +72,10 @@ def test_joint_states_go_on_after_publishes_that_failed(
     node.refuses.set()
     with caplog.at_level(logging.ERROR):
         for number in range(1, 4):
-            tell(boxes, float(number))
+            write(boxes, float(number))
             node.attempts.get(timeout=LONG)
         node.refuses.clear()
-        tell(boxes, 4.0)
+        write(boxes, 4.0)
         node.published.get(timeout=LONG)
     assert [record.getMessage() for record in caplog.records] == [
         "Publishing l/joint_states failed with RuntimeError: cannot publish data, at ./src/rmw_publish.cpp:64"
@@ -83,10 +84,10 @@ def test_joint_states_go_on_after_publishes_that_failed(
 
 @pytest.mark.parametrize("step", [HOUR, -2 * HOUR, -500_000 * HOUR])
 def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, boxes: ArmBuffers) -> None:
-    tell(boxes, 1.0)
+    write(boxes, 1.0)
     before = node.published.get(timeout=LONG).header.stamp
     node.nanoseconds += step
-    tell(boxes, 1.0)
+    write(boxes, 1.0)
     after = node.published.get(timeout=LONG).header.stamp
     elapsed = (after.sec - before.sec) * 1_000_000_000 + after.nanosec - before.nanosec
     assert elapsed == pytest.approx(step, abs=LONG * 1e9)

@@ -1,22 +1,22 @@
-"""The robot manager's modes, managed nodes and recovery, as applications use them on the driver and a virtual robot."""
+"""The robot manager's modes and recovery, as applications use them on the driver and a virtual robot."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from math import radians
+from math import copysign, radians
 from typing import Any
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from controller_manager_msgs.srv import SwitchController
+from controller_manager_msgs.srv import SetHardwareComponentState, SwitchController
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.msg import State
 from rclpy.action import ActionClient
 from ros_bench import Client, Robot
+from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
@@ -25,14 +25,11 @@ from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.process.child import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
-from yumi.ros.clients import ArmClient, GripperClient, RobotManagerClient, Spinner
-from yumi.ros.move_and_grab import MoveAndGrab
+from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
-
-MANAGED = ("/yumi_robot", "/r/arm", "/l/arm", "/r/gripper", "/l/gripper")
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +71,6 @@ class Listener:
             self._acts.pop(self.told[-1])()
 
 
-def lead(client: Client, node: str, transition: int) -> bool:
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return bool(client.call(ChangeState, f"{node}/change_state", request).success)
-
-
 def goal_near(position: Joints, change: float) -> Joints:
     return joints([*position[:6], position[6] + change])
 
@@ -99,11 +91,6 @@ def begin_to_move(manager: RobotManagerClient, arm: ArmClient, spinner: Spinner)
     return start[0]
 
 
-def test_driver_leads_its_managed_nodes_to_active(client: Client) -> None:
-    states = {node: client.call(GetState, f"{node}/get_state").current_state.label for node in MANAGED}
-    assert states == dict.fromkeys(MANAGED, "active")
-
-
 def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotManagerClient, idle: Client) -> None:
     state = manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
     assert (state.operating_mode, state.controller_state, state.rapid_execution) == ("AUTO", "motoron", "running")
@@ -115,7 +102,7 @@ def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotMan
     assert told == "ready"
 
 
-def test_one_arm_is_guided_alone_and_then_both_and_then_none(manager: RobotManagerClient) -> None:
+def test_one_arm_is_under_egm_alone_and_then_both_and_then_none(manager: RobotManagerClient) -> None:
     steps: list[str] = []
     manager.set_mode(Mode.EGM_LEFT, steps.append)
     state = manager.wait_for_state(lambda state: state.left_egm == "running", 5.0, "EGM on the left arm")
@@ -151,37 +138,29 @@ def test_routine_of_a_loaded_module_is_stopped_by_who_does_not_wait_for_its_end(
     assert manager.recover().endswith("The robot is ready.")
 
 
-def test_deactivated_robot_comes_to_rest_and_goes_on_when_it_is_activated(
+def set_hardware(client: Client, side: Side, label: str) -> None:
+    request = SetHardwareComponentState.Request(name=side.unit, target_state=State(label=label))
+    name = f"/{side.value}/controller_manager/set_hardware_component_state"
+    assert client.call(SetHardwareComponentState, name, request).ok
+
+
+def test_deactivated_arm_comes_to_rest_and_moves_only_after_it_is_activated(
     manager: RobotManagerClient, spinner: Spinner, client: Client
 ) -> None:
-    arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
+    arm = ArmClient(spinner, Side.RIGHT)
     start = begin_to_move(manager, arm, spinner)
-    assert lead(client, "/yumi_robot", Transition.TRANSITION_DEACTIVATE)
-    manager.wait_for_state(lambda state: state.right_egm == "off", 5.0, "The end of EGM")
-    with pytest.raises(RobotNotReady, match="The robot is inactive; activate it first"):
+    set_hardware(client, Side.RIGHT, "inactive")
+    spinner.until(lambda: not arm.is_commanded, 5.0, "The end of the commands")
+    manager.stop_egm()
+    with pytest.raises(RobotNotReady, match="The right arm is inactive; activate its hardware component ROB_R first"):
         manager.start_egm()
-    assert lead(client, "/yumi_robot", Transition.TRANSITION_ACTIVATE)
+    manager.set_mode(Mode.EGM_LEFT)
+    with pytest.raises(RobotNotReady, match="The right arm is inactive"):
+        manager.set_mode(Mode.EGM_BOTH)
+    set_hardware(client, Side.RIGHT, "active")
     assert arm.error(goal_near(start, radians(40.0))) > radians(2.0)
     manager.start_egm()
     manager.stop_egm()
-
-
-def test_inactive_arm_is_not_guided(manager: RobotManagerClient, client: Client) -> None:
-    assert lead(client, "/l/arm", Transition.TRANSITION_DEACTIVATE)
-    with pytest.raises(RobotNotReady, match="The left arm is inactive"):
-        manager.start_egm()
-    assert lead(client, "/l/arm", Transition.TRANSITION_ACTIVATE)
-
-
-def test_robot_is_disconnected_and_connected_again(manager: RobotManagerClient, client: Client) -> None:
-    for transition in (
-        Transition.TRANSITION_DEACTIVATE,
-        Transition.TRANSITION_CLEANUP,
-        Transition.TRANSITION_CONFIGURE,
-        Transition.TRANSITION_ACTIVATE,
-    ):
-        assert lead(client, "/yumi_robot", transition)
-    manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
 
 
 class Person:
@@ -204,6 +183,15 @@ def happen(robot: Robot, fault: Fault) -> None:
     fault_command.main([fault.value.name, "--rws-port", str(robot.rws_port)], standalone_mode=False)
 
 
+@pytest.fixture
+def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The goals of the application are 2° from where the right arm stands, and 15° from where the left one does."""
+    manager.start_egm()
+    for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
+        position = ArmClient(spinner, side).wait_for_state(5.0)
+        monkeypatch.setitem(GOALS, side, goal_near(position, -copysign(radians(change), position[6])))
+
+
 def run_application(listener: Listener, person: Person) -> MoveAndGrab:
     application = MoveAndGrab(listener, lambda: None, person)
     try:
@@ -213,6 +201,18 @@ def run_application(listener: Listener, person: Person) -> MoveAndGrab:
     return application
 
 
+def move_left_arm(listener: Listener, person: Person) -> None:
+    """The application's motion of the left arm alone: opening and closing the grippers takes seconds."""
+    application = MoveAndGrab(listener, lambda: None, person)
+    try:
+        application._despite_stops(application._start_egm)
+        application._despite_stops(partial(application._move, Side.LEFT))
+        assert application._arms[Side.LEFT].error() < radians(0.1)
+    finally:
+        application.close()
+
+
+@pytest.mark.usefixtures("short_task")
 def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver: Command, rws: RwsClient) -> None:
     listener, person = Listener({"move the left arm": rws.stop_rapid}), Person()
     application = run_application(listener, person)
@@ -224,23 +224,24 @@ def test_application_asks_before_it_goes_on_when_the_program_was_stopped(driver:
     assert driver.exit_code is None
 
 
+@pytest.mark.usefixtures("short_task")
 def test_application_goes_on_after_an_emergency_stop_only_when_a_person_confirms_it(
     driver: Command, robot: Robot
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.EMERGENCY_STOP)})
     person = Person(lambda: None, partial(happen, robot, Fault.EMERGENCY_STOP_RESET))
-    application = run_application(listener, person)
+    move_left_arm(listener, person)
     assert "10013 Emergency stop: an emergency stop was pressed" in person.asked[0]
     assert "cannot be confirmed yet" in person.asked[1]
-    assert application.reports[Side.LEFT].final_error < radians(0.1)
 
 
-def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
+@pytest.mark.usefixtures("short_task")
+def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
     driver: Command, robot: Robot, manager: RobotManagerClient, spinner: Spinner
 ) -> None:
     listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})
     with pytest.raises(RobotNotReady, match="50204 Motion supervision: an arm has collided") as end:
-        run_application(listener, Person(says_yes=False))
+        move_left_arm(listener, Person(says_yes=False))
     state = manager.wait_for_state(lambda state: state.stop, 5.0, "The stop")
     assert state.stop == end.value.stop
     assert state.rapid_execution == "stopped"
@@ -260,7 +261,7 @@ def test_application_ends_with_the_cause_when_nobody_confirms_a_collision(
 def test_trajectory_that_an_emergency_stop_ended_says_so(
     robot: Robot, manager: RobotManagerClient, spinner: Spinner, client: Client
 ) -> None:
-    arm = ArmClient(spinner, Side.RIGHT, lambda *_: None)
+    arm = ArmClient(spinner, Side.RIGHT)
     manager.start_egm()
     switch = SwitchController.Request(
         activate_controllers=["joint_trajectory_controller"],

@@ -87,7 +87,7 @@ def parameter_of(rig: RobotManagerRig) -> float:
     return float(rig.client.call(GetParameters, "yumi_robot_manager/get_parameters", request).values[0].double_value)
 
 
-def test_speed_scale_is_set_by_a_service_and_told_by_the_parameter(rig: RobotManagerRig) -> None:
+def test_speed_scale_is_set_by_a_service_and_reported_by_the_parameter(rig: RobotManagerRig) -> None:
     assert parameter_of(rig) == rig.speed.value
     answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.25)
     assert answer.success
@@ -146,7 +146,7 @@ def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotMana
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_set_mode_tells_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
+def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
     status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
@@ -219,3 +219,19 @@ def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: Rob
     assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", "the emergency stop is pressed")
     assert (got[-1].last_event.number, got[-1].last_event.type) == (10013, "error")
     rig.client.node.destroy_subscription(topic)
+
+
+@pytest.mark.parametrize(("mode", "may"), [("egm_right", True), ("egm_left", False), ("egm_both", False)])
+def test_egm_is_refused_on_an_arm_that_was_deactivated(rig: RobotManagerRig, mode: str, may: bool) -> None:
+    rig.inactive.add(Side.LEFT)
+    _, result = Goal(rig, SetMode, "set_mode", mode=mode).end()
+    assert (result.success, result.message) == ((True, "go_to done") if may else (False, "The left arm is inactive."))
+
+
+def test_start_egm_is_refused_while_an_arm_is_deactivated_and_what_reads_or_stops_is_not(rig: RobotManagerRig) -> None:
+    rig.inactive.add(Side.LEFT)
+    refused = rig.call(Trigger, "start_egm")
+    assert (refused.success, refused.message) == (False, "The left arm is inactive.")
+    assert rig.call(Trigger, "get_state").success
+    assert rig.call(Trigger, "stop_egm").success
+    assert [name for name, *_ in rig.manager.calls] == ["describe", "stop_egm"]

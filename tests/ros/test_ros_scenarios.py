@@ -12,6 +12,7 @@ from functools import partial
 from math import inf
 
 import pytest
+from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
@@ -22,11 +23,11 @@ from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
-from yumi.ros.clients import RobotManagerClient
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+# Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
+pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
 NO_JUMP = 1.001 * LATE_CYCLE  # a late cycle moves by a quarter more
 NOTICED = 2.0  # [s]; 0.2 is what is wanted, and less than a machine with other work can be held to
@@ -107,23 +108,23 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
 ) -> None:
     manager = stage.application.manager
     with stage.scene(str(scenario)):
-        noticed = stage.strike(scenario)
+        noticed = stage.inject(scenario)
         request.node.user_properties.append(("noticed_s", round(noticed, 3)))
-        if scenario.mended:
+        if scenario.repaired_by:
             with pytest.raises(RobotNotReady, match=scenario.refused):
                 manager.recover()
             stage.until_heard(f"yumi: robot: {scenario.says}")  # in /diagnostics
-            stage.mend()
+            stage.repair()
         assert scenario.recovered in recover_by_person(manager, needs_person=scenario.fault in PERSONS_STOPS)
         stage.reach_new_goals()
     assert noticed < NOTICED
 
 
-def test_short_silence_of_the_network_needs_nobody(stage: Stage) -> None:
+def test_short_silence_of_the_network_needs_no_person(stage: Stage) -> None:
     with stage.scene(SHORT):
-        ear, before = stage.application.ear, dict(stage.application.ear.interruptions)
+        listener, before = stage.application.listener, dict(stage.application.listener.interruptions)
         stage.happen(Fault.EGM_SILENCE, duration=0.05)
-        stage.until(lambda: all(ear.interruptions[side] > before[side] for side in Side), "The interruption")
+        stage.until(lambda: all(listener.interruptions[side] > before[side] for side in Side), "The interruption")
         stage.reach_new_goals()
 
 
@@ -147,14 +148,14 @@ def test_robot_is_recovered_as_soon_as_web_services_answer_again(stage: Stage) -
         stage.reach_new_goals()
 
 
-def test_object_that_is_lost_is_told_and_the_hand_grips_again(stage: Stage) -> None:
+def test_object_that_is_lost_is_reported_and_the_gripper_grips_again(stage: Stage) -> None:
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(LOST):
         gripper.begin(TRAVEL)()
-        assert gripper.begin(0.0)().outcome is Outcome.HOLDING
+        assert gripper.begin(0.0)() is Outcome.HOLDING
         stage.notice(lambda: stage.happen(Fault.OBJECT_LOST, Side.LEFT), "left fingers press with 0 N")
-        assert gripper.begin(TRAVEL)().outcome is Outcome.OPEN
-        assert gripper.begin(0.0)().outcome is Outcome.CLOSED
+        assert gripper.begin(TRAVEL)() is Outcome.OPEN
+        assert gripper.begin(0.0)() is Outcome.CLOSED
         stage.reach_new_goals()
 
 
@@ -171,7 +172,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
         stage.reach_new_goals()
         stage.application.manager.stop_egm()
         assert stage.calibrate(Side.LEFT) == "The gripper is calibrated: closed is 0."
-        assert gripper.begin(TRAVEL)().outcome is Outcome.OPEN
+        assert gripper.begin(TRAVEL)() is Outcome.OPEN
 
 
 @pytest.mark.parametrize(
@@ -182,7 +183,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
     ],
     ids=["speed-ratio", "start-signal"],
 )
-def test_what_another_program_changes_is_told(
+def test_what_another_program_changes_is_reported(
     stage: Stage, change: Callable[[RwsClient], None], says: str, request: pytest.FixtureRequest
 ) -> None:
     stage.application.manager.stop_egm()
@@ -194,13 +195,13 @@ def test_what_another_program_changes_is_told(
     assert noticed < NOTICED
 
 
-def test_hands_grip_while_the_arms_move(stage: Stage) -> None:
+def test_grippers_grip_while_the_arms_move(stage: Stage) -> None:
     with stage.scene(ALONE) as goals:
         stage.reach(goals)
     with stage.scene(BESIDE) as goals:
         ends = [gripper.begin(0.5 * TRAVEL) for gripper in stage.application.grippers.values()]
         stage.reach(goals)
-        assert [end().outcome for end in ends] == [Outcome.IN_PLACE, Outcome.IN_PLACE]
+        assert [end() for end in ends] == [Outcome.IN_PLACE, Outcome.IN_PLACE]
 
 
 def test_robot_whose_driver_is_killed_comes_to_rest_and_is_moved_by_the_next_one(stage: Stage) -> None:

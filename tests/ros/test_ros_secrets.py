@@ -49,7 +49,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Sequence[str], Mappin
 
 
 @pytest.mark.parametrize("robot", [None, "192.0.2.1"])
-def test_evaluation_hands_the_password_on_by_the_environment_alone(
+def test_evaluation_passes_the_password_on_by_the_environment_alone(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], robot: str | None
 ) -> None:
     plan = WirePlan(RobotPlace(robot, 80, password=SECRET), 10, tmp_path)
@@ -63,7 +63,7 @@ def test_evaluation_hands_the_password_on_by_the_environment_alone(
     assert SECRET not in repr(plan)
 
 
-def test_demonstration_hands_robot_and_password_on_to_its_driver(
+def test_demonstration_passes_robot_and_password_on_to_its_driver(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(demo, "_run_application", lambda progress, check, confirm: {})

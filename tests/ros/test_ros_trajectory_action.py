@@ -218,7 +218,7 @@ def query(client: Client, seconds: float) -> Any:
     return client.call(QueryTrajectoryState, f"r/{SINGLE}/query_state", request)
 
 
-def test_query_tells_where_the_trajectory_will_be(right: Goals, egm: Client) -> None:
+def test_query_reports_where_the_trajectory_will_be(right: Goals, egm: Client) -> None:
     begin, trajectory = position(egm), swing(egm, 0.5, 4.0)
     trajectory.points.insert(0, point(begin, 0.0))
     handle = right.send(trajectory)
@@ -233,7 +233,7 @@ def test_query_tells_where_the_trajectory_will_be(right: Goals, egm: Client) -> 
     assert query(egm, 0.0).message == "No trajectory is followed at that time; ask for a time within one."
 
 
-def test_controller_state_tells_joints_and_where_they_are(right: Goals, egm: Client) -> None:
+def test_controller_state_reports_joints_and_where_they_are(right: Goals, egm: Client) -> None:
     states: list[Any] = []
     egm.node.create_subscription(JointTrajectoryControllerState, f"r/{SINGLE}/controller_state", states.append, 1)
     egm.until(lambda: bool(states))

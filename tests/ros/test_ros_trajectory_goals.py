@@ -18,7 +18,7 @@ from yumi.clock import SystemClock
 from yumi.control.commands import MemoryBuffer
 from yumi.control.events import ControlProcessEnded
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 from yumi.ros.trajectory import TrajectoryAction
 
 pytestmark = pytest.mark.ros
@@ -31,8 +31,8 @@ class Lone:
         self.commands: list[object] = []
         self.node: Any = rclpy.create_node("lone")
         boxes = {Side.RIGHT: MemoryBuffer()}
-        ticker = Ticker(SystemClock(), print)
-        self.action = TrajectoryAction(self.node, "lone", boxes, self, SystemClock(), YUMI_LIMITS, ticker)
+        timers = TimerThread(SystemClock(), print)
+        self.action = TrajectoryAction(self.node, "lone", boxes, self, SystemClock(), YUMI_LIMITS, timers)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)
@@ -71,7 +71,7 @@ def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Clien
     trajectory = JointTrajectory(joint_names=list(joint_names(Side.RIGHT)), points=[point])
     sent = goals.send_goal_async(FollowJointTrajectory.Goal(trajectory=trajectory))
     caller.until(sent.done)
-    lone.action.tell(ControlProcessEnded(Side.RIGHT, 1))
+    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED

@@ -65,18 +65,18 @@ def test_every_argument_is_declared_with_a_default_and_a_sentence(launch_file: d
 
 
 def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_path: Path) -> None:
-    (driver,) = start(launch_file, robot="192.0.2.1", rws_port="8081", config=str(tmp_path), autostart="false")
+    (driver,) = start(launch_file, robot="192.0.2.1", rws_port="8081", config=str(tmp_path), bringup="false")
     assert (driver.package, driver.executable) == ("yumi_ros2", "yumi")
     options = parse(driver)
-    assert (options["robot"], options["rws_port"], options["autostart"]) == ("192.0.2.1", 8081, False)
+    assert (options["robot"], options["rws_port"], options["bringup"]) == ("192.0.2.1", 8081, False)
     assert options["config"] == tmp_path
 
 
 def test_driver_brings_up_on_this_machine_alone_unless_told_otherwise(launch_file: dict[str, Any]) -> None:
     (driver,) = start(launch_file)
-    assert [parse(driver)[name] for name in ("bringup", "autostart", "network")] == [True, True, False]
+    assert [parse(driver)[name] for name in ("bringup", "network")] == [True, False]
     (driver,) = start(launch_file, bringup="false", network="true")
-    assert [parse(driver)[name] for name in ("bringup", "autostart", "network")] == [False, True, True]
+    assert [parse(driver)[name] for name in ("bringup", "network")] == [False, True]
 
 
 def test_virtual_robot_is_started_first_and_then_its_driver_once(launch_file: dict[str, Any]) -> None:

@@ -121,7 +121,7 @@ def test_velocity_example_tells_the_robot_to_stand_when_it_is_stopped(server: Eg
 
 
 def test_guide_shows_nothing_but_what_the_examples_do() -> None:
-    guide = (EXAMPLES.parent / "docs" / "how-to" / "guide-any-abb-robot.md").read_text()
+    guide = (EXAMPLES.parent / "docs" / "how-to" / "control-any-abb-robot.md").read_text()
     examples = "".join(path.read_text() for path in EXAMPLES.glob("egm_*.py"))
     snippets = re.findall(r"^```python\n(.*?)^```", guide, re.DOTALL | re.MULTILINE)
     assert len(snippets) == 5

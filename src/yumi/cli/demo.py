@@ -1,42 +1,46 @@
-"""The demonstration: virtual controller, driver and move-and-grab application, each a process, from start to end.
-
-What a person sees of the demonstration: numbered steps, the joint error shrinking, a final table.
-"""
+"""``yumi demo``: virtual controller, driver and move-and-grab application, and what a person sees of them."""
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 import termios
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
-from math import degrees
+from math import degrees, radians
 from pathlib import Path
 from select import select
 from types import TracebackType
+from typing import TYPE_CHECKING
 
+import click
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, TaskID, TextColumn
-from rich.progress import Progress as ProgressProgress
+from rich.progress import Progress as ProgressBars
 from rich.table import Table
 
+from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot_options, settings_of
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.settings import RobotSettings
+from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings
 from yumi.egm.udp import free_port
-from yumi.errors import RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.process.child import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
-from yumi.ros.driver import close_ros, open_ros
-from yumi.ros.move_and_grab import GOALS, ArmReport, MoveAndGrab, Progress
 from yumi.rws.client import RwsClient
 
+if TYPE_CHECKING:
+    from yumi.ros.move_and_grab import ArmReport, Progress
+
+_INTERRUPTED = 130
 OBJECT_WIDTH = 0.020
 """What lies between the left fingers of the virtual robot [m]."""
 
 _READY_TIMEOUT = 60.0
 _REAL = (
-    "Look at the robot: is what stopped it gone, is nobody and nothing in its way, is what an arm touched freed? "
+    "Look at the robot: is what stopped it gone, is its way free of people and things, is what an arm touched freed? "
     "The motors are switched on and the motion goes on to the same goals."
 )
 _VIRTUAL = "This robot is virtual: nothing can be hit. The motion goes on to the same goals."
@@ -60,11 +64,11 @@ class DemoPlan:
 
 
 class Cancelled(Exception):
-    """The demonstration was told to end."""
+    """A person has ended the demonstration."""
 
 
 Confirm = Callable[[str, Callable[[], None]], bool]
-"""Asks a person on the terminal, and calls a check again and again while it waits; False where there is nobody."""
+"""Asks a person on the terminal, and calls a check again and again while it waits; False without a terminal."""
 
 
 def run_demo(
@@ -75,29 +79,48 @@ def run_demo(
     Args:
         plan: what it runs on.
         progress: shows the steps.
-        is_cancelled: whether it shall end.
+        is_cancelled: whether it must end.
         confirm: asked whether the robot may go on after a stop.
 
     Raises:
         YumiError: a step failed; the message says which.
-        Cancelled: it was told to end.
+        Cancelled: it was ended.
     """
 
     def check() -> None:
         if is_cancelled():
             raise Cancelled
 
+    def check_driver() -> None:
+        check()
+        if driver.exit_code is not None:
+            raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+    def ask(sentence: str) -> bool:
+        return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
+
+    def show_announcement(line: str) -> None:
+        """Of the driver's log, a person at the terminal must see what the driver will do to the robot."""
+        _, announces, steps = line.partition(ANNOUNCEMENT)
+        if announces:
+            progress.note(f"{ANNOUNCEMENT}{steps}")
+
     plan.logs.mkdir(parents=True, exist_ok=True)
-    with _driver(plan, progress, check) as driver:
-
-        def check_driver() -> None:
-            check()
-            if driver.exit_code is not None:
-                raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
-
-        def ask(sentence: str) -> bool:
-            return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
-
+    with ExitStack() as stack:
+        where: tuple[str, ...] = ("--robot", plan.robot or "")
+        if not plan.robot:
+            progress.step("start the virtual controller")
+            ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+            arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
+            controller = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
+            address = stack.enter_context(controller).wait_until_ready(_READY_TIMEOUT, check)
+            progress.note(address)
+            host, _, rws_port = address.removeprefix("http://").partition(":")
+            where = ("--robot", host, "--rws-port", rws_port, *ports)
+        progress.step("start the driver")
+        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
+        driver = stack.enter_context(command)
+        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
         return _run_application(progress, check_driver, ask)
 
 
@@ -109,14 +132,19 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
         top_speed: highest speed that a joint is given at a speed scale of 1 [rad/s].
         speed_scale: share of all speeds.
     """
+    from yumi.ros.move_and_grab import GOALS  # noqa: PLC0415 - the command line works without ROS
+
+    def in_degrees(position: Joints) -> str:
+        return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
+
     lines = ["The motors are switched on, the program pointers are moved to main, and the grippers are calibrated."]
     for side, goal in GOALS.items():
         moves = [abs(end - begin) for begin, end in zip(start[side], goal, strict=True)]
         name = joint_names(side)[moves.index(max(moves))]
         lines += [
             f"The {side.word} arm moves by up to {degrees(max(moves)):.1f}° ({name}), straight in joint space:",
-            f"  from {_degrees(start[side])}",
-            f"  to   {_degrees(goal)}",
+            f"  from {in_degrees(start[side])}",
+            f"  to   {in_degrees(goal)}",
         ]
     highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
     lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
@@ -135,19 +163,18 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
         return {side: client.joint_target(side.unit) for side in Side}
 
 
-def _degrees(position: Joints) -> str:
-    return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
-
-
 def _run_application(
     progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool]
 ) -> Mapping[Side, ArmReport]:
+    from yumi.ros.driver import close_ros, open_ros  # noqa: PLC0415 - the command line works without ROS
+    from yumi.ros.move_and_grab import MoveAndGrab  # noqa: PLC0415
+
     open_ros()
     application = MoveAndGrab(progress, check, confirm)
     try:
         application.run()
     except BaseException:
-        with suppress(YumiError):  # what went wrong first is what a person must read; the driver ends EGM as well
+        with suppress(YumiError):  # a person must read the first error; the driver ends EGM as well
             application.stop_motion()
         raise
     finally:
@@ -156,40 +183,7 @@ def _run_application(
     return application.reports
 
 
-@contextmanager
-def _driver(plan: DemoPlan, progress: Progress, check: Callable[[], None]) -> Iterator[Command]:
-    with ExitStack() as stack:
-        where = ("--robot", plan.robot) if plan.robot else _start_controller(plan, progress, stack, check)
-        progress.step("start the driver")
-        command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
-        driver = stack.enter_context(command)
-        progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, lambda line: _pass_on(line, progress)))
-        yield driver
-
-
-def _pass_on(line: str, progress: Progress) -> None:
-    """Of what the driver logs, what it will do to the robot is for the person at the terminal."""
-    _, announces, steps = line.partition(ANNOUNCEMENT)
-    if announces:
-        progress.note(f"{ANNOUNCEMENT}{steps}")
-
-
-def _start_controller(
-    plan: DemoPlan, progress: Progress, stack: ExitStack, check: Callable[[], None]
-) -> tuple[str, ...]:
-    """Start the virtual controller on ports nobody uses; returns the driver's options to find it."""
-    progress.step("start the virtual controller")
-    left, right = free_port(), free_port()
-    ports = ("--left-egm-port", str(left), "--right-egm-port", str(right))
-    arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
-    command = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
-    address = stack.enter_context(command).wait_until_ready(_READY_TIMEOUT, check)
-    progress.note(address)
-    host, _, rws_port = address.removeprefix("http://").partition(":")
-    return ("--robot", host, "--rws-port", rws_port, *ports)
-
-
-_GLANCE = 0.1  # [s]
+_POLL = 0.1  # [s]
 
 
 class DemoScreen:
@@ -197,7 +191,7 @@ class DemoScreen:
 
     def __init__(self) -> None:
         self._console = Console(highlight=False)
-        self._bars = ProgressProgress(
+        self._bars = ProgressBars(
             TextColumn("     {task.description}"),
             BarColumn(bar_width=32),
             TextColumn("joint error {task.fields[error]:6.2f}°"),
@@ -205,7 +199,7 @@ class DemoScreen:
             transient=False,
         )
         self._tasks: dict[Side, TaskID] = {}
-        self._told: dict[Side, float] = {}
+        self._printed: dict[Side, float] = {}
         self._count = 0
 
     def __enter__(self) -> DemoScreen:
@@ -228,15 +222,17 @@ class DemoScreen:
         if side not in self._tasks:
             self._tasks[side] = self._bars.add_task(f"{side.word} arm", total=1.0, error=error_deg)
         self._bars.update(self._tasks[side], completed=min(max(share, 0.0), 1.0), error=error_deg)
-        if not self._console.is_terminal:
-            self._tell(side, error_deg)
+        # Where no bar can move: a line whenever the error has become half as large.
+        if not self._console.is_terminal and error_deg <= self._printed.get(side, 2.0 * error_deg) / 2.0:
+            self._printed[side] = error_deg
+            self._console.print(f"     {side.word} arm: joint error {error_deg:6.2f}°")
 
     def confirm(self, sentence: str, check: Callable[[], None]) -> bool:
         """Ask on the terminal whether the robot may go on; False without a terminal.
 
         Args:
             sentence: what happened, and what to look at.
-            check: called while nobody answers; raises when there is no use in waiting any more.
+            check: called while there is no answer; raises when waiting has become useless.
         """
         if not (sys.stdin.isatty() and self._console.is_terminal):
             return False
@@ -244,20 +240,14 @@ class DemoScreen:
         self._bars.stop()
         try:
             self._console.print(f"[bold yellow]{escape(sentence)}[/]")
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # an answer to what was not yet on the screen is none
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # an answer given before the question does not count
             self._console.print("Type yes when the robot may move, anything else ends the demonstration: ", end="")
-            while not select([sys.stdin], [], [], _GLANCE)[0]:  # Ctrl-C must end it, which a plain read would not see
+            while not select([sys.stdin], [], [], _POLL)[0]:  # Ctrl-C must end it, which a plain read would not see
                 check()
             return sys.stdin.readline().strip().lower() == "yes"
         finally:
             if was_shown:
                 self._bars.start()
-
-    def _tell(self, side: Side, error_deg: float) -> None:
-        """Where no bar can move: a line whenever the error has become half as large."""
-        if error_deg <= self._told.get(side, 2.0 * error_deg) / 2.0:
-            self._told[side] = error_deg
-            self._console.print(f"     {side.word} arm: joint error {error_deg:6.2f}°")
 
     def table(self, reports: Mapping[Side, ArmReport]) -> None:
         """Print what became of each arm."""
@@ -272,3 +262,93 @@ class DemoScreen:
                 grip,
             )
         self._console.print(table)
+
+
+@click.command()
+@robot_options("Address of a real controller; without it a virtual one is started.")
+@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 for a virtual robot, 0.1 for another.")
+@click.option("--yes", is_flag=True, help="Do not ask: a robot given by --robot moves, a stop ends the demonstration.")
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path),
+    default=Path("demo_joint_paths.png"),
+    show_default=True,
+    help="Where the picture of the joint paths goes.",
+)
+@click.option("--json", "report", type=click.Path(path_type=Path), help="Also write the final figures to this file.")
+@click.option(
+    "--logs",
+    type=click.Path(path_type=Path),
+    default=Path("build/demo"),
+    show_default=True,
+    help="Folder for the output of driver and controller.",
+)
+def demo(
+    robot: str | None,
+    password: str | None,
+    speed_scale: float | None,
+    yes: bool,
+    picture: Path,
+    report: Path | None,
+    logs: Path,
+    **where: str | int | None,
+) -> None:
+    """Run the dual-arm move-and-grab task, on a virtual YuMi unless --robot names a real one.
+
+    After a stop it says what happened and goes on only when a person types yes; without a terminal, or with --yes, it
+    ends.
+
+    \b
+    Examples:
+      yumi demo
+      yumi demo --robot 192.168.125.1
+      yumi demo --robot 127.0.0.1 --rws-port 8080      the same with `yumi controller` in another terminal
+    """
+    options = tuple(
+        text
+        for name, value in where.items()
+        if value is not None
+        for text in (f"--{name.replace('_', '-')}", str(value))
+    )
+    if options and robot is None:
+        raise CommandRefused(f"{options[0]} is about a robot that runs already; name it with --robot.")
+    demand_ros()
+    limit_discovery()
+    os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))
+    os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
+    if speed_scale is not None:
+        options = (*options, "--speed-scale", str(speed_scale))
+    from yumi.driver.wiring import first_speed_scale  # noqa: PLC0415 - a quick --help
+    from yumi.recording.pictures import draw_joint_paths  # noqa: PLC0415
+
+    if robot:
+        given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}
+        settings = settings_of(None, given)
+        top_speed = radians(settings.egm_motion.max_speed_deviation)
+        click.echo(motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)))
+        if not yes:
+            click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True)
+    is_over = end_flag()
+    with DemoScreen() as screen:
+        confirm = (lambda *_: False) if yes else screen.confirm
+        try:
+            secrets = {PASSWORD_VARIABLE: password} if password else {}
+            reports = run_demo(DemoPlan(robot, options, logs, secrets), screen, is_over.is_set, confirm)
+        except Cancelled:
+            screen.note("cancelled: motion stopped, EGM ended")
+            sys.exit(_INTERRUPTED)
+    screen.table(reports)
+    draw_joint_paths({side: item.path for side, item in reports.items()}, picture)
+    if report:
+        figures = {
+            side.word: {
+                "duration_s": item.duration,
+                "final_error_deg": degrees(item.final_error),
+                "missed_cycles": item.missed,
+                "grip": item.grip.word if item.grip else None,
+            }
+            for side, item in reports.items()
+        }
+        report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    click.echo(f"Picture of the joint paths: {picture}")
+    click.echo("Task completed")

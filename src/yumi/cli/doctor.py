@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from yumi.cli.options import password_options
-from yumi.driver.settings import MAX_PORT, override, read_settings
+from yumi.cli.options import robot_options, settings_of
 from yumi.robot.joints import Side
 
 if TYPE_CHECKING:
@@ -20,29 +19,14 @@ if TYPE_CHECKING:
 
     from yumi.driver.doctor import Finding
 
-_PORT = click.IntRange(1, MAX_PORT)
 _TABLE_WIDTH = 110
 
 
 @click.command()
-@click.option("--robot", help="Address of the controller; else as in the settings.")
-@click.option("--rws-port", type=_PORT, help="HTTP port of its Robot Web Services.")
-@click.option("--left-egm-port", type=_PORT, help="UDP port where the left arm's datagrams are to arrive.")
-@click.option("--right-egm-port", type=_PORT, help="UDP port where the right arm's datagrams are to arrive.")
-@click.option("--user", help="User name on the controller.")
-@password_options
+@robot_options("Address of the controller; else as in the settings.")
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
 @click.option("--json", "report", type=click.File("w"), help="Also write the findings to this file; - prints them.")
-def doctor(
-    robot: str | None,
-    rws_port: int | None,
-    left_egm_port: int | None,
-    right_egm_port: int | None,
-    user: str | None,
-    password: str | None,
-    config: Path | None,
-    report: TextIO | None,
-) -> None:
+def doctor(config: Path | None, report: TextIO | None, **options: Any) -> None:
     """Say what is missing before a robot can be driven, with the remedy; it only reads and nothing moves.
 
     Exit code 0: nothing stands against it; 1: there are problems.
@@ -58,12 +42,7 @@ def doctor(
     from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
     from yumi.rws.client import RwsClient  # noqa: PLC0415
 
-    given: dict[str, dict[str, Any]] = {
-        "robot": {"address": robot, "rws_port": rws_port, "user": user, "password": password},
-        "egm": {"left_port": left_egm_port, "right_port": right_egm_port},
-    }
-    values = {group: {name: text for name, text in own.items() if text is not None} for group, own in given.items()}
-    settings = override(read_settings(config), values, "command line")
+    settings = settings_of(config, options)
     where = settings.robot
     remote = resolve(where.address)
     listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen

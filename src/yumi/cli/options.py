@@ -1,22 +1,90 @@
-"""What several commands share: how a password is given, and which machines see the driver's ROS 2 graph."""
+"""What several commands share: options, the password, who sees the ROS 2 graph of the driver, and when to end."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import wraps
+from math import isnan
 from pathlib import Path
+from threading import Event as Flag
+from threading import Thread
+from types import FrameType
 from typing import Any
 
 import click
 
-from yumi.driver.settings import PASSWORD_VARIABLE, password_of_environment
-from yumi.errors import SettingsError
+from yumi.driver.settings import MAX_PORT, PASSWORD_VARIABLE, Settings, override, password_of_environment, read_settings
+from yumi.errors import MissingPrerequisite, SettingsError
 
 _OTHERS_MAY_NOT = 0o077  # read, write or enter
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _DISCOVERY_VARIABLES = (_DISCOVERY, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
 """ROS's own variables that say who finds whom; the first three are rmw's, the last one is Fast DDS's."""
+
+
+class Measure(click.FloatRange):
+    """A number with a range; "nan", which no range refuses, is refused, too."""
+
+    def __init__(self, noun: str, lowest: float, highest: float, *, is_open: bool) -> None:
+        super().__init__(lowest, highest, min_open=is_open)
+        self._noun = noun
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if isnan(number):
+            self.fail(f"{value!r} is not a {self._noun}.", param, ctx)
+        return number
+
+
+PORT = click.IntRange(1, MAX_PORT)
+SCALE = Measure("factor", 0.01, 1.0, is_open=False)
+until_stdin_closes_option = click.option(
+    "--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process)."
+)
+
+
+def robot_options(robot_help: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options that say where the robot is, see :func:`settings_of`."""
+
+    def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(
+            (
+                click.option("--robot", help=robot_help),
+                click.option("--rws-port", type=PORT, help="HTTP port of its Robot Web Services."),
+                click.option("--left-egm-port", type=PORT, help="UDP port where the left arm's datagrams arrive."),
+                click.option("--right-egm-port", type=PORT, help="UDP port where the right arm's datagrams arrive."),
+                click.option("--user", help="User name on the controller."),
+                password_options,
+            )
+        ):
+            command = option(command)
+        return command
+
+    return with_options
+
+
+def settings_of(config: Path | None, options: Mapping[str, Any]) -> Settings:
+    """The settings of a file, or the delivered ones, with the options of the command line that are given."""
+    names = {
+        "robot": {
+            "robot": "address",
+            "rws_port": "rws_port",
+            "user": "user",
+            "password": "password",
+            "speed_scale": "speed_scale",
+        },
+        "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
+        "ros": {"bringup": "bringup"},
+    }
+    values = {
+        group: {name: options[option] for option, name in entries.items() if options.get(option) is not None}
+        for group, entries in names.items()
+    }
+    return override(read_settings(config), values, "command line")
 
 
 def password_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -43,16 +111,9 @@ def _password(file: Path | None, is_asked: bool) -> str | None:
         raise SettingsError("The password is given twice; give --password-file or --ask-password.")
     if is_asked:
         return str(click.prompt("Password", hide_input=True, err=True))
-    return _read_password(file) if file else password_of_environment()
-
-
-def _read_password(file: Path) -> str:
-    """The first line of ``file``.
-
-    Raises:
-        SettingsError: it cannot be read, has no password in it, or other users can read it.
-    """
-    try:
+    if not file:
+        return password_of_environment()
+    try:  # the first line of the file
         with file.open(encoding="utf-8") as opened:
             mode = os.fstat(opened.fileno()).st_mode
             password = opened.readline().rstrip("\r\n")
@@ -67,10 +128,10 @@ def _read_password(file: Path) -> str:
 
 
 def limit_discovery(*, is_open: bool = False) -> str:
-    """Let only this machine see the ROS 2 nodes of this process and its children, unless told otherwise.
+    """Let only this machine see the ROS 2 nodes of this process and its children, unless the network is opened.
 
     Args:
-        is_open: whether the whole subnet shall see them; where ROS's own variables say something, these win.
+        is_open: whether the whole subnet sees them; ROS's own variables win over it.
 
     Returns:
         Who sees them, as a sentence.
@@ -83,3 +144,34 @@ def limit_discovery(*, is_open: bool = False) -> str:
         return f"ROS 2 is open to the subnet: every machine with ROS_DOMAIN_ID={domain} in it can move the robot."
     os.environ[_DISCOVERY] = "LOCALHOST"
     return "ROS 2 is visible on this machine only; --network opens it to the subnet."
+
+
+def demand_ros() -> None:
+    """Raise MissingPrerequisite where ROS 2 cannot be imported."""
+    try:
+        import control_msgs  # noqa: F401, PLC0415
+        import rclpy  # noqa: F401, PLC0415
+    except ImportError as error:
+        raise MissingPrerequisite(
+            f"ROS 2 is missing ({error}); run `make setup` in a clone of yumi-ros2, or source your ROS 2 Jazzy."
+        ) from error
+
+
+def end_flag(until_stdin_closes: bool = False) -> Flag:
+    """A flag that Ctrl-C, a termination request, a closed terminal or the end of standard input sets."""
+    is_over = Flag()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        is_over.set()
+
+    def wait_for_end_of_input() -> None:
+        with suppress(OSError):  # an input that cannot be read has ended
+            while os.read(sys.stdin.fileno(), 4096):
+                continue
+        is_over.set()
+
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, end)
+    if until_stdin_closes:
+        Thread(target=wait_for_end_of_input, name="stdin", daemon=True).start()
+    return is_over

@@ -1,4 +1,4 @@
-"""The driver as a program: connect, bring the robot to ready, serve ROS until it is asked to end."""
+"""``yumi up``: the driver as a program. It connects, brings the robot to ready, and serves ROS until it must end."""
 
 from __future__ import annotations
 
@@ -12,15 +12,28 @@ from functools import partial
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
+from typing import Any
 
+import click
+
+from yumi.cli.options import (
+    SCALE,
+    demand_ros,
+    end_flag,
+    limit_discovery,
+    robot_options,
+    settings_of,
+    until_stdin_closes_option,
+)
 from yumi.clock import SystemClock
 from yumi.control.events import Event
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.robot_manager import RobotConnection, RobotManager
-from yumi.driver.settings import Settings
-from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
+from yumi.driver.settings import Settings, read_controllers
+from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
+from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
 from yumi.process.single_instance import Only
 from yumi.process.supervision import start_thread
@@ -28,13 +41,65 @@ from yumi.recording.recorder import Records
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
-TELL_CONTROLLER = 3.0
-"""A driver that is to end gives up telling the controller after this time [s]: the network may be dead."""
+END_REQUESTS = 3.0
+"""A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
 
 END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
-_GLANCE = 0.05  # [s]
+_POLL = 0.05  # [s]
+
+
+@click.command()
+@robot_options("Address of the controller; 127.0.0.1 for a virtual one on this machine.")
+@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
+@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@click.option(
+    "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
+)
+@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
+@click.option(
+    "--bringup/--no-bringup",
+    default=None,
+    help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
+    "connects and only reads until start_egm, set_mode or recover is called.",
+)
+@click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
+@until_stdin_closes_option
+def up(
+    config: Path | None,
+    controllers: Path | None,
+    record: Path | None,
+    network: bool,
+    until_stdin_closes: bool,
+    **options: Any,
+) -> None:
+    """Run the driver: bring the robot to ready and serve ROS 2.
+
+    It says what it will do to the robot before it does it.
+
+    \b
+    Examples:
+      yumi up --robot 192.168.125.1
+      yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
+      yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
+      ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
+    """
+    demand_ros()
+    click.echo(limit_discovery(is_open=network))
+    settings = settings_of(config, options)
+    chosen = {side: read_controllers(side, controllers) for side in Side}
+    address = f"{settings.robot.address}:{settings.robot.rws_port}"
+    is_over = end_flag(until_stdin_closes)
+    end_by_force(is_over)
+
+    def report_ready(reason: str) -> None:
+        if reason:
+            click.echo(f"{DRIVER_RUNNING}{reason} When that is done, call recover.")
+        else:
+            click.echo(f"{DRIVER_READY}serving the robot at {address}")
+
+    run_driver(settings, chosen, is_over, report_ready, record)
 
 
 def run_driver(
@@ -46,81 +111,74 @@ def run_driver(
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
-    Without ``ros.autostart`` it only serves ROS: connecting and what follows are left to who leads its managed nodes.
     Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
 
     Args:
-        settings: where the robot is, and how it shall move.
+        settings: where the robot is, and how it moves.
         controllers: what runs on each arm.
-        is_over: set when it shall end.
-        on_ready: called when ROS is served and the robot was brought to ready; told why it is not, or nothing.
+        is_over: set when it must end.
+        on_ready: called when ROS is served and the robot was brought to ready, with the reason why it is not, or "".
         record: file for every cycle of both arms.
 
     Raises:
         YumiError: the robot cannot be reached or used; nothing was started.
     """
     from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.gripper import HandParts  # noqa: PLC0415
+    from yumi.ros.gripper import GripperParts  # noqa: PLC0415
 
     clock = SystemClock()
 
     def on_event(event: Event) -> None:
         records.note(event, clock.now(), time.time())
         parts.manager.note(event)
-        ros.tell(event)
+        ros.on_event(event)
 
     with brisk_threads(), ExitStack() as stack:
         stack.callback(release_process)
-        for only in (_only_in_ros_domain(), only_at_robot(settings)):
+        only_in_ros_domain = Only(
+            f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
+            "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its "
+            "own ROS_DOMAIN_ID.",
+        )
+        for only in (only_in_ros_domain, only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
         parts = make_parts(
             settings,
             controllers,
             on_event,
-            lambda step: ros.say(f"Bring-up: {step}"),
+            lambda step: ros.info(f"Bring-up: {step}"),
             warn=lambda remark: ros.warn(f"Bring-up: {remark}"),
         )
         stack.enter_context(_ending_in_time(parts.client, parts.manager, is_over))
         stack.callback(parts.client.close)
-        connection = _connection_of(parts)
-        if settings.ros.autostart:
-            connection.check()
-        hands = HandParts(parts.grippers, parts.signals, settings.gripper)
+        check = partial(parts.bringup.check_controller, parts.plan.addresses)
+        connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
+        connection.check()
+        grippers = GripperParts(parts.grippers, parts.signals, settings.gripper)
         open_ros()
         stack.callback(close_ros)
         control, manager, plan, rate = parts.control, parts.manager, parts.plan, settings.ros.merged_rate
-        ros = RosDriver(control, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
+        ros = RosDriver(control, plan.controllers, manager, grippers, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.say)
+        records = Records(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
-        manager.monitor.log.report = ros.report
+        manager.monitor.log.report = ros.log
         control.start()
         stack.callback(control.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, control, connection, ros.say)
+        stack.callback(_end_motion, manager, control, connection, ros.info)
+        connected = connection.connect()
         ros.start()
-        ros.say(control.started_as)
-        ros.say(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
-        reason = ros.bring_up(is_reading_only=not settings.ros.bringup) if settings.ros.autostart else ""
+        ros.info(connected)
+        ros.info(control.started_as)
+        ros.info(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
+        reason = ros.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready(reason)
         is_over.wait()
-
-
-def _connection_of(parts: DriverParts) -> RobotConnection:
-    check = partial(parts.bringup.check_controller, parts.plan.addresses)
-    return RobotConnection(parts.client, check, parts.manager, parts.signals.close)
-
-
-def _only_in_ros_domain() -> Only:
-    return Only(
-        f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
-        "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its own "
-        "ROS_DOMAIN_ID.",
-    )
 
 
 @contextmanager
@@ -129,11 +187,11 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
     has_ended = Flag()
 
     def watch() -> None:
-        while not is_over.wait(_GLANCE):
+        while not is_over.wait(_POLL):
             if has_ended.is_set():
                 return
         manager.interrupt()
-        if not has_ended.wait(TELL_CONTROLLER):
+        if not has_ended.wait(END_REQUESTS):
             client.abandon()
 
     thread = Thread(target=watch, name="end-in-time", daemon=True)
@@ -146,9 +204,9 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
 
 
 def _end_motion(
-    manager: RobotManager, control: ControlProcess, connection: RobotConnection, say: Callable[[str], None]
+    manager: RobotManager, control: ControlProcess, connection: RobotConnection, log: Callable[[str], None]
 ) -> None:
-    """Hold the arms, whatever the network does, and have the controller end EGM, if it can be told."""
+    """Hold the arms, whatever the network does, and have the controller end EGM, if it answers."""
     for side in Side:
         if control.snapshot(side).is_commanded:
             with suppress(YumiError):  # a control process that has ended: EGM is ended all the same
@@ -157,7 +215,7 @@ def _end_motion(
         if connection.is_open and manager.has_acted:  # else EGM, if it runs, is another program's
             manager.end_motion()
     except YumiError as error:
-        say(f"The robot could not be told to end EGM: {error}")
+        log(f"EGM could not be ended on the robot: {error}")
 
 
 def end_by_force(is_over: Flag) -> None:

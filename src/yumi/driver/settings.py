@@ -126,12 +126,10 @@ class RosSettings:
 
     Attributes:
         merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
-        autostart: whether the driver connects and leads its managed nodes to active by itself.
-        bringup: whether it then brings the robot to ready by itself; else it only reads, until it is asked for more.
+        bringup: whether the driver brings the robot to ready at start; else it only reads until it is asked for more.
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
-    autostart: bool = True
     bringup: bool = True
 
 

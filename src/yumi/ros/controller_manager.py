@@ -1,19 +1,14 @@
-"""The services of one arm's controller manager, with the names, types and meanings of ros2_control (Jazzy).
+"""The controller manager of one arm, with the services, topics and meanings of ros2_control (Jazzy).
 
-The node ``controller_manager`` of one arm: it waits for a robot description, then serves the arm's controllers.
-
-``~/activity``: who is in which state, told again whenever that changes, and known to whoever comes late.
-
-What a controller manager tells on ``/diagnostics``: its controllers, its hardware, its rate; as ros2_control.
-
-A change that is asked for twice: clients that give up waiting send the same request again, after it was served.
+The node ``controller_manager`` waits for a robot description, then serves the arm's controllers. ``~/activity`` says
+who is in which state whenever that changes, latched. ``/diagnostics`` has controllers, hardware and rate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any
 
 import rclpy
 from controller_manager_msgs.srv import (
@@ -31,7 +26,6 @@ from controller_manager_msgs.srv import (
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
@@ -43,9 +37,10 @@ from yumi.driver.stops import Cause, explained
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, Side
 from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, MakeInterface
-from yumi.ros.executors import Ticker
+from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     ACTIVITY,
+    LATCHED,
     activity,
     controller_state,
     filled,
@@ -58,65 +53,23 @@ from yumi.ros.messages import (
 from yumi.ros.parameters import ManagerParameters
 from yumi.ros.topics import DescriptionWait
 
-T = TypeVar("T")
-
-JUST_FINISHED = 1.0
-"""A request that waited while the same one was served is looked at within this time after it [s]."""
-
-
-class Repeats:
-    """Gives a request that comes again, in flight or just finished, the outcome of the first.
-
-    Only a success is remembered, since a refusal has changed nothing; and only the last, since another change in
-    between, also one that nobody asked for, makes the same request a new one.
-
-    Args:
-        clock: tells what is just finished.
-    """
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._lock = Lock()
-        self._last: tuple[object, object, float] | None = None
-        self._changes = 0
-
-    def once(self, request: object, carry: Callable[[], T]) -> T:
-        """What ``carry`` gives, or has just given for an equal ``request``; what it raises is raised."""
-        with self._lock:
-            last = self._last
-            if last is not None and last[0] == request and self._clock.now() - last[2] <= JUST_FINISHED:
-                return last[1]  # type: ignore[return-value]  # an equal request gave it
-            self._last, changes = None, self._changes
-            outcome = carry()
-            if changes == self._changes:
-                self._last = (request, outcome, self._clock.now())
-            return outcome
-
-    def forget(self) -> None:
-        """Something else has changed: the next request is a new one; from any thread."""
-        self._changes += 1
-        self._last = None
-
-
 try:
     from controller_manager_msgs.srv import CleanupController
 except ImportError:  # installations from before December 2025
     CleanupController = None
 
 BASE_CLASS = "controller_interface::ControllerInterface"
-Carry = Callable[[Any], None]
 
 
 class ControllerManagerServices:
-    """Offers them from the moment it is made; what asks for a change is answered one after the other.
+    """Serves from the moment it is made; requests for a change are served one after the other.
 
     Args:
         node: the controller manager's node.
         controllers: the arm's controllers.
         hardware: the arm as a hardware component.
-        repeats: knows a change that is asked for again.
         rate: how often controllers are updated [Hz].
-        on_change: called after each change that was asked for.
+        on_change: called after each requested change.
     """
 
     def __init__(
@@ -124,25 +77,15 @@ class ControllerManagerServices:
         node: Any,
         controllers: ArmControllers,
         hardware: ArmHardware,
-        repeats: Repeats,
         rate: int,
         on_change: Callable[[], None],
     ) -> None:
-        self._node = node
         self._log = node.get_logger()
         self._controllers = controllers
         self._hardware = hardware
-        self._repeats = repeats
         self._rate = rate
         self._on_change = on_change
-        self._changes = MutuallyExclusiveCallbackGroup()
-        self._lists = MutuallyExclusiveCallbackGroup()  # of their own: looking never waits for a slow change
-        self._offer_changes()
-        self._offer_lists()
-
-    def _offer_changes(self) -> None:
-        controllers = self._controllers
-        changes: Mapping[str, tuple[Any, Carry]] = {
+        changes: Mapping[str, tuple[Any, Callable[[Any], None]]] = {
             "load_controller": (LoadController, lambda request: controllers.load(request.name)),
             "configure_controller": (ConfigureController, lambda request: controllers.configure(request.name)),
             "cleanup_controller": (CleanupController, lambda request: controllers.cleanup(request.name)),
@@ -152,33 +95,34 @@ class ControllerManagerServices:
                 lambda request: controllers.reload(request.force_kill),
             ),
         }
-        for name, (kind, carry) in changes.items():
-            if kind is not None:
-                self._create(kind, name, self._answer_with(name, carry), self._changes)
-        self._create(SwitchController, "switch_controller", self._switch, self._changes)
-        self._create(SetHardwareComponentState, "set_hardware_component_state", self._set_hardware, self._changes)
-
-    def _offer_lists(self) -> None:
-        lists = {
+        lists: Mapping[str, tuple[Any, Callable[[Any], None]]] = {
             "list_controllers": (ListControllers, self._list_controllers),
             "list_controller_types": (ListControllerTypes, self._list_types),
             "list_hardware_components": (ListHardwareComponents, self._list_components),
             "list_hardware_interfaces": (ListHardwareInterfaces, self._list_interfaces),
         }
+        change_group = MutuallyExclusiveCallbackGroup()
+        list_group = MutuallyExclusiveCallbackGroup()  # of their own: a list never waits for a slow change
+
+        def serve(kind: Any, name: str, answer: Callable[[Any, Any], Any], group: Any) -> None:
+            node.create_service(kind, f"~/{name}", answer, callback_group=group)
+
+        for name, (kind, call) in changes.items():
+            if kind is not None:
+                serve(kind, name, self._changing(name, call), change_group)
+        serve(SwitchController, "switch_controller", self._switch, change_group)
+        serve(SetHardwareComponentState, "set_hardware_component_state", self._set_hardware, change_group)
         for name, (kind, fill) in lists.items():
-            self._create(kind, name, self._list_with(name, fill), self._lists)
+            serve(kind, name, self._listing(name, fill), list_group)
 
-    def _create(self, kind: Any, name: str, answer: Callable[[Any, Any], Any], group: Any) -> None:
-        self._node.create_service(kind, f"~/{name}", answer, callback_group=group)
-
-    def _answer_with(self, name: str, carry: Carry) -> Callable[[Any, Any], Any]:
+    def _changing(self, name: str, call: Callable[[Any], None]) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
-            response.ok = self._try(name, lambda: self._repeats.once((name, request), lambda: carry(request)))
+            response.ok = not self._why_failed(name, lambda: call(request))
             return response
 
         return answer
 
-    def _list_with(self, name: str, fill: Callable[[Any], None]) -> Callable[[Any, Any], Any]:
+    def _listing(self, name: str, fill: Callable[[Any], None]) -> Callable[[Any, Any], Any]:
         def answer(_: Any, response: Any) -> Any:
             try:
                 fill(response)
@@ -188,38 +132,33 @@ class ControllerManagerServices:
 
         return answer
 
-    def _try(self, name: str, carry: Callable[[], object]) -> bool:
+    def _why_failed(self, name: str, call: Callable[[], object]) -> str:
+        """Make a change; the reason why it failed, which is logged, or nothing."""
         try:
-            carry()
+            call()
         except Exception as error:  # of ROS, too: a parameter file that it cannot read; a service always answers
             self._log.error(f"{name}: {error}")
-            return False
+            return str(error)
         finally:
             self._on_change()
-        return True
+        return ""
 
     def _switch(self, request: Any, response: Any) -> Any:
-        def carry() -> str:
-            timeout = request.timeout.sec + request.timeout.nanosec * 1e-9
-            return self._controllers.switch(
-                request.activate_controllers, request.deactivate_controllers, request.strictness, timeout
-            )
+        done: list[str] = []
 
-        try:
-            sentence = self._repeats.once(("switch_controller", request), carry)
-            return filled(response, ok=True, message=sentence)
-        except Exception as error:
-            self._log.error(f"switch_controller: {error}")
-            return filled(response, ok=False, message=str(error))
-        finally:
-            self._on_change()
+        def call() -> None:
+            activate, deactivate = request.activate_controllers, request.deactivate_controllers
+            timeout = request.timeout.sec + request.timeout.nanosec * 1e-9
+            done.append(self._controllers.switch(activate, deactivate, request.strictness, timeout))
+
+        reason = self._why_failed("switch_controller", call)
+        return filled(response, ok=bool(done), message=done[0] if done else reason)
 
     def _set_hardware(self, request: Any, response: Any) -> Any:
-        def carry() -> None:
+        def call() -> None:
             self._hardware.bring_to(request.name, state_of(request.target_state))
 
-        name = "set_hardware_component_state"
-        response.ok = self._try(name, lambda: self._repeats.once((name, request), carry))
+        response.ok = not self._why_failed("set_hardware_component_state", call)
         response.state = lifecycle_state(self._hardware.state)
         return response
 
@@ -239,17 +178,8 @@ class ControllerManagerServices:
         response.state_interfaces = hardware_interfaces(info.state_interfaces)
 
 
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
 class ActivityTopic:
-    """Publishes the states of one arm's controllers and hardware when they have changed, if there is a type for it.
-
-    Args:
-        node: the controller manager's node.
-        controllers: what is loaded.
-        hardware: the arm's component.
-    """
+    """Publishes the states of one arm's controllers and hardware when they have changed, if there is a type for it."""
 
     def __init__(
         self, node: Any, controllers: Callable[[], tuple[ControllerInfo, ...]], hardware: Callable[[], HardwareInfo]
@@ -260,12 +190,10 @@ class ActivityTopic:
         self._hardware = hardware
         self._lock = Lock()
         self._last: tuple[tuple[str, State], ...] | None = None
-        self._publisher = None
-        if ACTIVITY is not None:
-            self._publisher = node.create_publisher(ACTIVITY, "~/activity", _LATCHED)
+        self._publisher = node.create_publisher(ACTIVITY, "~/activity", LATCHED) if ACTIVITY is not None else None
 
     def update(self) -> None:
-        """Look, and tell if something has changed; without the fast line there is nothing to tell."""
+        """Publish if something has changed; nothing is known without the control process."""
         if self._publisher is None:
             return
         with self._lock:
@@ -286,71 +214,12 @@ _PERIOD = 1.0  # [s]
 Threshold = Callable[[str, str], tuple[float, float]]
 """From a subject and a quantity to where a warning and an error begin, [Hz] or [µs]."""
 
-
 Status = tuple[bytes, str, list[KeyValue]]
 """Level, sentence and values."""
 
 OK: bytes = DiagnosticStatus.OK
 WARN: bytes = DiagnosticStatus.WARN
 ERROR: bytes = DiagnosticStatus.ERROR
-
-
-class ManagerDiagnostics:
-    """Publishes three statuses a second for one controller manager.
-
-    Args:
-        node: the controller manager's node.
-        controllers: the arm's controllers; None while the robot description is awaited.
-        hardware: the arm's component.
-        threshold: where warnings and errors begin.
-        rate: how often controllers shall be updated [Hz].
-        ticker: has them published; it waits for the fast line each time.
-    """
-
-    def __init__(
-        self,
-        node: Any,
-        controllers: ArmControllers,
-        hardware: ArmHardware,
-        is_waiting: Callable[[], bool],
-        threshold: Threshold,
-        rate: int,
-        ticker: Ticker,
-    ) -> None:
-        self._name = node.get_fully_qualified_name()  # both arms' managers have the same bare name
-        self._clock = node.get_clock()
-        self._controllers = controllers
-        self._hardware = hardware
-        self._is_waiting = is_waiting
-        self._threshold = threshold
-        self._rate = rate
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        ticker.every(_PERIOD, f"/diagnostics of {self._name}", self._publish)
-
-    def _publish(self) -> None:
-        array = DiagnosticArray()
-        array.header.stamp = stamp(self._clock.now().nanoseconds)
-        array.status = [
-            DiagnosticStatus(
-                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
-            )
-            for task, (level, text, pairs) in self._tasks()
-        ]
-        self._publisher.publish(array)
-
-    def _tasks(self) -> Iterable[tuple[str, Status]]:
-        if self._is_waiting():
-            waiting = "Waiting for robot description...."
-            return [("Controller Manager Activity", (WARN, waiting, []))]
-        try:
-            controllers, hardware = self._controllers.list(), self._hardware.info()
-        except YumiError as error:
-            return [("Controller Manager Activity", (ERROR, str(error), []))]
-        return [
-            ("Controllers Activity", controllers_status(controllers, self._threshold)),
-            ("Hardware Components Activity", hardware_status(hardware, self._rate, self._threshold)),
-            ("Controller Manager Activity", manager_status(hardware, self._rate, self._threshold)),
-        ]
 
 
 def controllers_status(controllers: Iterable[ControllerInfo], threshold: Threshold) -> Status:
@@ -445,99 +314,110 @@ RATE = round(1.0 / CYCLE)
 
 
 class ArmManager:
-    """One arm's controller manager on the ROS side.
+    """The node ``controller_manager`` of one arm.
 
     Args:
         side: which arm.
-        line: where the controllers live.
+        control: where the controllers are commanded.
         known: the controllers of ``controllers.yaml``, loaded or not.
         executor: what spins this node and those of the controllers.
-        interfaces: what controllers of a kind offer besides parameters.
+        interfaces: what controllers of a type offer besides parameters.
         clock: the machine's clock.
-        ticker: for what has to be asked of the fast line.
-        on_look: called whenever the arm's activity is looked at.
+        timers: for what has to be requested from the control process.
     """
 
     def __init__(
         self,
         side: Side,
-        line: CommandPort,
+        control: CommandPort,
         known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
         clock: Clock,
-        ticker: Ticker,
-        on_look: Callable[[], None] = lambda: None,
+        timers: TimerThread,
     ) -> None:
         self.node: Any = rclpy.create_node(
             "controller_manager", namespace=side.value, allow_undeclared_parameters=True, enable_logger_service=True
         )
-        self._on_look = on_look
-        self._repeats = Repeats(clock)
-        self._parameters = ManagerParameters(self.node, RATE, self._repeats.forget)
-        self._nodes = ControllerNodes(side, line, executor, interfaces, RATE)
-        self._controllers = ArmControllers(side, line, self._nodes, self._parameters, known, self.node.get_logger())
-        self._hardware = ArmHardware(side, line)
+        self._log = self.node.get_logger()
+        self._clock = self.node.get_clock()
+        self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
+        self._parameters = ManagerParameters(self.node, RATE)
+        self._nodes = ControllerNodes(side, control, executor, interfaces, RATE)
+        self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
+        self._hardware = ArmHardware(side, control)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
-        self._news = self.node.create_guard_condition(self._look, MutuallyExclusiveCallbackGroup())
+        self._has_changed = self.node.create_guard_condition(self._publish_activity, MutuallyExclusiveCallbackGroup())
         executor.add_node(self.node)
         self._wait = DescriptionWait(self.node, side, self._serve)
-        self._diagnostics = ManagerDiagnostics(
-            self.node,
-            self._controllers,
-            self._hardware,
-            lambda: not self._wait.is_over,
-            self._parameters.threshold,
-            RATE,
-            ticker,
-        )
+        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        timers.every(_PERIOD, f"/diagnostics of {self._name}", self._publish_diagnostics)
 
-    def tell(self, event: Event, explain: Explain | None = None) -> None:
-        """Log what happened in the fast line and look at who is in which state; from any thread.
+    def on_event(self, event: Event, explain: Explain | None = None) -> None:
+        """Log an event of the control process and update the activity; from any thread.
 
         Args:
             event: what happened.
             explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
         """
         if isinstance(event, ControllerReport):
-            self._nodes.tell(event.controller, event.report)
+            self._nodes.on_event(event.controller, event.report)
             return
         if isinstance(event, ControlProcessEnded):
-            self._nodes.tell_all(event)
-        log = self.node.get_logger()
+            self._nodes.on_event_of_all(event)
         if not is_fault(event):
-            log.info(str(event))
+            self._log.info(str(event))
         elif explain is None:
-            log.error(str(event))
+            self._log.error(str(event))
         else:
-            explain(lambda cause: log.error(explained(event, cause)))
-        self.look()
+            explain(lambda cause: self._log.error(explained(event, cause)))
+        self.update()
 
-    def look(self) -> None:
-        """Have the executor look whether the activity has changed; from any thread."""
-        self._repeats.forget()
-        self._news.trigger()
+    def update(self) -> None:
+        """Have the executor publish the activity if it has changed; from any thread."""
+        self._has_changed.trigger()
 
     def destroy(self) -> None:
         """When nothing spins any more."""
         self._nodes.destroy()
         self.node.destroy_node()
 
-    def _look(self) -> None:
+    def _publish_activity(self) -> None:
         if self._wait.is_over:
-            self._update()
-
-    def _update(self) -> None:
-        self._activity.update()
-        self._on_look()
+            self._activity.update()
 
     def _serve(self) -> None:
         try:
             self._controllers.begin()
         except YumiError as error:
-            self.node.get_logger().error(f"The controllers cannot be served: {error}")
+            self._log.error(f"The controllers cannot be served: {error}")
             return
         self._services = ControllerManagerServices(
-            self.node, self._controllers, self._hardware, self._repeats, RATE, self._update
+            self.node, self._controllers, self._hardware, RATE, self._activity.update
         )
-        self._update()
+        self._activity.update()
+
+    def _publish_diagnostics(self) -> None:
+        array = DiagnosticArray()
+        array.header.stamp = stamp(self._clock.now().nanoseconds)
+        array.status = [
+            DiagnosticStatus(
+                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
+            )
+            for task, (level, text, pairs) in self._statuses()
+        ]
+        self._diagnostics.publish(array)
+
+    def _statuses(self) -> Iterable[tuple[str, Status]]:
+        if not self._wait.is_over:
+            return [("Controller Manager Activity", (WARN, "Waiting for robot description....", []))]
+        try:
+            controllers, hardware = self._controllers.list(), self._hardware.info()
+        except YumiError as error:
+            return [("Controller Manager Activity", (ERROR, str(error), []))]
+        threshold = self._parameters.threshold
+        return [
+            ("Controllers Activity", controllers_status(controllers, threshold)),
+            ("Hardware Components Activity", hardware_status(hardware, RATE, threshold)),
+            ("Controller Manager Activity", manager_status(hardware, RATE, threshold)),
+        ]

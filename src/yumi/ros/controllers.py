@@ -1,8 +1,7 @@
-"""One arm's controllers as ROS sees them: they run in the control process, their nodes and parameters are here.
+"""One arm's controllers in ROS: they run in the control process; here each loaded one has a node of its name.
 
-One ROS node for each loaded controller, named like it: its parameters, and the topics and actions of its kind.
-
-One arm as ros2_control's hardware component, which decides who may use the arm's interfaces.
+The node has the controller's parameters, and the topics and actions of its type. The arm itself is a hardware component
+of ros2_control, which decides whether its interfaces can be used.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from yumi.settings import Values
 class ControllerInterface(Protocol):
     """Topics or actions of one controller."""
 
-    def tell(self, notice: Any) -> None:
-        """Something the controller has to tell, see :meth:`yumi.control.controller.Controller.take_reports`."""
+    def on_event(self, event: Any) -> None:
+        """An event of the controller, see :meth:`yumi.control.controller.Controller.take_reports`."""
 
     def destroy(self) -> None:
         """End them; before the node is destroyed."""
@@ -41,75 +40,14 @@ MakeInterface = Callable[[Any, Side, str], ControllerInterface]
 """Makes what a controller of some kind offers besides parameters, from its node, the arm and its name."""
 
 
-class ControllerNode:
-    """The node of one controller.
-
-    Args:
-        side: the arm, whose namespace the node is in.
-        info: the controller.
-        arguments: ROS arguments of this node alone, e.g. parameter files.
-        rate: of the controller manager [Hz].
-    """
-
-    def __init__(self, side: Side, info: ControllerInfo, arguments: Sequence[str], rate: int) -> None:
-        self._side = side
-        self._name = info.name
-        self._interface: ControllerInterface | None = None
-        self.node: Any = rclpy.create_node(
-            info.name,
-            namespace=side.value,
-            cli_args=["--ros-args", *arguments] if arguments else None,
-            use_global_arguments=False,
-        )
-        self._rate = rate
-
-    def take_parameters(self, control: CommandPort, presets: Presets) -> None:
-        """Declare the parameters, give the controller those that its files set, and pass on what is set later.
-
-        Args:
-            control: where the controller is commanded.
-            presets: what holds where its own files say nothing.
-
-        Raises:
-            CommandRefused: a value in a file is not allowed.
-            RobotNotReady: the control process has ended.
-        """
-        declare_common(self.node, self._rate)
-        infos: tuple[ParameterInfo, ...] = control.call(Commands.list_parameters, self._side, self._name)
-
-        def change(values: Values) -> None:
-            control.call(Commands.set_parameters, self._side, self._name, values)
-
-        changed = declare(self.node, infos, presets)
-        if changed:
-            change(changed)
-        pass_on_changes(self.node, (info.parameter.name for info in infos), change)
-
-    def offer(self, make: MakeInterface) -> None:
-        """Add what the controller's kind has besides parameters."""
-        self._interface = make(self.node, self._side, self._name)
-
-    def tell(self, notice: object) -> None:
-        """Pass a notice of the controller on to what it offers; without that it stands in the log."""
-        if self._interface is not None:
-            self._interface.tell(notice)
-        elif not isinstance(notice, ControlProcessEnded):
-            self.node.get_logger().info(str(notice))
-
-    def destroy(self) -> None:
-        if self._interface is not None:
-            self._interface.destroy()
-        self.node.destroy_node()
-
-
 class ControllerNodes:
-    """The nodes of one arm's controllers; they come with loading and go with unloading.
+    """The nodes of one arm's controllers, with their parameters; they come with loading and go with unloading.
 
     Args:
         side: which arm.
         control: where the controllers are commanded.
         executor: what spins the nodes.
-        interfaces: what controllers of a kind offer besides parameters.
+        interfaces: what controllers of a type offer besides parameters.
         rate: of the controller manager [Hz].
     """
 
@@ -119,9 +57,9 @@ class ControllerNodes:
         self._side = side
         self._control = control
         self._executor = executor
-        self._interfaces = interfaces
+        self._make_interface = interfaces
         self._rate = rate
-        self._nodes: dict[str, ControllerNode] = {}
+        self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
 
     def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
         """Make the node of a loaded controller.
@@ -129,46 +67,67 @@ class ControllerNodes:
         Args:
             info: the controller.
             arguments: ROS arguments of its node, e.g. parameter files.
-            presets: what ``controllers.yaml`` says of a controller that is not loaded from the start.
+            presets: the entries of ``controllers.yaml`` for a controller that is not loaded from the start.
 
         Raises:
             CommandRefused: a value in its parameter files is not allowed; there is no node.
             RobotNotReady: the control process has ended.
         """
-        node = ControllerNode(self._side, info, arguments, self._rate)
+        name = info.name
+
+        def change(values: Values) -> None:
+            self._control.call(Commands.set_parameters, self._side, name, values)
+
+        node: Any = rclpy.create_node(
+            name,
+            namespace=self._side.value,
+            cli_args=["--ros-args", *arguments] if arguments else None,
+            use_global_arguments=False,
+        )
         try:
-            node.take_parameters(self._control, presets or {})
-            if info.kind in self._interfaces:
-                node.offer(self._interfaces[info.kind])
+            # The controller gets what its parameter files set now, and what is set on the node later.
+            declare_common(node, self._rate)
+            infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
+            changed = declare(node, infos, presets or {})
+            if changed:
+                change(changed)
+            pass_on_changes(node, (each.parameter.name for each in infos), change)
+            make = self._make_interface.get(info.kind)
+            self._nodes[name] = (node, make(node, self._side, name) if make else None)
         except Exception:
-            node.destroy()
+            node.destroy_node()
             raise
-        self._nodes[info.name] = node
-        self._executor.add_node(node.node)
+        self._executor.add_node(node)
 
     def remove(self, name: str) -> None:
         """Destroy the node of an unloaded controller."""
-        node = self._nodes.pop(name, None)
-        if node is not None:
-            self._executor.remove_node(node.node)
-            node.destroy()
+        if name in self._nodes:
+            self._executor.remove_node(self._nodes[name][0])
+            self._destroy(name)
 
-    def tell(self, name: str, notice: object) -> None:
-        """Pass a controller's notice on; from any thread."""
-        node = self._nodes.get(name)
-        if node is not None:
-            node.tell(notice)
+    def on_event(self, name: str, event: object) -> None:
+        """Pass an event of one controller on to its topics and actions, else log it; from any thread."""
+        node, interface = self._nodes.get(name, (None, None))
+        if interface is not None:
+            interface.on_event(event)
+        elif node is not None and not isinstance(event, ControlProcessEnded):
+            node.get_logger().info(str(event))
 
-    def tell_all(self, notice: object) -> None:
+    def on_event_of_all(self, event: object) -> None:
         """Pass on what concerns all controllers; from any thread."""
-        for node in tuple(self._nodes.values()):
-            node.tell(notice)
+        for name in tuple(self._nodes):
+            self.on_event(name, event)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""
-        for node in self._nodes.values():
-            node.destroy()
-        self._nodes.clear()
+        for name in tuple(self._nodes):
+            self._destroy(name)
+
+    def _destroy(self, name: str) -> None:
+        node, interface = self._nodes.pop(name)
+        if interface is not None:
+            interface.destroy()
+        node.destroy_node()
 
 
 _SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
@@ -183,7 +142,7 @@ class ArmControllers:
         nodes: their nodes.
         parameters: those of the controller manager, which say what to load and from which files.
         known: those of ``controllers.yaml``, loaded or not.
-        log: where what is not wrong enough to be refused is told.
+        log: for warnings about what is not refused.
     """
 
     def __init__(
@@ -229,8 +188,10 @@ class ArmControllers:
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         self._control.call(Commands.load_controller, self._side, name, kind)
+        settings = self._known.get(name)
+        presets = settings.entries if settings is not None and settings.kind == kind else {}
         try:
-            self._nodes.add(self._info(name), arguments, self._presets(name, kind))
+            self._nodes.add(self._info(name), arguments, presets)
         except Exception:
             self._control.call(Commands.unload_controller, self._side, name)
             raise
@@ -259,8 +220,8 @@ class ArmControllers:
             timeout: how long to wait for the control process [s]; 0 for the default.
 
         Raises:
-            RobotNotReady: it took longer; the switch may still be carried out.
-            YumiError: a rule stands against it; nothing was changed.
+            RobotNotReady: it took longer; the switch may still happen.
+            YumiError: a rule forbids it; nothing was changed.
         """
         chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
         thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
@@ -289,10 +250,6 @@ class ArmControllers:
         for info in controllers:
             self.unload(info.name)
 
-    def _presets(self, name: str, kind: str) -> Presets:
-        settings = self._known.get(name)
-        return settings.entries if settings is not None and settings.kind == kind else {}
-
     def _info(self, name: str) -> ControllerInfo:
         controllers = self.list()
         for info in controllers:
@@ -310,16 +267,11 @@ class ArmControllers:
         try:
             return Strictness(number)
         except ValueError as error:
-            raise CommandRefused(f"Strictness {number} is none; choose 1 (best effort) or 2 (strict).") from error
+            raise CommandRefused(f"Strictness {number} is unknown; choose 1 (best effort) or 2 (strict).") from error
 
 
 class ArmHardware:
-    """The component of one arm.
-
-    Args:
-        side: which arm.
-        control: where it is commanded.
-    """
+    """The component of one arm."""
 
     def __init__(self, side: Side, control: CommandPort) -> None:
         self._side = side
@@ -335,14 +287,14 @@ class ArmHardware:
 
     @property
     def state(self) -> State:
-        """Where it is in its life; finalized without the fast line, since only a restart helps then."""
+        """Its lifecycle state; finalized without the control process, since only a restart helps then."""
         try:
             return self.info().state
         except YumiError:
             return State.FINALIZED
 
     def bring_to(self, name: str, target: State) -> None:
-        """Lead it to a state; controllers that use what it no longer offers are deactivated, and the arm holds.
+        """Bring it to a state; controllers that use what it no longer offers are deactivated, and the arm holds.
 
         Raises:
             YumiError: there is no such component, or it does not go to that state.

@@ -1,12 +1,9 @@
-"""The driver's executors: one for what streams, and one for each family of nodes that answers.
+"""What runs the driver's callbacks: executors, a thread each, and threads for what is published at fixed rates.
 
-A turn of an executor looks at every entity of all its nodes, several times for each request; with the whole driver in
-one that takes ten milliseconds, during which no other thread gets on.
-
-A ticker: what is published at fixed rates is published by one thread.
-
-A timer of a node costs a turn of the executor each time, in which every subscription and service of all its nodes is
-looked at; that is many times as much as what most timers do.
+A turn of an executor looks at every entity of all its nodes, several times for each request. With the whole driver in
+one executor a turn takes ten milliseconds, during which no other thread runs; so each family of nodes has its own. A
+node's timer costs such a turn, too, many times as much as what most timers do; so periodic work has a
+:class:`TimerThread`, which also goes on while a service call waits.
 """
 
 from __future__ import annotations
@@ -16,8 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import inf
-from threading import Event as Flag
-from threading import RLock
 from typing import Any
 
 from rclpy._rclpy_pybind11 import InvalidHandle
@@ -28,12 +23,13 @@ from yumi.errors import MissingPrerequisite
 from yumi.process.supervision import Failures, SupervisedThread, no_thread
 
 _THREADS = 8  # so many slow callbacks of a family run side by side
-_BREATH = 0.01  # [s]
-_GLANCE = 0.5  # [s] how soon a failed callback is told
+_POLL = 0.5  # [s] how soon a failed callback is logged
+_FAILURE_PAUSE = 0.01  # [s]
+_LEAST_PAUSE = 0.001  # [s] a timer thread that is behind lets others run
 
 
-class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
-    """One that soon tells of a failed callback; rclpy's own looks when the next callback comes, however late."""
+class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
+    """Reports a failed callback soon; rclpy's own looks when the next callback comes, however late."""
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
         super().spin_once(timeout_sec)
@@ -65,24 +61,20 @@ class _AnsweringExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy 
 
 
 class Executors:
-    """Some executors, with a thread each between start and stop.
+    """Some executors, with a thread each between start and stop; ``log_error`` gets what a callback failed with."""
 
-    Args:
-        complain: told what a callback failed with.
-    """
-
-    def __init__(self, complain: Callable[[str], None]) -> None:
-        self._complain = complain
-        self._is_over = Flag()
+    def __init__(self, log_error: Callable[[str], None]) -> None:
+        self._log_error = log_error
+        self._is_over = threading.Event()
         self._executors: list[Executor] = []
         self._threads: list[SupervisedThread] = []
         self._failures = Failures()
 
-    def add_answering(self, name: str, *nodes: Any) -> Executor:
+    def add_multi_threaded(self, name: str, *nodes: Any) -> Executor:
         """Add one for services and actions, which may take their time."""
-        return self._add(_AnsweringExecutor(num_threads=_THREADS), name, nodes)
+        return self._add(_MultiThreadedExecutor(num_threads=_THREADS), name, nodes)
 
-    def add_streaming(self, name: str, *nodes: Any) -> Executor:
+    def add_single_threaded(self, name: str, *nodes: Any) -> Executor:
         """Add one for topics that come hundreds of times a second."""
         return self._add(SingleThreadedExecutor(), name, nodes)
 
@@ -93,13 +85,13 @@ class Executors:
             MissingPrerequisite: the operating system permits too few threads.
         """
         for executor in self._executors:
-            if isinstance(executor, _AnsweringExecutor):
+            if isinstance(executor, _MultiThreadedExecutor):
                 executor.start_threads()
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """Begin no callback any more; one that runs is not waited for."""
+        """Begin no further callback; one that runs is not waited for."""
         self._is_over.set()
         for executor in self._executors:
             executor.shutdown()
@@ -116,66 +108,61 @@ class Executors:
     def _spin(self, executor: Executor) -> None:
         while not self._is_over.is_set():
             try:
-                executor.spin_once(timeout_sec=_GLANCE)
+                executor.spin_once(timeout_sec=_POLL)
             except InvalidHandle:
-                continue  # a controller's node went while the executor looked for work
-            except Exception as error:  # of a callback; everybody else still wants to be answered
+                continue  # a controller's node was destroyed while the executor looked for work
+            except Exception as error:  # of one callback; the others must still be served
                 if self._is_over.is_set():
-                    return  # the executor was taken away while it looked for work
+                    return  # the executor was shut down while it looked for work
                 if self._failures.note("A callback", error):
-                    self._complain(f"A callback failed with {type(error).__name__}: {error}.")
-                self._is_over.wait(_BREATH)  # should nothing but failures come
-
-
-Action = Callable[[], None]
-
-_TICKER_BREATH = 0.001  # [s] even a thread that is behind lets others in between
+                    self._log_error(f"A callback failed with {type(error).__name__}: {error}.")
+                self._is_over.wait(_FAILURE_PAUSE)
 
 
 @dataclass(eq=False, slots=True)
-class _Repeated:
+class _Timer:
     what: str
-    action: Action
+    action: Callable[[], None]
     period: float
     due: float
     is_failing: bool = False
 
 
-class Ticker:
+class TimerThread:
     """Calls actions at fixed periods, one after the other, between start and stop.
 
-    What comes late is not made up for, and what fails is called again.
+    A late call is not made up for; an action that failed is called again at its next time.
 
     Args:
         clock: what the periods are measured on.
-        complain: told what an action fails with, once until it succeeds.
+        log_error: called with what an action fails with, once until it succeeds.
         name: of the thread.
     """
 
-    def __init__(self, clock: Clock, complain: Callable[[str], None], name: str = "ticker") -> None:
+    def __init__(self, clock: Clock, log_error: Callable[[str], None], name: str = "timers") -> None:
         self._clock = clock
-        self._complain = complain
-        self._repeated: list[_Repeated] = []
-        self._lock = RLock()
-        self._bell, self._is_over = Flag(), Flag()
+        self._log_error = log_error
+        self._timers: list[_Timer] = []
+        self._lock = threading.RLock()
+        self._has_changed, self._is_over = threading.Event(), threading.Event()
         self._failures = Failures()
         self._thread = SupervisedThread(name, self._run, self._is_over)
 
-    def every(self, period: float, what: str, action: Action) -> Callable[[], None]:
+    def every(self, period: float, what: str, action: Callable[[], None]) -> Callable[[], None]:
         """Call ``action``, which publishes ``what``, once each ``period`` [s].
 
         Returns:
-            What ends that; no call goes on after it, but for one that ends itself.
+            What ends that; no call goes on after it, except one that ends itself.
         """
-        repeated = _Repeated(what, action, period, self._clock.now() + period)
+        timer = _Timer(what, action, period, self._clock.now() + period)
         with self._lock:
-            self._repeated.append(repeated)
-        self._bell.set()
+            self._timers.append(timer)
+        self._has_changed.set()
 
         def end() -> None:
             with self._lock:
-                if repeated in self._repeated:
-                    self._repeated.remove(repeated)
+                if timer in self._timers:
+                    self._timers.remove(timer)
 
         return end
 
@@ -183,33 +170,31 @@ class Ticker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Call nothing any more; before what is called loses what it needs."""
+        """Call nothing any more; before the actions lose what they need."""
         self._is_over.set()
-        self._bell.set()
+        self._has_changed.set()
         self._thread.join()
 
     def tick(self) -> float:
-        """Call what is due; returns how long nothing will be [s]. The thread does that once it has started."""
+        """Call what is due; returns the time until the next call [s]. The thread does that once it has started."""
         now = self._clock.now()
-        for each in tuple(self._repeated):
-            if each.due <= now:
-                each.due = each.due + each.period if now < each.due + each.period else now + each.period
-                self._call(each)
-        return min((each.due for each in self._repeated), default=inf) - self._clock.now()
+        for timer in tuple(self._timers):
+            if timer.due > now:
+                continue
+            timer.due = timer.due + timer.period if now < timer.due + timer.period else now + timer.period
+            try:
+                timer.action()
+                timer.is_failing = False
+            except Exception as error:  # the others still have to be published
+                self._failures.note(f"Publishing {timer.what}", error)
+                if not timer.is_failing:
+                    timer.is_failing = True
+                    self._log_error(f"{timer.what} could not be published, {type(error).__name__}: {error}.")
+        return min((timer.due for timer in self._timers), default=inf) - self._clock.now()
 
     def _run(self) -> None:
         while not self._is_over.is_set():
-            self._bell.clear()
+            self._has_changed.clear()
             with self._lock:
                 pause = self.tick()
-            self._bell.wait(max(_TICKER_BREATH, pause) if pause < inf else None)
-
-    def _call(self, each: _Repeated) -> None:
-        try:
-            each.action()
-            each.is_failing = False
-        except Exception as error:  # the others still have to be published
-            self._failures.note(f"Publishing {each.what}", error)
-            if not each.is_failing:
-                each.is_failing = True
-                self._complain(f"{each.what} could not be published, {type(error).__name__}: {error}.")
+            self._has_changed.wait(max(_LEAST_PAUSE, pause) if pause < inf else None)

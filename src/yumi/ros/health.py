@@ -1,7 +1,4 @@
-"""How the robot, its arms and its hands are, on topics: ``egm_state`` of each arm, and ``/diagnostics``.
-
-``~/state`` of the robot manager: known to whoever comes late, told on each change and once a second.
-"""
+"""The state of the robot on topics: ``egm_state`` of each arm, ``/diagnostics``, ``~/state`` of the robot manager."""
 
 from __future__ import annotations
 
@@ -10,30 +7,29 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
 from yumi.control.shared_state import Snapshot
 from yumi.driver.state import RobotState
 from yumi.robot.joints import Side
-from yumi.ros.executors import Ticker
-from yumi.ros.messages import egm_status, robot_state, robot_status, stamp
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import LATCHED, egm_status, robot_state, robot_status, stamp
 
 _EGM_STATE_PERIOD = 0.1  # [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 
 
 class HealthTopics:
-    """Publishes it.
+    """Publishes ``egm_state`` of each arm and the driver's ``/diagnostics``.
 
     Args:
         node: whose ``/diagnostics`` it is.
         streams: a node for the topics of each arm.
-        snapshot: what is known of an arm.
-        robot: what is known of the robot.
-        hands: both hands for ``/diagnostics``.
-        ticker: keeps the rates.
+        snapshot: the state of an arm.
+        robot: the state of the robot.
+        grippers: both grippers' statuses for ``/diagnostics``.
+        timers: keeps the rates.
     """
 
     def __init__(
@@ -42,63 +38,51 @@ class HealthTopics:
         streams: Mapping[Side, Any],
         snapshot: Callable[[Side], Snapshot],
         robot: Callable[[], RobotState],
-        hands: Callable[[], list[DiagnosticStatus]],
-        ticker: Ticker,
+        grippers: Callable[[], list[DiagnosticStatus]],
+        timers: TimerThread,
     ) -> None:
-        self._clock = node.get_clock()
-        self._snapshot = snapshot
-        self._robot = robot
-        self._hands = hands
+        clock = node.get_clock()
+        diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+
+        def publish_arm(publisher: Any, side: Side) -> None:
+            publisher.publish(egm_status(side, snapshot(side)))
+
+        def publish_diagnostics() -> None:
+            array = DiagnosticArray()
+            array.header.stamp = stamp(clock.now().nanoseconds)
+            arms = (egm_status(side, snapshot(side)) for side in Side)
+            array.status = [robot_status(robot()), *arms, *grippers()]
+            diagnostics.publish(array)
+
         for side, stream in streams.items():
             publisher = stream.create_publisher(DiagnosticStatus, "egm_state", 1)
-            ticker.every(_EGM_STATE_PERIOD, f"{side.value}/egm_state", partial(self._publish_arm, publisher, side))
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        ticker.every(_DIAGNOSTICS_PERIOD, "/diagnostics", self._publish_all)
-
-    def _publish_arm(self, publisher: Any, side: Side) -> None:
-        publisher.publish(egm_status(side, self._snapshot(side)))
-
-    def _publish_all(self) -> None:
-        array = DiagnosticArray()
-        array.header.stamp = stamp(self._clock.now().nanoseconds)
-        arms = (egm_status(side, self._snapshot(side)) for side in Side)
-        array.status = [robot_status(self._robot()), *arms, *self._hands()]
-        self._diagnostics.publish(array)
+            timers.every(_EGM_STATE_PERIOD, f"{side.value}/egm_state", partial(publish_arm, publisher, side))
+        timers.every(_DIAGNOSTICS_PERIOD, "/diagnostics", publish_diagnostics)
 
 
-GLANCE = 0.05
-"""How often it is looked whether something has changed [s]; the robot itself is not asked for that."""
+POLL_PERIOD = 0.05
+"""How often the state is compared with the last one [s]; that asks nothing of the robot itself."""
 
 PERIOD = 1.0
-"""So often it is told without a change [s]."""
-
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""The state is published at least so often [s]."""
 
 
 class RobotStateTopic:
-    """Publishes it.
+    """Publishes ``~/state`` of the robot manager, latched, on each change and once a second."""
 
-    Args:
-        node: the robot manager's node.
-        state: what is known of the robot now.
-        clock: the machine's clock.
-        ticker: has it looked.
-    """
-
-    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock, ticker: Ticker) -> None:
-        self._publisher = node.create_publisher(RobotStateMessage, "~/state", _LATCHED)
-        self._log = node.get_logger()
+    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock, timers: TimerThread) -> None:
+        self._publisher = node.create_publisher(RobotStateMessage, "~/state", LATCHED)
         self._ros_clock = node.get_clock()
         self._state = state
         self._clock = clock
         self._last: RobotState | None = None
-        self._told = 0.0
-        ticker.every(GLANCE, "yumi_robot_manager/state", self.update)
+        self._published = 0.0
+        timers.every(POLL_PERIOD, "yumi_robot_manager/state", self.update)
 
     def update(self) -> None:
-        """Look, and tell what has changed, or what has not been told for a while."""
+        """Publish a state that has changed, or was published long ago."""
         state, now = self._state(), self._clock.now()
-        if state == self._last and now - self._told < PERIOD:
+        if state == self._last and now - self._published < PERIOD:
             return
-        self._last, self._told = state, now
+        self._last, self._published = state, now
         self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds))

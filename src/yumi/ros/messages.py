@@ -1,14 +1,7 @@
-"""Messages to values and back; the only place that knows the fields of ROS messages.
+"""ROS messages to values and back: commands for an arm, controllers and hardware, trajectories, the robot's state.
 
-Messages with commands for an arm to checked values: what a person may ask of the joints, and the refusals.
-
-Controllers, hardware and their states as messages of controller_manager_msgs, for older and newer installations.
-
-Trajectory messages to values and back.
-
-The robot's state as messages: on ``yumi_robot_manager/state``, in results of its actions, in ``/diagnostics``.
-
-Logs refused commands: each reason when it first comes, a stream of refusals once a second with its count.
+Messages of ``controller_manager_msgs`` and ``control_msgs`` differ between installations of one ROS distribution; only
+the fields that the installed type has are filled.
 """
 
 from __future__ import annotations
@@ -27,12 +20,14 @@ from control_msgs.msg import JointTrajectoryControllerState
 from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import State as LifecycleState
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
+from yumi.clock import Clock
 from yumi.control.commands import UNKNOWN, check_position
 from yumi.control.controller import ControllerInfo, HardwareInfo, InterfaceInfo, State
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
@@ -46,12 +41,53 @@ from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Side, join
 from yumi.rws.replies import Event
 from yumi.rws.types import EventType
 
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""A late subscriber gets the newest message."""
+
 _NS = 1_000_000_000
 
 
 def stamp(nanoseconds: int) -> Time:
     """A ROS time stamp."""
     return Time(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS)
+
+
+_SLEW = 1e-3  # the system's clock is slewed by at most half of this
+_CLOCK_SET_NS = 50_000_000
+
+
+class Stamps:
+    """Turns times of the machine's monotonic clock into ROS time, without jitter when the reading is interrupted.
+
+    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
+    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
+
+    Args:
+        ros_now: the ROS time [ns].
+        now: the monotonic time [s].
+    """
+
+    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
+        self._ros_now = ros_now
+        self._now = now
+        self._difference: int | None = None
+        self._read = 0.0
+
+    @classmethod
+    def of(cls, node: Any, clock: Clock) -> Stamps:
+        """Those of a node's clock, for times of the machine's clock."""
+        ros_clock = node.get_clock()
+        return cls(lambda: int(ros_clock.now().nanoseconds), clock.now)
+
+    def at(self, time: float) -> int:
+        """The ROS time [ns] of the monotonic ``time`` [s]."""
+        now = self._now()
+        difference = self._ros_now() - int(now * 1e9)
+        last = difference if self._difference is None else self._difference
+        if abs(difference - last) < _CLOCK_SET_NS:
+            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
+        self._difference, self._read = difference, now
+        return int(time * 1e9) + difference
 
 
 def joint_state(names: Iterable[str], position: Iterable[float], velocity: Iterable[float], time_ns: int) -> JointState:
@@ -64,32 +100,38 @@ def joint_state(names: Iterable[str], position: Iterable[float], velocity: Itera
     return message
 
 
+_COUNTERS = (
+    *("cycles", "missed", "lost", "late", "stale", "repeated", "malformed", "foreign", "refused"),
+    *("position_limited", "slowed", "interruptions", "implausible"),
+)
+"""Of a snapshot, in the values of ``egm_state``."""
+
+
 def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
     """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``."""
-    level, sentence = _egm_level(snapshot)
-    values: Mapping[str, object] = {
+    level, sentence = DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
+    if snapshot.problem is not Problem.NONE:
+        level, sentence = DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
+    elif snapshot.is_running and not snapshot.is_streaming:
+        level, sentence = DiagnosticStatus.WARN, "running, feedback is interrupted"
+    elif snapshot.is_running:
+        level, sentence = DiagnosticStatus.OK, "running"
+    elif snapshot.is_streaming:
+        level, sentence = DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
+    elif snapshot.foreign and not snapshot.session:
+        level = DiagnosticStatus.WARN
+        sentence = (
+            f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
+            "check robot.address and the controller's UDPUC device"
+        )
+    values: dict[str, object] = {
         "session": snapshot.session,
         "streaming": snapshot.is_streaming,
         "running": snapshot.is_running,
         "commanded": snapshot.is_commanded,
-        "cycles": snapshot.cycles,
-        "missed": snapshot.missed,
-        "lost": snapshot.lost,
-        "late": snapshot.late,
-        "stale": snapshot.stale,
-        "repeated": snapshot.repeated,
-        "malformed": snapshot.malformed,
-        "foreign": snapshot.foreign,
-        "refused": snapshot.refused,
-        "position_limited": snapshot.position_limited,
-        "slowed": snapshot.slowed,
-        "interruptions": snapshot.interruptions,
-        "implausible": snapshot.implausible,
+        **{name: getattr(snapshot, name) for name in _COUNTERS},
         "problem": snapshot.problem.name.lower(),
-        "jitter": snapshot.jitter,
-        "worst_jitter": snapshot.worst_jitter,
-        "drift_ppm": snapshot.drift_ppm,
-        "cycle_time": snapshot.cycle_time,
+        **{name: getattr(snapshot, name) for name in ("jitter", "worst_jitter", "drift_ppm", "cycle_time")},
     }
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return DiagnosticStatus(
@@ -97,26 +139,9 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
     )
 
 
-def _egm_level(snapshot: Snapshot) -> tuple[bytes, str]:
-    if snapshot.problem is not Problem.NONE:
-        return DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
-    if snapshot.is_running and not snapshot.is_streaming:
-        return DiagnosticStatus.WARN, "running, feedback is interrupted"
-    if snapshot.is_running:
-        return DiagnosticStatus.OK, "running"
-    if snapshot.is_streaming:
-        return DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
-    if snapshot.foreign and not snapshot.session:
-        return DiagnosticStatus.WARN, (
-            f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
-            "check robot.address and the controller's UDPUC device"
-        )
-    return DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
-
-
 _IN_RADIANS = "joint_commands takes radians"
 _DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
-_LONGEST_NAME = 60  # characters of somebody else's text in a refusal
+_LONGEST_NAME = 60  # characters of a received name in a refusal
 
 
 def goal_of(message: Any, side: Side, base: Joints) -> Joints:
@@ -159,10 +184,7 @@ def positions_of(message: Any, side: Side) -> Joints:
     Raises:
         CommandRefused: another number of them, or an impossible one.
     """
-    values = _seven(message, "Goal")
-    for index, (name, position) in enumerate(zip(joint_names(side), values, strict=True)):
-        check_position(name, index, position)
-    return values
+    return _by_index(message, side, "Goal", check_position)
 
 
 def speeds_of(message: Any, side: Side) -> Joints:
@@ -171,15 +193,14 @@ def speeds_of(message: Any, side: Side) -> Joints:
     Raises:
         CommandRefused: another number of them, or an impossible one.
     """
-    values = _seven(message, "Speed")
-    for index, (name, velocity) in enumerate(zip(joint_names(side), values, strict=True)):
-        _check_velocity(name, index, velocity, "Speed")
-    return values
+    return _by_index(message, side, "Speed", lambda name, index, value: _check_velocity(name, index, value, "Speed"))
 
 
-def _seven(message: Any, noun: str) -> Joints:
+def _by_index(message: Any, side: Side, noun: str, check: Callable[[str, int, float], None]) -> Joints:
     if len(message.data) != JOINT_COUNT:
         raise CommandRefused(f"{noun} refused: it has {len(message.data)} values; an arm has {JOINT_COUNT} joints.")
+    for index, (name, value) in enumerate(zip(joint_names(side), message.data, strict=True)):
+        check(name, index, value)
     return joints(message.data)
 
 
@@ -195,8 +216,9 @@ def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: st
 def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: str, what: str) -> list[int]:
     """Places of the named joints in chain order."""
     if not names or len(names) != len(values):
+        entries = f"{len(names)} {'entry' if len(names) == 1 else 'entries'}"
         raise CommandRefused(
-            f"{noun} refused: name has {_entries(len(names))}, {what} has {len(values)}; give one {what} for each name."
+            f"{noun} refused: name has {entries}, {what} has {len(values)}; give one {what} for each name."
         )
     known = {name: index for index, name in enumerate(joint_names(side))}
     for name in names:
@@ -209,10 +231,6 @@ def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: st
         twice = next(name for name in known if names.count(name) > 1)
         raise CommandRefused(f"{noun} refused: {twice} is named twice; give each joint once.")
     return [known[name] for name in names]
-
-
-def _entries(count: int) -> str:
-    return f"{count} {'entry' if count == 1 else 'entries'}"
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
@@ -269,11 +287,11 @@ def state_of(message: Any) -> State:
         if message.id == number or (message.id == 0 and message.label == state.value):
             return state
     choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
-    raise CommandRefused(f"State {message.id} {message.label!r} is no state to be in; choose from: {choices}.")
+    raise CommandRefused(f"State {message.id} {message.label!r} is not a primary state; choose from: {choices}.")
 
 
 def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
-    """What ``list_controllers`` tells of one controller; required interfaces only from configuring on, as upstream."""
+    """One controller in ``list_controllers``; required interfaces only from configuring on, as upstream."""
     is_configured = info.state in {State.INACTIVE, State.ACTIVE}
     return filled(
         ControllerState(),
@@ -291,7 +309,7 @@ def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
 
 
 def hardware_state(info: HardwareInfo, rate: int) -> HardwareComponentState:
-    """What ``list_hardware_components`` tells of an arm; ``rate`` in [Hz]."""
+    """An arm in ``list_hardware_components``; ``rate`` in [Hz]."""
     return filled(
         HardwareComponentState(),
         name=info.name,
@@ -323,16 +341,11 @@ def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time
     """Who is in which state; only where the installed package has the type."""
     message = ControllerManagerActivity()
     message.header.stamp = stamp(time_ns)
-    message.controllers = [_named_state(info.name, info.state) for info in controllers]
-    message.hardware_components = [_named_state(hardware.name, hardware.state)]
+    message.controllers, message.hardware_components = (
+        [NamedLifecycleState(name=info.name, state=lifecycle_state(info.state)) for info in infos]
+        for infos in (controllers, (hardware,))
+    )
     return message
-
-
-def _named_state(name: str, state: State) -> NamedLifecycleState:
-    return NamedLifecycleState(name=name, state=lifecycle_state(state))
-
-
-_Difference = Callable[[TrajectoryFeedback], Iterable[float]]
 
 
 def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
@@ -342,7 +355,13 @@ def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
         TrajectoryRefused: it has too many points, or one has efforts.
     """
     check_count(len(message.points))
-    return JointTrajectory(tuple(message.joint_names), tuple(map(_point, message.points)), start)
+    points = []
+    for point in message.points:
+        if point.effort:
+            raise refused("a point has efforts; this robot takes positions, velocities and accelerations.")
+        fields = (point.positions, point.velocities, point.accelerations)
+        points.append(TrajectoryPoint(seconds(point.time_from_start), *map(tuple, fields)))
+    return JointTrajectory(tuple(message.joint_names), tuple(points), start)
 
 
 def stamp_of(message: Any) -> int:
@@ -362,7 +381,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
-            return own, f"{each.name!r} is no joint of this controller"
+            return own, f"{each.name!r} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
@@ -371,7 +390,21 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     time = seconds(goal.goal_time_tolerance)
     if time < 0.0 and time != UNLIMITED:
         return own, f"goal_time_tolerance is {time:g} s; -1 is unlimited"
-    return {side: _tolerances(goal, side, time) for side in sides}, ""
+
+    def chosen(tolerances: Iterable[Any], side: Side, field: str) -> Joints:
+        named = {each.name: float(getattr(each, field)) for each in tolerances}
+        return joints([named.get(name, DEFAULT) for name in joint_names(side)])
+
+    return {
+        side: Tolerances(
+            path=chosen(goal.path_tolerance, side, "position"),
+            path_velocity=chosen(goal.path_tolerance, side, "velocity"),
+            goal=chosen(goal.goal_tolerance, side, "position"),
+            goal_velocity=chosen(goal.goal_tolerance, side, "velocity"),
+            goal_time=time,
+        )
+        for side in sides
+    }, ""
 
 
 def seconds(duration: Any) -> float:
@@ -399,51 +432,23 @@ def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) ->
     return message
 
 
-def _point(message: Any) -> TrajectoryPoint:
-    if message.effort:
-        raise refused("a point has efforts; this robot takes positions, velocities and accelerations.")
-    fields = (message.positions, message.velocities, message.accelerations)
-    return TrajectoryPoint(seconds(message.time_from_start), *map(tuple, fields))
-
-
-def _tolerances(goal: Any, side: Side, time: float) -> Tolerances:
-    return Tolerances(
-        path=_chosen(goal.path_tolerance, side, "position"),
-        path_velocity=_chosen(goal.path_tolerance, side, "velocity"),
-        goal=_chosen(goal.goal_tolerance, side, "position"),
-        goal_velocity=_chosen(goal.goal_tolerance, side, "velocity"),
-        goal_time=time,
-    )
-
-
-def _chosen(tolerances: Iterable[Any], side: Side, field: str) -> Joints:
-    named = {each.name: float(getattr(each, field)) for each in tolerances}
-    return joints([named.get(name, DEFAULT) for name in joint_names(side)])
-
-
 def _names(feedbacks: Mapping[Side, TrajectoryFeedback]) -> list[str]:
     return [name for side in feedbacks for name in joint_names(side)]
 
 
 def _points(feedbacks: Mapping[Side, TrajectoryFeedback]) -> tuple[Any, Any, Any]:
     """Desired, actual, and desired - actual."""
-    time = next(iter(feedbacks.values())).progress
-    desired = [_row(feedbacks, lambda each: each.desired), _row(feedbacks, lambda each: each.desired_velocity)]
-    actual = [_row(feedbacks, lambda each: each.actual), _row(feedbacks, lambda each: each.actual_velocity)]
+    nanoseconds = max(0, round(next(iter(feedbacks.values())).progress * _NS))
+    time = Duration(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS)
+
+    def row(field: str) -> list[float]:
+        return [value for feedback in feedbacks.values() for value in getattr(feedback, field)]
+
+    desired, actual = (row("desired"), row("desired_velocity")), (row("actual"), row("actual_velocity"))
     error = [[want - have for want, have in zip(*rows, strict=True)] for rows in zip(desired, actual, strict=True)]
-    return tuple(_point_message(time, *rows) for rows in (desired, actual, error))
-
-
-def _row(feedbacks: Mapping[Side, TrajectoryFeedback], values: _Difference) -> list[float]:
-    return [value for feedback in feedbacks.values() for value in values(feedback)]
-
-
-def _point_message(time: float, position: list[float], velocity: list[float]) -> Any:
-    nanoseconds = max(0, round(time * _NS))
-    return JointTrajectoryPoint(
-        positions=position,
-        velocities=velocity,
-        time_from_start=Duration(sec=nanoseconds // _NS, nanosec=nanoseconds % _NS),
+    return tuple(
+        JointTrajectoryPoint(positions=position, velocities=velocity, time_from_start=time)
+        for position, velocity in (desired, actual, error)
     )
 
 
@@ -482,19 +487,26 @@ def controller_event(event: Event | None) -> ControllerEvent:
     if event is None:
         return ControllerEvent()
     text = EVENT_TEXTS.get(event.code)
+    try:  # the controller's local time, without a zone
+        local = datetime.strptime(event.time, _TIME).replace(tzinfo=timezone.utc)
+        seconds = min(max(int(local.timestamp()), 0), _LAST_SECOND)
+    except ValueError:
+        seconds = 0
     return ControllerEvent(
         number=min(max(event.code, 0), _LARGEST_CODE),
         type=_TYPES[event.type],
         title=event.title,
-        stamp=_stamp(event.time),
+        stamp=Time(sec=seconds),
         cause="" if text is None else text.cause,
         remedy="" if text is None else text.remedy,
     )
 
 
 def robot_status(state: RobotState) -> DiagnosticStatus:
-    """The state for ``/diagnostics``: an error where nothing can be done before somebody acts, else a warning."""
-    event = controller_event(state.last_event)
+    """The state for ``/diagnostics``: an error without a connection, a warning while it is not ready."""
+    event, level = controller_event(state.last_event), DiagnosticStatus.OK
+    if state.reason:
+        level = DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR
     values: Mapping[str, str] = {
         "mode": _word(state.mode),
         "motors": _word(state.controller_state),
@@ -510,7 +522,7 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
         "event_remedy": event.remedy,
     }
     return DiagnosticStatus(
-        level=_level(state),
+        level=level,
         name="yumi: robot",
         message=f"not ready: {state.reason}" if state.reason else "ready",
         hardware_id="IRC5",
@@ -543,12 +555,6 @@ def mode_of(name: str) -> Mode:
         ) from error
 
 
-def _level(state: RobotState) -> bytes:
-    if not state.reason:
-        return bytes(DiagnosticStatus.OK)
-    return bytes(DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR)
-
-
 def _machine(state: RobotState, side: Side) -> str:
     machine: MachineState | None = state.machines[side]
     return "" if machine is None else machine.name
@@ -558,31 +564,22 @@ def _word(value: Enum | None) -> str:
     return "" if value is None else str(value.value)
 
 
-def _stamp(text: str) -> Time:
-    """The controller tells its local time without a zone."""
-    try:
-        seconds = int(datetime.strptime(text, _TIME).replace(tzinfo=timezone.utc).timestamp())
-    except ValueError:
-        return Time()
-    return Time(sec=min(max(seconds, 0), _LAST_SECOND))
-
-
 PERIOD = 1.0
 """The same reason is logged once in this time [s], with how often it came meanwhile."""
 
 MOST = 10
-"""Lines in one period, however many reasons there are: a sender may make up names."""
+"""Lines in one period, however many reasons there are: each message may have another invalid name."""
 
 _REASONS = 50  # remembered; the oldest make room
-_NUMBER = re.compile(r"(?<![\w'])-?\d[\d.e+-]*")  # what stands alone: the digits in a joint's name tell joints apart
+_NUMBER = re.compile(r"(?<![\w'])-?\d[\d.e+-]*")  # a number of its own; digits in a joint's name are part of the reason
 
 
 class RefusalLog:
-    """Warnings of one topic, throttled by reason: different mistakes are all answered, however soon they follow.
+    """Warnings of one topic, throttled by reason: different mistakes are all logged, however soon they follow.
 
     Args:
         log: a node's logger.
-        now: tells the time [s].
+        now: the time [s].
     """
 
     def __init__(self, log: Any, now: Callable[[], float]) -> None:
@@ -591,7 +588,7 @@ class RefusalLog:
         self._last: OrderedDict[str, float] = OrderedDict()  # when a reason was logged
         self._begin = -PERIOD  # of the period whose lines are counted
         self._lines = 0
-        self._silent = 0  # refusals since the last line that were not logged
+        self._unlogged = 0  # refusals since the last line
 
     def warn(self, sentence: str) -> None:
         """Log a refusal, unless its reason was logged just now; what was not logged is counted with the next line."""
@@ -599,12 +596,12 @@ class RefusalLog:
         if now - self._begin >= PERIOD:
             self._begin, self._lines = now, 0
         if now - self._last.get(reason, -PERIOD) < PERIOD or self._lines >= MOST:
-            self._silent += 1
+            self._unlogged += 1
             return
         self._last[reason] = now
         self._last.move_to_end(reason)
         if len(self._last) > _REASONS:
             self._last.popitem(last=False)
         self._lines += 1
-        count, self._silent = self._silent, 0
+        count, self._unlogged = self._unlogged, 0
         self._log.warning(f"{sentence} ({count} more refusals since the last line)" if count else sentence)

@@ -1,20 +1,31 @@
-"""The dual-arm move-and-grab application of the thesis (listing 3.4), on the driver's ROS interface alone."""
+"""The dual-arm move-and-grab application of the thesis (listing 3.4), in plain rclpy on the driver's ROS interface."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from math import degrees, radians
+from time import monotonic
 from typing import Any, Protocol, TypeVar
 
 import rclpy
+from action_msgs.msg import GoalStatus
+from control_msgs.action import GripperCommand
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from yumi_interfaces.action import Recover
+from yumi_interfaces.msg import RobotState
 
 from yumi.driver.stops import demand_confirmation
-from yumi.errors import GoalNotReached, RobotNotReady, YumiError
-from yumi.robot.joints import Joints, Side, joints
-from yumi.ros.clients import ArmClient, Grip, GripperClient, RobotManagerClient, Spinner
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
+from yumi.robot.gripper import Outcome, outcome_of
+from yumi.robot.joints import Joints, Side, joint_names, joints
+from yumi.ros.gripper import FAILURE, FAILURES
+from yumi.ros.messages import LATCHED
 
 T = TypeVar("T")
 
@@ -34,13 +45,19 @@ MOVE_TIMEOUT = 30.0
 """Longest time for one motion at full speed [s]."""
 
 RECOVERIES = 3
-"""How often the task goes on after the robot has been stopped, for each of its steps; a person says whether."""
+"""How often each step of the task is repeated after a stop of the robot; a person confirms each stop."""
 
+_SPIN = 0.05  # [s]
+_DISCOVERY = 10.0  # [s]
+_ANSWER = 30.0  # [s]
+_STATE = 5.0  # [s]
+_RECOVERY = 120.0  # [s]; a controller that restarts does not answer for some twenty
 _EXPLAINED = 1.5  # [s] after EGM's end the driver knows what stopped the robot
+_FAILURE = 1.0  # [s] for the reason of a gripper's failure, which is on another topic than the result
 
 
 class Progress(Protocol):
-    """Whoever shows a person how far the task is."""
+    """Shows a person the progress of the task."""
 
     def step(self, sentence: str) -> None:
         """A new step begins."""
@@ -52,9 +69,27 @@ class Progress(Protocol):
         """A step had a result."""
 
 
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """How a gripper command ended.
+
+    Attributes:
+        position: finger position [m].
+        outcome: how.
+    """
+
+    position: float
+    outcome: Outcome
+
+    @property
+    def word(self) -> str:
+        """``holding``, ``open``, ``closed``, ``in place`` or ``stalled``."""
+        return self.outcome.value
+
+
 @dataclass(slots=True)
 class ArmReport:
-    """What became of one arm's part of the task.
+    """The result of one arm's part of the task.
 
     Attributes:
         duration: from the goal until every joint was near enough [s].
@@ -71,32 +106,86 @@ class ArmReport:
     path: list[tuple[float, Joints]] = field(default_factory=list)
 
 
+class _Arm:
+    """The topics and the gripper action of one arm.
+
+    Attributes:
+        position: of the newest joint state [rad].
+        missed: cycles without an answer since the driver's start.
+        is_commanded: whether EGM runs and a controller commands the arm.
+        failures: how many gripper goals failed, and why the last one did.
+    """
+
+    def __init__(self, node: Any, side: Side, path: list[tuple[float, Joints]]) -> None:
+        self.side = side
+        self.position: Joints | None = None
+        self.missed: int | None = None
+        self.is_commanded = False
+        self.failures = (0, "")
+        self._path = path
+        name = side.value
+        self.goals = node.create_publisher(JointState, f"{name}/joint_commands", 10)
+        self.gripper = ActionClient(node, GripperCommand, f"{name}/gripper/gripper_cmd")
+        node.create_subscription(JointState, f"{name}/joint_states", self._take_state, 100)
+        node.create_subscription(DiagnosticStatus, f"{name}/egm_state", self._take_egm_state, 1)
+        node.create_subscription(DiagnosticStatus, f"{name}/gripper/state", self._take_gripper_state, LATCHED)
+
+    def has_states(self) -> bool:
+        """Whether position and EGM state are known."""
+        return self.position is not None and self.missed is not None
+
+    def error(self) -> float:
+        """Largest distance of a joint from its goal [rad]."""
+        assert self.position is not None
+        return max(abs(now - goal) for now, goal in zip(self.position, GOALS[self.side], strict=True))
+
+    def _take_state(self, message: Any) -> None:
+        self.position = joints(message.position)
+        self._path.append((message.header.stamp.sec + message.header.stamp.nanosec * 1e-9, self.position))
+
+    def _take_egm_state(self, message: Any) -> None:
+        values = {pair.key: pair.value for pair in message.values}
+        self.missed = int(values["missed"])
+        self.is_commanded = values["running"] == values["commanded"] == str(True)
+
+    def _take_gripper_state(self, message: Any) -> None:
+        values = {pair.key: pair.value for pair in message.values}
+        self.failures = (int(values.get(FAILURES, 0)), values.get(FAILURE, ""))
+
+
 class MoveAndGrab:
     """The application; one node of its own.
 
     Args:
         progress: shows the steps.
-        check: called again and again while waiting; raises when the task shall end.
+        check: called again and again while waiting; raises when the task must end.
         confirm: asks a person who sees the robot whether it may go on after the stop of this sentence.
     """
 
     def __init__(
         self, progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool] = lambda _: False
     ) -> None:
-        self._confirm = confirm
         self.reports = {side: ArmReport() for side in Side}
         self._progress = progress
+        self._check = check
+        self._confirm = confirm
         self._node: Any = rclpy.create_node("move_and_grab")
-        spinner = Spinner(self._node, check)
-        self._spinner = spinner
-        self._manager = RobotManagerClient(spinner)
-        self._grippers = {side: GripperClient(spinner, side) for side in Side}
-        self._arms = {side: ArmClient(spinner, side, self._recorder(side)) for side in Side}
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._services = {
+            name: self._node.create_client(Trigger, f"yumi_robot_manager/{name}")
+            for name in ("robot_is_ready", "start_egm", "stop_egm")
+        }
+        self._recover_client = ActionClient(self._node, Recover, "yumi_robot_manager/recover")
+        self._state: Any = None
+        self._node.create_subscription(RobotState, "yumi_robot_manager/state", self._take_state, LATCHED)
+        self._arms = {side: _Arm(self._node, side, self.reports[side].path) for side in Side}
         self._started_egm = False
 
     def close(self) -> None:
         """Destroy the node."""
-        self._spinner.close()
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
         self._node.destroy_node()
 
     def run(self) -> None:
@@ -108,51 +197,123 @@ class MoveAndGrab:
         """
         self._wait_until_ready()
         self._despite_stops(self._start_egm)
-        missed = {side: self._arms[side].missed for side in Side}
+        missed = {side: arm.missed or 0 for side, arm in self._arms.items()}
         self._despite_stops(lambda: self._grip("open both grippers", OPEN))
         for side in (Side.RIGHT, Side.LEFT):
             self._despite_stops(partial(self._move, side))
         grips = self._despite_stops(lambda: self._grip("close both grippers", CLOSED))
-        for side, grip in grips.items():
-            self.reports[side].grip = grip
-        for side in Side:
-            self.reports[side].missed = self._arms[side].missed - missed[side]
-            self.reports[side].final_error = self._arms[side].error(GOALS[side])
+        for side, report in self.reports.items():
+            report.grip = grips[side]
+            report.missed = (self._arms[side].missed or 0) - missed[side]
+            report.final_error = self._arms[side].error()
         self._progress.step("stop EGM")
-        self._manager.stop_egm()
+        self._request("stop_egm")
         self._started_egm = False
 
     def stop_motion(self) -> None:
-        """End EGM if this application started it; for use after a cancel."""
+        """End EGM if this application started it; for use after a cancel, so the check is no longer called."""
         if self._started_egm:
-            self._spinner.close()
-            self._spinner = Spinner(self._node)
-            RobotManagerClient(self._spinner).stop_egm()
+            self._check = lambda: None
+            self._request("stop_egm")
+
+    # The steps
 
     def _wait_until_ready(self) -> None:
         self._progress.step("wait until the robot is ready")
-        reason: list[str | None] = [None]
+        answer: Any = None
 
         def is_ready() -> bool:
-            reason[0] = self._manager.robot_is_ready()
-            return reason[0] is None or bool(self._manager.state is not None and self._manager.state.stop)
+            nonlocal answer
+            answer = self._call("robot_is_ready", _DISCOVERY)
+            return answer.success or bool(self._state is not None and self._state.stop)
 
         try:
-            self._spinner.until(is_ready, 30.0, "Readiness of the robot")
+            self._wait(is_ready, 30.0, "Readiness of the robot")
         except RobotNotReady as error:
-            raise RobotNotReady(f"{error} It is {reason[0]}.") from error
-        if reason[0] is not None:  # an earlier stop waits for a person
-            self._recover(RobotNotReady(f"The robot is {reason[0]}."))
+            raise RobotNotReady(f"{error} It is {answer.message}." if answer else str(error)) from error
+        if not answer.success:  # an earlier stop has not been confirmed by a person
+            self._recover(RobotNotReady(f"The robot is {answer.message}."))
+
+    def _start_egm(self) -> None:
+        self._progress.step("start EGM on both arms")
+        self._started_egm = True
+        self._progress.note(self._request("start_egm"))
+        for arm in self._arms.values():
+            self._wait(arm.has_states, _STATE, f"A joint state and an EGM state of the {arm.side.word} arm")
+            try:
+                self._wait(partial(getattr, arm, "is_commanded"), _STATE, "The activation of its controller")
+            except RobotNotReady as error:
+                raise GoalNotReached(f"The {arm.side.word} arm was stopped before it moved.") from error
+
+    def _move(self, side: Side) -> None:
+        arm = self._arms[side]
+        self._progress.step(f"move the {side.word} arm")
+        self._wait(lambda: arm.goals.get_subscription_count() > 0, _DISCOVERY, f"A subscriber to {arm.goals.topic}")
+        whole, begin = max(arm.error(), CLOSE_ENOUGH), monotonic()
+        arm.goals.publish(JointState(name=list(joint_names(side)), position=list(GOALS[side])))
+
+        def has_arrived() -> bool:
+            error = arm.error()
+            self._progress.error(side, degrees(error), 1.0 - error / whole)
+            if error >= CLOSE_ENOUGH and not arm.is_commanded:
+                raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
+            return error < CLOSE_ENOUGH
+
+        timeout = MOVE_TIMEOUT / self._state.speed_scale
+        self._wait(has_arrived, timeout, f"Arrival of the {side.word} arm within 0.1°")
+        self.reports[side].duration = monotonic() - begin
+
+    def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
+        """Move both grippers at once; the first failure counts once both have ended."""
+        self._progress.step(sentence)
+        goal = GripperCommand.Goal()
+        goal.command.position = position
+        handles, failed_before = {}, {side: arm.failures[0] for side, arm in self._arms.items()}
+        for side, arm in self._arms.items():
+            self._wait(arm.gripper.server_is_ready, _DISCOVERY, f"The {side.word} gripper's action: its appearance")
+            handles[side] = self._result(arm.gripper.send_goal_async(goal), f"The answer of the {side.word} gripper")
+            if not handles[side].accepted:
+                reason = self._why_failed(arm, failed_before[side])
+                raise CommandRefused(f"The {side.word} gripper refused the goal: {reason}")
+        grips, failures = {}, []
+        for side, handle in handles.items():
+            ended = self._result(handle.get_result_async(), f"The end of the {side.word} gripper's motion")
+            if ended.status == GoalStatus.STATUS_SUCCEEDED:
+                result = ended.result
+                outcome = outcome_of(
+                    result.position, result.effort, stalled=result.stalled, reached_goal=result.reached_goal
+                )
+                grips[side] = Grip(result.position, outcome)
+            elif ended.status == GoalStatus.STATUS_CANCELED:
+                failures.append(f"The {side.word} gripper's goal was cancelled; its fingers stand.")
+            else:
+                failures.append(self._why_failed(self._arms[side], failed_before[side]))
+        if failures:
+            raise GoalNotReached(failures[0])
+        self._progress.note(
+            ", ".join(f"{side.word}: {grip.word} at {grip.position * 1e3:.1f} mm" for side, grip in grips.items())
+        )
+        return grips
+
+    def _why_failed(self, arm: _Arm, failed_before: int) -> str:
+        """The driver's reason for a gripper's failure; the action's result has no text."""
+        try:
+            self._wait(lambda: arm.failures[0] > failed_before, _FAILURE, "The reason")
+        except RobotNotReady:
+            return f"The {arm.side.word} gripper did not do it; the driver's log says why."
+        return arm.failures[1]
+
+    # After a stop
 
     def _despite_stops(self, step: Callable[[], T]) -> T:
-        """What ``step`` gives; where the robot has been stopped meanwhile, it recovers and ``step`` is done again."""
+        """The result of ``step``; where the robot has been stopped meanwhile, it recovers and ``step`` is repeated."""
         attempt = 0
         while True:
             try:
                 return step()
             except YumiError as error:
                 attempt += 1
-                was_stopped = isinstance(error, GoalNotReached) or self._stop_state() is not None
+                was_stopped = isinstance(error, GoalNotReached) or self._is_stopped()
                 if not was_stopped or attempt > RECOVERIES:
                     raise
                 self._progress.step(f"{error} Recover, attempt {attempt} of {RECOVERIES}")
@@ -160,97 +321,88 @@ class MoveAndGrab:
                 self._start_egm()
 
     def _recover(self, error: YumiError) -> None:
-        """Bring the robot back: by itself where only this machine lost it, else when a person says so.
+        """Bring the robot back to ready. A person must confirm, unless no stop of the robot is known.
 
         Raises:
-            RobotNotReady: nobody says so; the message says what stopped the robot.
+            RobotNotReady: not confirmed; the message says what stopped the robot.
         """
-        with suppress(RobotNotReady):  # no stop is known: the robot works, and lost us for a moment
-            self._spinner.until(self._is_explained, _EXPLAINED, "A cause")
-        state, stop = self._stop_state(), ""
-        if state is not None:
-            stop = str(state.stop)
-            sentence = f"The robot stands. Cause: {state.cause}.{demand_confirmation(stop)}"
+        try:
+            self._wait(self._is_explained, _EXPLAINED, "A cause")
+        except RobotNotReady:
+            self._node.get_logger().info("No stop is known: the robot works, the connection was lost for a moment.")
+        stop = ""
+        if self._is_stopped():
+            stop = str(self._state.stop)
+            sentence = f"The robot stands. Cause: {self._state.cause}.{demand_confirmation(stop)}"
             if not self._confirm(sentence):
                 raise RobotNotReady(f"{error} {sentence} Not confirmed by a person.", stop) from error
         while True:
             try:
-                self._progress.note(self._manager.recover(self._progress.note, stop))
+                self._progress.note(self._request_recovery(stop))
                 return
             except RobotNotReady as refusal:
                 if not self._confirm(str(refusal)):
                     raise
                 stop = refusal.stop
 
+    def _request_recovery(self, confirmed_stop: str) -> str:
+        """The action ``recover``; its message."""
+        self._wait(self._recover_client.server_is_ready, _DISCOVERY, "The action recover: its appearance")
+        sent = self._recover_client.send_goal_async(
+            Recover.Goal(confirm_stop=confirmed_stop),
+            feedback_callback=lambda message: self._progress.note(str(message.feedback.step)),
+        )
+        handle = self._result(sent, "The answer of recover")
+        try:
+            result = self._result(handle.get_result_async(), "The end of recover", _RECOVERY).result
+        except BaseException:
+            handle.cancel_goal_async()
+            raise
+        message, stop = str(result.message), str(result.state.stop)
+        if result.success:
+            return message
+        if stop and stop in message:  # a stop that only the newer state has was not shown to a person
+            raise StopNotConfirmed(message, stop)
+        raise RobotNotReady(message)
+
+    def _is_stopped(self) -> bool:
+        """Whether something known keeps the robot stopped."""
+        return self._state is not None and bool(self._state.stop or self._state.cause)
+
     def _is_explained(self) -> bool:
         """Whether the driver knows more than that the robot is stopped."""
-        state = self._stop_state()
-        return state is not None and (bool(state.stop) or state.cause != state.reason)
+        return self._is_stopped() and (bool(self._state.stop) or self._state.cause != self._state.reason)
 
-    def _stop_state(self) -> Any:
-        """The robot's state while something known keeps it stopped; else None."""
-        state = self._manager.state
-        return state if state is not None and (state.stop or state.cause) else None
+    def _take_state(self, message: Any) -> None:
+        self._state = message
 
-    def _start_egm(self) -> None:
-        self._progress.step("start EGM on both arms")
-        self._started_egm = True
-        self._progress.note(self._manager.start_egm())
-        for side in Side:
-            self._arms[side].wait_for_state(5.0)
-            self._arms[side].wait_for_status(5.0)
-            self._wait_for_command(side)
+    # Waiting
 
-    def _wait_for_command(self, side: Side) -> None:
-        try:
-            self._arms[side].wait_for_command(5.0)
-        except RobotNotReady as error:
-            raise GoalNotReached(f"The {side.word} arm was stopped before it moved.") from error
+    def _wait(self, is_true: Callable[[], bool], timeout: float, what: str) -> None:
+        """Spin the node until ``is_true``.
 
-    def _move(self, side: Side) -> None:
-        goal, arm, report = GOALS[side], self._arms[side], self.reports[side]
-        self._progress.step(f"move the {side.word} arm")
-        whole = max(arm.error(goal), CLOSE_ENOUGH)
-        begin = self._seconds()
-        arm.move(goal)
+        Raises:
+            RobotNotReady: it did not become so within ``timeout`` [s].
+        """
+        end = monotonic() + timeout
+        while not is_true():
+            self._check()
+            if monotonic() > end:
+                raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
+            self._executor.spin_once(timeout_sec=_SPIN)
 
-        def has_arrived() -> bool:
-            error = arm.error(goal)
-            self._progress.error(side, degrees(error), 1.0 - error / whole)
-            if error >= CLOSE_ENOUGH and not arm.is_commanded:
-                raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
-            return error < CLOSE_ENOUGH
+    def _result(self, future: Any, what: str, timeout: float = _ANSWER) -> Any:
+        self._wait(future.done, timeout, what)
+        return future.result()
 
-        timeout = MOVE_TIMEOUT / self._manager.state.speed_scale
-        self._spinner.until(has_arrived, timeout, f"Arrival of the {side.word} arm within 0.1°")
-        report.duration = self._seconds() - begin
+    def _call(self, name: str, timeout: float = _ANSWER) -> Any:
+        client = self._services[name]
+        self._wait(client.service_is_ready, timeout, f"The service {name} of the driver: its appearance")
+        return self._result(client.call_async(Trigger.Request()), f"The answer of {name}", timeout)
 
-    def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
-        self._progress.step(sentence)
-        waits = {side: gripper.begin(position) for side, gripper in self._grippers.items()}
-        grips = _ends_of(waits)
-        self._progress.note(
-            ", ".join(f"{side.word}: {grip.word} at {grip.position * 1e3:.1f} mm" for side, grip in grips.items())
-        )
-        return grips
-
-    def _recorder(self, side: Side) -> Callable[[float, Joints], None]:
-        path = self.reports[side].path
-        return lambda time, position: path.append((time, position))
-
-    def _seconds(self) -> float:
-        return float(self._node.get_clock().now().nanoseconds) * 1e-9
-
-
-def _ends_of(waits: dict[Side, Callable[[], Grip]]) -> dict[Side, Grip]:
-    """How both grips ended, once both have, however the first did."""
-    grips: dict[Side, Grip] = {}
-    failures = []
-    for side, wait in waits.items():
-        try:
-            grips[side] = wait()
-        except GoalNotReached as error:
-            failures.append(error)
-    if failures:
-        raise failures[0]
-    return grips
+    def _request(self, name: str) -> str:
+        """The message of a service that must succeed; a refusal is raised with the driver's reason."""
+        answer = self._call(name)
+        if not answer.success:
+            raise RobotNotReady(str(answer.message))
+        return str(answer.message)

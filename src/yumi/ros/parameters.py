@@ -156,12 +156,10 @@ class ManagerParameters:
     Args:
         node: the controller manager's node.
         rate: how often controllers are updated [Hz].
-        on_change: called when a parameter was set.
     """
 
-    def __init__(self, node: Any, rate: int, on_change: Callable[[], None]) -> None:
+    def __init__(self, node: Any, rate: int) -> None:
         self._node = node
-        self._on_change = on_change
         self._declare_own(rate)
         node.add_on_set_parameters_callback(self._check)
 
@@ -243,7 +241,6 @@ class ManagerParameters:
             if parameter.name == _STRICTNESS and parameter.value not in _STRICTNESSES:
                 words = " or ".join(_STRICTNESSES)
                 return SetParametersResult(successful=False, reason=f"{_STRICTNESS} is {words}.")
-        self._on_change()
         return SetParametersResult(successful=True)
 
 

@@ -1,19 +1,14 @@
-"""The robot manager's services (:mod:`yumi.driver.robot_manager`): what each is called, asks for and answers.
+"""The robot manager's services, actions and ``speed_scale`` in ROS, see :mod:`yumi.driver.robot_manager`.
 
-What only reads, and what brings the robot to a stop, is served beside what takes its time.
-
-The robot manager's actions ``set_mode`` and ``recover``: one at a time, with a sentence of feedback for each step.
-
-A goal that cannot be met is not rejected, which would tell nobody why: it is aborted at once, with the reason.
-
-``speed_scale`` on the robot manager's node: the service ``~/set_speed_scale`` and a parameter of the same name.
+What only reads, and what brings the robot to a stop, is served beside what takes its time. The actions ``set_mode``
+and ``recover`` run one at a time, with one sentence of feedback for each step. A goal that cannot be met is not
+rejected, since a rejection has no text: it is aborted at once, with the reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
+from collections.abc import Callable, Iterable
+from enum import Enum, auto
 from functools import partial
 from threading import Lock
 from typing import Any
@@ -39,230 +34,163 @@ from yumi_interfaces.srv import (
 from yumi.control.limiter import FULL
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.speed import LOWEST, SpeedSetting
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.ros.lifecycle import demand
 from yumi.ros.messages import mode_of, robot_state, side_of
-from yumi.ros.permission import Permission
+
+CheckArms = Callable[[Iterable[Side]], None]
+"""Raises CommandRefused where one of some arms has been deactivated."""
 
 
-class Lane(Enum):
-    """Services of one lane wait for each other."""
+class _Group(Enum):
+    """Services of one group wait for each other."""
 
-    READ = "read"
-    STOP = "stop"
-    CHANGE = "change"
-
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """One service.
-
-    Attributes:
-        name: under the node's name.
-        kind: its type.
-        lane: which others it waits for; what changes the robot needs it to be active, the rest a connection.
-        carry: does it; what the answer says.
-        arms: those that must be active for it.
-        is_reading: whether the answer has a value, which ``carry`` gives.
-    """
-
-    name: str
-    kind: Any
-    lane: Lane
-    carry: Callable[[Any], str]
-    arms: tuple[Side, ...] = ()
-    is_reading: bool = False
-
-
-def offers(manager: RobotManager) -> tuple[Offer, ...]:
-    """All services."""
-    return (*_triggers(manager), *_orders(manager), *_values(manager))
-
-
-def _triggers(manager: RobotManager) -> tuple[Offer, ...]:
-    def trigger(name: str, lane: Lane, carry: Callable[[], str], arms: tuple[Side, ...] = ()) -> Offer:
-        return Offer(name, Trigger, lane, lambda _: carry(), arms)
-
-    return (
-        trigger("robot_is_ready", Lane.READ, manager.check_ready),
-        trigger("get_state", Lane.READ, manager.describe),
-        trigger("start_egm", Lane.CHANGE, manager.start_egm, tuple(Side)),
-        trigger("stop_egm", Lane.STOP, manager.stop_egm),
-        trigger("motors_on", Lane.CHANGE, manager.motors_on),
-        trigger("motors_off", Lane.STOP, manager.motors_off),
-        trigger("start_rapid", Lane.CHANGE, manager.start_rapid),
-        trigger("stop_rapid", Lane.STOP, manager.stop_rapid),
-        trigger("pp_to_main", Lane.CHANGE, manager.pp_to_main),
-    )
-
-
-def _orders(manager: RobotManager) -> tuple[Offer, ...]:
-    return (
-        Offer("set_speed_ratio", SetSpeedRatio, Lane.CHANGE, lambda ask: manager.set_speed_ratio(ask.percent)),
-        Offer("run_routine", RunRoutine, Lane.CHANGE, lambda ask: manager.run_routine(side_of(ask.arm), ask.routine)),
-        Offer(
-            "load_module",
-            LoadModule,
-            Lane.CHANGE,
-            lambda ask: manager.load_module(side_of(ask.arm), ask.file_name, ask.text),
-        ),
-        Offer(
-            "run_module",
-            RunModule,
-            Lane.CHANGE,
-            lambda ask: manager.run_module(side_of(ask.arm), ask.file_name, ask.text, ask.routine),
-        ),
-    )
-
-
-def _values(manager: RobotManager) -> tuple[Offer, ...]:
-    def write_signal(ask: Any) -> str:
-        manager.write_signal(ask.name, ask.value)
-        return f"Signal {ask.name} is {ask.value}"
-
-    def write_variable(ask: Any) -> str:
-        manager.panel.write_variable(ask.task, ask.module, ask.name, ask.value)
-        return f"{ask.task}/{ask.module}/{ask.name} is {ask.value}"
-
-    return (
-        Offer("read_signal", ReadSignal, Lane.READ, lambda ask: manager.panel.read_signal(ask.name), is_reading=True),
-        Offer("write_signal", WriteSignal, Lane.CHANGE, write_signal),
-        Offer(
-            "read_variable",
-            ReadVariable,
-            Lane.READ,
-            lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name),
-            is_reading=True,
-        ),
-        Offer("write_variable", WriteVariable, Lane.CHANGE, write_variable),
-    )
+    READ = auto()
+    STOP = auto()
+    CHANGE = auto()
 
 
 class RobotManagerServices:
-    """Serves them on the robot manager's node.
-
-    Args:
-        node: the robot manager's node.
-        manager: what is offered.
-        permission: who must be configured or active.
-        on_change: called after each service, since controllers and EGM may have changed.
-    """
-
-    def __init__(self, node: Any, manager: RobotManager, permission: Permission, on_change: Callable[[], None]) -> None:
-        self._log = node.get_logger()
-        self._permission = permission
-        self._on_change = on_change
-        groups = {lane: MutuallyExclusiveCallbackGroup() for lane in Lane}
-        for offer in offers(manager):
-            node.create_service(
-                offer.kind, f"~/{offer.name}", self._answer_with(offer), callback_group=groups[offer.lane]
-            )
-
-    def _answer_with(self, offer: Offer) -> Callable[[Any, Any], Any]:
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                self._check(offer)
-                said = offer.carry(request)
-                response.success = True
-            except YumiError as error:
-                said = str(error)
-                response.success = False
-                if offer.lane is not Lane.READ:
-                    self._log.error(f"{offer.name}: {error}")
-            self._fill(offer, response, said)
-            if offer.lane is not Lane.READ:
-                self._on_change()
-            return response
-
-        return answer
-
-    def _check(self, offer: Offer) -> None:
-        if offer.lane is Lane.CHANGE:
-            demand(self._permission.to_move(offer.arms))
-        else:
-            demand(self._permission.to_ask())
-
-    def _fill(self, offer: Offer, response: Any, said: str) -> None:
-        if response.success and offer.is_reading:
-            response.value = said
-        else:
-            response.message = said
-
-
-class _Cancelled(Exception):
-    """Somebody has cancelled the goal; the step that was to come has not begun. Nobody explains it as a failure."""
-
-
-class _Steps:
-    """Tells a goal's client each step, unless the goal has been cancelled or nothing may move any more."""
-
-    def __init__(self, handle: Any, kind: Any, permission: Permission) -> None:
-        self._handle = handle
-        self._kind = kind
-        self._permission = permission
-
-    def __call__(self, step: str) -> None:
-        self.check(f"before: {step}")
-        self._handle.publish_feedback(self._kind.Feedback(step=step))
-
-    def check(self, when: str) -> None:
-        """Raise when the goal shall end here; ``when`` says where that is."""
-        if self._handle.is_cancel_requested:
-            raise _Cancelled(f"Cancelled {when}.")
-        reason = self._permission.to_move()
-        if reason is not None:
-            raise RobotNotReady(f"Given up {when}; {reason}")
-
-
-class RobotManagerActions:
-    """Serves them on the robot manager's node.
+    """The services of the robot manager's node.
 
     Args:
         node: the robot manager's node.
         manager: what carries them out.
-        permission: who must be active.
-        on_change: called after each, since controllers and EGM may have changed.
+        check_arms: refuses what needs an arm that is not active.
+        on_change: called after each service that may have changed controllers or EGM.
     """
 
-    def __init__(self, node: Any, manager: RobotManager, permission: Permission, on_change: Callable[[], None]) -> None:
+    def __init__(self, node: Any, manager: RobotManager, check_arms: CheckArms, on_change: Callable[[], None]) -> None:
+        self._node = node
+        self._log = node.get_logger()
+        self._on_change = on_change
+        self._callback_groups = {group: MutuallyExclusiveCallbackGroup() for group in _Group}
+
+        def start_egm() -> str:
+            check_arms(Side)
+            return manager.start_egm()
+
+        def write_signal(request: Any) -> str:
+            manager.write_signal(request.name, request.value)
+            return f"Signal {request.name} is {request.value}"
+
+        def write_variable(request: Any) -> str:
+            manager.panel.write_variable(request.task, request.module, request.name, request.value)
+            return f"{request.task}/{request.module}/{request.name} is {request.value}"
+
+        triggers: dict[str, tuple[_Group, Callable[[], str]]] = {
+            "robot_is_ready": (_Group.READ, manager.check_ready),
+            "get_state": (_Group.READ, manager.describe),
+            "start_egm": (_Group.CHANGE, start_egm),
+            "stop_egm": (_Group.STOP, manager.stop_egm),
+            "motors_on": (_Group.CHANGE, manager.motors_on),
+            "motors_off": (_Group.STOP, manager.motors_off),
+            "start_rapid": (_Group.CHANGE, manager.start_rapid),
+            "stop_rapid": (_Group.STOP, manager.stop_rapid),
+            "pp_to_main": (_Group.CHANGE, manager.pp_to_main),
+        }
+        for name, (group, call) in triggers.items():
+            self._serve(Trigger, name, group, partial(_without_request, call))
+        self._serve(SetSpeedRatio, "set_speed_ratio", _Group.CHANGE, lambda ask: manager.set_speed_ratio(ask.percent))
+        self._serve(
+            RunRoutine, "run_routine", _Group.CHANGE, lambda ask: manager.run_routine(side_of(ask.arm), ask.routine)
+        )
+        self._serve(
+            LoadModule,
+            "load_module",
+            _Group.CHANGE,
+            lambda ask: manager.load_module(side_of(ask.arm), ask.file_name, ask.text),
+        )
+        self._serve(
+            RunModule,
+            "run_module",
+            _Group.CHANGE,
+            lambda ask: manager.run_module(side_of(ask.arm), ask.file_name, ask.text, ask.routine),
+        )
+        self._serve(WriteSignal, "write_signal", _Group.CHANGE, write_signal)
+        self._serve(WriteVariable, "write_variable", _Group.CHANGE, write_variable)
+        self._serve(
+            ReadSignal,
+            "read_signal",
+            _Group.READ,
+            lambda ask: manager.panel.read_signal(ask.name),
+            answer_field="value",
+        )
+        self._serve(
+            ReadVariable,
+            "read_variable",
+            _Group.READ,
+            lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name),
+            answer_field="value",
+        )
+
+    def _serve(
+        self, kind: Any, name: str, group: _Group, call: Callable[[Any], str], answer_field: str = "message"
+    ) -> None:
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                setattr(response, answer_field, call(request))
+                response.success = True
+            except YumiError as error:
+                response.message, response.success = str(error), False
+                if group is not _Group.READ:
+                    self._log.error(f"{name}: {error}")
+            if group is not _Group.READ:
+                self._on_change()
+            return response
+
+        self._node.create_service(kind, f"~/{name}", answer, callback_group=self._callback_groups[group])
+
+
+def _without_request(call: Callable[[], str], _: Any) -> str:
+    return call()
+
+
+class _Cancelled(Exception):
+    """The client has cancelled the goal; the next step has not begun. It is not reported as a failure."""
+
+
+class RobotManagerActions:
+    """The actions of the robot manager's node; arguments as of :class:`RobotManagerServices`."""
+
+    def __init__(self, node: Any, manager: RobotManager, check_arms: CheckArms, on_change: Callable[[], None]) -> None:
+        self._node = node
         self._log = node.get_logger()
         self._clock = node.get_clock()
         self._manager = manager
-        self._permission = permission
         self._on_change = on_change
         self._busy = Lock()
-        self._servers = [
-            ActionServer(
-                node,
-                kind,
-                f"~/{name}",
-                execute_callback=self._executing(name, kind, carry),
-                cancel_callback=lambda _: CancelResponse.ACCEPT,
-                callback_group=ReentrantCallbackGroup(),
-            )
-            for name, kind, carry in (("set_mode", SetMode, self._set_mode), ("recover", Recover, self._recover))
-        ]
+
+        def set_mode(handle: Any, check: Callable[[str], None]) -> str:
+            mode = mode_of(handle.request.mode)
+            check_arms(mode.arms)
+            return manager.go_to(mode, _report_steps(handle, SetMode, check))
+
+        def recover(handle: Any, check: Callable[[str], None]) -> str:
+            check_arms(manager.egm_arms)
+            report = _report_steps(handle, Recover, check)
+            confirmed = handle.request.confirm_stop.strip()
+            return manager.recover(report, lambda: check("while the controller did not answer"), confirmed)
+
+        self._servers = [self._serve(SetMode, "set_mode", set_mode), self._serve(Recover, "recover", recover)]
 
     def destroy(self) -> None:
         for server in self._servers:
             server.destroy()
 
-    def _set_mode(self, goal: Any, report: _Steps) -> str:
-        mode = mode_of(goal.mode)
-        demand(self._permission.to_move(mode.arms))
-        return self._manager.go_to(mode, report)
-
-    def _recover(self, goal: Any, report: _Steps) -> str:
-        demand(self._permission.to_move(self._manager.egm_arms))
-        check = partial(report.check, "while the controller did not answer")
-        return self._manager.recover(report, check, goal.confirm_stop.strip())
-
-    def _executing(self, name: str, kind: Any, carry: Callable[[Any, _Steps], str]) -> Callable[[Any], Any]:
+    def _serve(self, kind: Any, name: str, call: Callable[[Any, Callable[[str], None]], str]) -> Any:
         def execute(handle: Any) -> Any:
-            result = kind.Result()
+            def check(when: str) -> None:
+                if handle.is_cancel_requested:
+                    raise _Cancelled(f"Cancelled {when}.")
+
+            result, is_alone = kind.Result(), self._busy.acquire(blocking=False)
             try:
-                result.message = self._alone(lambda: carry(handle.request, _Steps(handle, kind, self._permission)))
+                if not is_alone:
+                    raise CommandRefused(
+                        "Another set_mode or recover is being carried out; wait for its result or cancel it."
+                    )
+                result.message = call(handle, check)
                 result.success = True
                 handle.succeed()
             except _Cancelled as cancelled:
@@ -272,30 +200,40 @@ class RobotManagerActions:
                 result.message = str(error)
                 self._log.error(f"{name}: {error}")
                 handle.abort()
+            finally:
+                if is_alone:
+                    self._busy.release()
             result.state = robot_state(self._manager.monitor.state(), self._clock.now().nanoseconds)
             self._on_change()
             return result
 
-        return execute
+        return ActionServer(
+            self._node,
+            kind,
+            f"~/{name}",
+            execute_callback=execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=ReentrantCallbackGroup(),
+        )
 
-    def _alone(self, carry: Callable[[], str]) -> str:
-        if not self._busy.acquire(blocking=False):
-            raise CommandRefused("Another set_mode or recover is being carried out; wait for its result or cancel it.")
-        try:
-            return carry()
-        finally:
-            self._busy.release()
+
+def _report_steps(handle: Any, kind: Any, check: Callable[[str], None]) -> Callable[[str], None]:
+    """Publishes each step as feedback, unless the goal has been cancelled before it."""
+
+    def report(step: str) -> None:
+        check(f"before: {step}")
+        handle.publish_feedback(kind.Feedback(step=step))
+
+    return report
 
 
 NAME = "speed_scale"
 
 
 class SpeedScaleInterface:
-    """Both change the one setting, in whatever state the robot is; who slows it down waits for nothing else.
+    """``speed_scale`` as the service ``~/set_speed_scale`` and as a parameter; both change the one setting.
 
-    Args:
-        node: the robot manager's node.
-        speed: the setting.
+    It can be set in every state of the robot, and waits for no other service.
     """
 
     def __init__(self, node: Any, speed: SpeedSetting) -> None:
@@ -306,13 +244,13 @@ class SpeedScaleInterface:
             description="The factor on the speed of every controller.",
             floating_point_range=[FloatingPointRange(from_value=LOWEST, to_value=FULL)],
         )
-        node.add_on_set_parameters_callback(self._take)
-        node.declare_parameter(NAME, speed.value, described)  # one given on the command line is taken by it
+        node.add_on_set_parameters_callback(self._on_set_parameters)
+        node.declare_parameter(NAME, speed.value, described)  # the callback takes a value of the command line
         node.create_service(
-            SetSpeedScale, "~/set_speed_scale", self._serve, callback_group=MutuallyExclusiveCallbackGroup()
+            SetSpeedScale, "~/set_speed_scale", self._set, callback_group=MutuallyExclusiveCallbackGroup()
         )
 
-    def _take(self, parameters: list[Any]) -> SetParametersResult:
+    def _on_set_parameters(self, parameters: list[Any]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name == NAME and parameter.value != self._speed.value:
                 try:
@@ -321,8 +259,7 @@ class SpeedScaleInterface:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _serve(self, request: Any, response: Any) -> Any:
-        """The service refuses with its own sentence; what it takes, the parameter tells, too."""
+    def _set(self, request: Any, response: Any) -> Any:
         try:
             response.message = self._speed.set(request.speed_scale)
             response.success = True

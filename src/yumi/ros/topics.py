@@ -1,4 +1,4 @@
-"""How a streamed command gets in: a message becomes a checked goal in the arm's buffer, or a refusal.
+"""Topics of commands, joint states and the robot description. A command becomes a checked goal, or a logged refusal.
 
 ================================ ========================== ===================================================
 topic                            type                       for
@@ -8,11 +8,8 @@ joint_velocity_commands          sensor_msgs/JointState     joint_velocity_contr
 <controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
 ================================ ========================== ===================================================
 
-Joint states on topics: per arm every cycle, and all joints of the robot merged at a lower rate.
-
-``robot_description``: the driver tells its own, and a controller manager waits for one that has its arm.
-
-The command topics of forward controllers: one for each of them, under its name, as long as it is loaded.
+Joint states are published per arm every cycle, and merged at a lower rate. ``robot_description`` is the driver's own; a
+controller manager waits for one that has its arm. Each loaded forward controller has a command topic under its name.
 """
 
 from __future__ import annotations
@@ -25,7 +22,7 @@ from threading import Event
 from typing import Any
 from xml.etree import ElementTree
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
@@ -41,8 +38,18 @@ from yumi.robot.description import robot_description
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import ZERO, JointLimits, Joints, Side, finger_names, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import Ticker
-from yumi.ros.messages import RefusalLog, goal_of, goal_speeds_of, joint_state, positions_of, speeds_of, velocities_of
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import (
+    LATCHED,
+    RefusalLog,
+    Stamps,
+    goal_of,
+    goal_speeds_of,
+    joint_state,
+    positions_of,
+    speeds_of,
+    velocities_of,
+)
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
 # a goal is sent once. Several partial goals may come at once, hence the depth.
@@ -54,14 +61,14 @@ OLDEST_STAMP = 0.1
 
 
 class CommandTopic(ABC):
-    """Takes commands for one arm; one that breaks a rule changes nothing, and the log says which.
+    """Commands for one arm; one that breaks a rule changes nothing, and the log says which.
 
     Args:
         node: the arm's controller manager node.
         side: which arm.
         box: where goals go.
         snapshot: what is known of the arm.
-        now: tells the time on the machine's monotonic clock [s].
+        now: the time on the machine's monotonic clock [s].
     """
 
     name: str
@@ -102,11 +109,11 @@ class CommandTopic(ABC):
 
     @abstractmethod
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        """Check ``message`` and put what it says into the box.
+        """Check ``message`` and write its command to the box.
 
         Args:
             message: of the topic's type.
-            snapshot: of an arm that a fitting controller commands.
+            snapshot: of an arm that a matching controller commands.
             time: when it arrived [s].
             is_new: whether it is the first since the controller was activated.
 
@@ -119,7 +126,7 @@ class CommandTopic(ABC):
         return self.kind in kind
 
     def _age(self, message: Any) -> float:
-        """How long ago the sender made ``message`` [s]; 0 where its stamp does not tell."""
+        """How long ago the sender made ``message`` [s]; 0 where its stamp does not say."""
         return 0.0
 
     def _accept(self, message: Any, time: float) -> None:
@@ -146,7 +153,7 @@ class JointCommandTopic(CommandTopic):
     _goal: Joints = ZERO
 
     def _age(self, message: Any) -> float:
-        """A stream is forecast from when its goals were made, if their stamps can be true; else from their arrival."""
+        """The stream's predictor uses the stamps where they can be true, else the times of arrival."""
         stamp = message.header.stamp
         if not stamp.sec:
             return 0.0
@@ -180,7 +187,7 @@ class ForwardTopic(CommandTopic):
         side: which arm.
         boxes: where positions go, and where velocities.
         snapshot: what is known of the arm.
-        now: tells the time on the machine's monotonic clock [s].
+        now: the time on the machine's monotonic clock [s].
         controller: its name.
         active: which controllers command the arm; asked after each activation.
     """
@@ -215,8 +222,8 @@ class ForwardTopic(CommandTopic):
         else:
             write_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
 
-    def tell(self, notice: object) -> None:
-        """A forward controller has nothing to tell."""
+    def on_event(self, event: object) -> None:
+        """A forward controller has no events."""
 
     def _check_active(self, activation: int) -> None:
         if activation != self._known[0]:
@@ -227,59 +234,22 @@ class ForwardTopic(CommandTopic):
             )
 
 
-SILENCE = 0.25
-"""An arm whose last state is older is not where it was [s]."""
+STALE = 0.25
+"""The position of an arm whose last state is older is not known [s]."""
 
 _DEPTH = 10
-_SLEW = 1e-3  # the system's clock is slewed by at most half of this
-_CLOCK_SET_NS = 50_000_000
-_GLANCE = 0.1  # [s] how soon a publisher notices that it shall end
-
-
-class Stamps:
-    """Turns times of the machine's monotonic clock into ROS time, without trembling when the reading is interrupted.
-
-    Reading two clocks one after the other can only make their difference too large, so the smallest one counts; it may
-    grow as fast as clocks are slewed, and is taken anew when the ROS clock is set.
-
-    Args:
-        ros_now: tells the ROS time [ns].
-        now: tells the monotonic time [s].
-    """
-
-    def __init__(self, ros_now: Callable[[], int], now: Callable[[], float]) -> None:
-        self._ros_now = ros_now
-        self._now = now
-        self._difference: int | None = None
-        self._read = 0.0
-
-    def at(self, time: float) -> int:
-        """The ROS time [ns] of the monotonic ``time`` [s]."""
-        now = self._now()
-        difference = self._ros_now() - int(now * 1e9)
-        last = difference if self._difference is None else self._difference
-        if abs(difference - last) < _CLOCK_SET_NS:
-            difference = min(difference, last + int((now - self._read) * _SLEW * 1e9))
-        self._difference, self._read = difference, now
-        return int(time * 1e9) + difference
+_POLL = 0.1  # [s] within which a publisher's thread ends
 
 
 class JointStatePublisher:
-    """Publishes ``joint_states`` of one arm after each of its cycles.
+    """Publishes ``joint_states`` of one arm after each control cycle.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
-
-    Args:
-        node: the arm's controller manager node.
-        side: which arm.
-        boxes: what the control process shares.
-        clock: the clock of the states' times.
     """
 
     def __init__(self, node: Any, side: Side, boxes: ArmBuffers, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        ros_clock = node.get_clock()
-        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
         self._boxes = boxes
         self._is_over = Event()
@@ -298,7 +268,7 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._boxes.cycle_done.acquire(timeout=_GLANCE):
+            if not self._boxes.cycle_done.acquire(timeout=_POLL):
                 continue
             for number, state in self._boxes.states.since(last):
                 last = number
@@ -314,15 +284,15 @@ class JointStatePublisher:
 class MergedJointStates:
     """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
 
-    An arm that has not been heard for :data:`SILENCE` is left out: nobody shall plan from where it was once.
+    An arm without a state for :data:`STALE` is left out: its old position is no start for planning.
 
     Args:
         node: any node without namespace.
-        boxes: what the control process shares, per arm.
-        fingers: position [m] and speed [m/s] of each hand's fingers by side, as far as they are known.
+        boxes: the state shared by the control process, per arm.
+        fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
-        ticker: keeps the rate.
+        timers: keeps the rate.
     """
 
     def __init__(
@@ -332,15 +302,14 @@ class MergedJointStates:
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
-        ticker: Ticker,
+        timers: TimerThread,
     ) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
-        ros_clock = node.get_clock()
-        self._stamps = Stamps(lambda: int(ros_clock.now().nanoseconds), clock.now)
+        self._stamps = Stamps.of(node, clock)
         self._clock = clock
         self._boxes = boxes
         self._fingers = fingers
-        ticker.every(1.0 / rate, "joint_states", self._publish)
+        timers.every(1.0 / rate, "joint_states", self._publish)
 
     def _publish(self) -> None:
         names: list[str] = []
@@ -349,7 +318,7 @@ class MergedJointStates:
         oldest = now = self._clock.now()
         for side, boxes in self._boxes.items():
             newest = boxes.states.read()
-            if newest is not None and now - newest[1].time < SILENCE:
+            if newest is not None and now - newest[1].time < STALE:
                 oldest = min(oldest, newest[1].time)
                 names += joint_names(side)
                 position += newest[1].position
@@ -362,17 +331,16 @@ class MergedJointStates:
             self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest)))
 
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REMINDER = 2.0  # [s]
 
 
 def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
-    """Tell the robot's description to whoever listens, also later: for all, and in each arm's namespace; publishers.
+    """Publish the robot's description, latched: for all, and in each arm's namespace; returns the publishers.
 
     Args:
         node: whose publishers they are.
-        limits: what trajectories may ask of the joints: tools plan with the speeds of the description.
-        grippers: what each hand is made of.
+        limits: of the joints on trajectories: tools plan with the speeds of the description.
+        grippers: the modules of each gripper.
     """
     message = String(data=robot_description(limits, grippers))
     topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
@@ -383,13 +351,7 @@ def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side,
 
 
 class DescriptionWait:
-    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing.
-
-    Args:
-        node: the controller manager's node.
-        side: the arm.
-        on_description: called once.
-    """
+    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing."""
 
     def __init__(self, node: Any, side: Side, on_description: Callable[[], None]) -> None:
         self._log = node.get_logger()
@@ -427,7 +389,7 @@ class DescriptionWait:
         try:
             found = {joint.get("name") for joint in ElementTree.fromstring(urdf).iter("joint")}
         except ElementTree.ParseError as error:
-            return f"it is no XML ({error})"
+            return f"it is not XML ({error})"
         missing = [name for name in self._names if name not in found]
         return f"it has no joint {', '.join(missing)}" if missing else ""
 
@@ -435,13 +397,7 @@ class DescriptionWait:
 def forward_interfaces(
     nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
 ) -> Mapping[str, MakeInterface]:
-    """What forward controllers offer, by their type.
-
-    Args:
-        nodes: each arm's node for topics alone, whose executor has no services.
-        control: the control process.
-        now: tells the time on the machine's monotonic clock [s].
-    """
+    """What forward controllers offer, by their type."""
 
     def active(side: Side) -> frozenset[str]:
         infos = control.call(Commands.list_controllers, side)

@@ -1,11 +1,8 @@
 """FollowJointTrajectory and its topics for one arm or both: what upstream's joint trajectory controller offers.
 
-A goal is accepted when the controller has taken it, and refused with the reason in the log. Whatever ends its motion,
-the controller tells, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
-
-The trajectory actions of the driver: one on the node of each trajectory controller, and one for both arms.
-
-The service ``~/query_state``: where the trajectory that is followed has the joints at some moment.
+There is one on the node of each trajectory controller, and one for both arms. A goal is accepted when the controller
+has accepted it, and refused with the reason in the log. The controller reports the end of each motion, whatever ends
+it, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
 """
 
 from __future__ import annotations
@@ -22,7 +19,6 @@ from control_msgs.msg import JointTrajectoryControllerState, SpeedScalingFactor
 from control_msgs.srv import QueryTrajectoryState
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
@@ -46,10 +42,10 @@ from yumi.control.trajectory import ArmPlan, ResultCode, Walk, plan_trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import Ticker
-from yumi.ros.messages import feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import LATCHED, Stamps, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
 
-_FRESH = 0.5  # [s] a controller that is active tells how it follows many times within this time
+_FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
 Plans = Mapping[Side, ArmPlan]
 Feedbacks = Mapping[Side, TrajectoryFeedback]
@@ -60,11 +56,6 @@ class TrajectoryQuery:
 
     ``success`` is false when the controller is inactive or, with the present values, when nothing is followed or the
     time is before the first point, to which the controller plans the way itself, or after the last.
-
-    Args:
-        node: the controller's node.
-        feedback: by arm; where the controllers let others see how they follow.
-        clock: the machine's clock.
     """
 
     def __init__(self, node: Any, feedback: Mapping[Side, Buffer[TrajectoryFeedback]], clock: Clock) -> None:
@@ -75,20 +66,20 @@ class TrajectoryQuery:
         node.create_service(QueryTrajectoryState, "~/query_state", self.answer)
 
     def note(self, number: int, plans: Plans) -> None:
-        """The controllers have taken ``plans``, the order ``number``."""
+        """The controllers have accepted ``plans`` as goal ``number``."""
         self._followed = (number, plans)
 
     def forget(self, number: int) -> None:
-        """The motion of the order ``number`` has ended: its plans may be long."""
+        """The motion of goal ``number`` has ended: its plans may be long."""
         if self._followed[0] == number:
             self._followed = (0, {})
 
     def answer(self, request: Any, response: Any) -> Any:
         """Fill ``response`` for the time of ``request``; 0 is now."""
-        letters = {side: box.read() for side, box in self._feedback.items()}
-        feedbacks = {side: letter[1] for side, letter in letters.items() if letter is not None}
+        newest = {side: box.read() for side, box in self._feedback.items()}
+        feedbacks = {side: each[1] for side, each in newest.items() if each is not None}
         now = self._clock.now()
-        if len(feedbacks) < len(letters) or any(now - each.time > _FRESH for each in feedbacks.values()):
+        if len(feedbacks) < len(newest) or any(now - each.time > _FRESH for each in feedbacks.values()):
             response.message = "The controller is not active; activate it first."
             return response
         stamp = request.time.sec * 1_000_000_000 + request.time.nanosec
@@ -96,7 +87,13 @@ class TrajectoryQuery:
         setpoints = self._sample(feedbacks, time)
         response.success = bool(setpoints)
         response.message = "" if setpoints else "No trajectory is followed at that time; ask for a time within one."
-        return _filled(response, feedbacks, setpoints)
+        present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
+        rows = (setpoints or present).values()
+        response.name = [name for side in feedbacks for name in joint_names(side)]
+        response.position = [value for row in rows for value in row.position]
+        response.velocity = [value for row in rows for value in row.velocity]
+        response.acceleration = [value for row in rows for value in row.acceleration]
+        return response
 
     def _sample(self, feedbacks: Feedbacks, time: float) -> Mapping[Side, Setpoint]:
         number, plans = self._followed
@@ -111,23 +108,12 @@ class TrajectoryQuery:
         return setpoints
 
 
-def _filled(response: Any, feedbacks: Feedbacks, setpoints: Mapping[Side, Setpoint]) -> Any:
-    present = {side: Setpoint(each.actual, each.actual_velocity) for side, each in feedbacks.items()}
-    rows = (setpoints or present).values()
-    response.name = [name for side in feedbacks for name in joint_names(side)]
-    response.position = [value for row in rows for value in row.position]
-    response.velocity = [value for row in rows for value in row.velocity]
-    response.acceleration = [value for row in rows for value in row.acceleration]
-    return response
-
-
-_GLANCE = 0.02  # [s] how soon new feedback is passed on
-_CANCELLING = 1.0  # [s] the action server tells of a cancel right after it has asked for it
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_FEEDBACK_PERIOD = 0.02  # [s]
+_CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
 
 
 class Causes(Protocol):
-    """What knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
+    """Knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
 
     def cause(self) -> object:
         """As far as it is known now."""
@@ -137,15 +123,12 @@ class Causes(Protocol):
 
 
 class _OpenGoal:
-    """A goal somebody waits for.
-
-    Args:
-        request: as it came.
+    """A goal of the action that has not ended.
 
     Attributes:
-        request: as above; it is how the action server's handle is known.
+        request: as received; it identifies the action server's handle.
         handle: the action's; None until it has one.
-        ends: what each arm told of its end.
+        ends: each arm's report of its end.
         is_over: set when it has ended.
     """
 
@@ -157,7 +140,7 @@ class _OpenGoal:
 
     @property
     def end(self) -> TrajectoryEnded:
-        """What counts of the arms' ends: a failure, and of several the one that caused the others."""
+        """The result of both arms: a failure, and of several the one that caused the others."""
         return min(self.ends.values(), key=lambda end: (end.outcome is Outcome.SUCCEEDED, end.code))
 
 
@@ -168,16 +151,16 @@ class TrajectoryAction:
     ``~/query_state``.
 
     For both arms also ``~/inter_arm_skew``: time between the arms' first cycles, and largest difference of the times
-    on the trajectory they were told to be at [s].
+    on the trajectory that they were sent to [s].
 
     Args:
         node: the controller's node.
         name: the controller's name on each arm.
-        feedback: by arm, in the order of the joints; where the controllers let others see how they follow.
+        feedback: by arm, in the order of the joints; where the controllers write their feedback.
         control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
-        ticker: has feedback passed on, fifty times a second.
+        timers: publish feedback fifty times a second.
         causes: knows what stopped the robot; that is added to refusals and results.
     """
 
@@ -189,12 +172,13 @@ class TrajectoryAction:
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,
-        ticker: Ticker,
+        timers: TimerThread,
         causes: Causes | None = None,
     ) -> None:
         self._causes = causes
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
+        self._stamps = Stamps.of(node, clock)
         self._name = name
         self._feedback = feedback
         self._sides = tuple(feedback)
@@ -215,44 +199,44 @@ class TrajectoryAction:
             cancel_callback=self._cancel,
             callback_group=group,
         )
-        orders = MutuallyExclusiveCallbackGroup()
-        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=orders)
+        commands = MutuallyExclusiveCallbackGroup()
+        node.create_subscription(JointTrajectory, "~/joint_trajectory", self._take, 1, callback_group=commands)
         node.create_subscription(
-            SpeedScalingFactor, "~/speed_scaling_input", self._scale, _LATCHED, callback_group=orders
+            SpeedScalingFactor, "~/speed_scaling_input", self._scale, LATCHED, callback_group=commands
         )
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        self._end_feedback = ticker.every(_GLANCE, f"The feedback of {name}", self._pass_on)
+        self._end_feedback = timers.every(_FEEDBACK_PERIOD, f"The feedback of {name}", self._pass_on)
 
-    def tell(self, notice: Any) -> None:
-        """Take what the only arm's controller has told; from any thread."""
-        self.take_notice(self._sides[0], notice)
+    def on_event(self, event: Any) -> None:
+        """An event of the only arm's controller; from any thread."""
+        self.on_arm_event(self._sides[0], event)
 
-    def take_notice(self, side: Side, notice: object) -> None:
-        """Take what an arm's controller has told; from any thread."""
-        if isinstance(notice, ControlProcessEnded):
-            self._give_up()
-        if not isinstance(notice, TrajectoryEnded):
+    def on_arm_event(self, side: Side, event: object) -> None:
+        """An event of one arm's controller; from any thread."""
+        if isinstance(event, ControlProcessEnded):
+            self._end_open_goals()
+        if not isinstance(event, TrajectoryEnded):
             return
         with self._lock:
-            goal = self._open.get(notice.goal)
+            goal = self._open.get(event.goal)
             if goal is None:
-                self._log.info(notice.sentence)
+                self._log.info(event.sentence)
                 return
-            goal.ends[side] = notice
-            self._query.forget(notice.goal)
-            if len(goal.ends) == len(self._sides) or notice.outcome is not Outcome.SUCCEEDED:
+            goal.ends[side] = event
+            self._query.forget(event.goal)
+            if len(goal.ends) == len(self._sides) or event.outcome is not Outcome.SUCCEEDED:
                 goal.is_over.set()
 
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
-        self._give_up()
+        self._end_open_goals()
         self._end_feedback()
         self._server.destroy()
 
-    def _give_up(self) -> None:
-        """Nobody will tell any more how the open goals end."""
+    def _end_open_goals(self) -> None:
+        """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
                 goal.is_over.set()
@@ -261,7 +245,7 @@ class TrajectoryAction:
         try:
             tolerances, reason = tolerances_of(request, self._sides)
             if reason:
-                self._log.warning(f"The goal's tolerances are left aside, the controller's own hold: {reason}.")
+                self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
             self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
@@ -269,7 +253,7 @@ class TrajectoryAction:
         return GoalResponse.ACCEPT
 
     def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
-        """Have every arm take its part of a trajectory, or none.
+        """Have every arm accept its part of a trajectory, or none.
 
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
@@ -278,27 +262,22 @@ class TrajectoryAction:
             Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
         )  # refuses while inactive
         plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
-        number, start = next(self._numbers), self._start(message)  # to plan a long one takes time
-        orders = {
+        number, stamped, start = next(self._numbers), stamp_of(message), None  # None is at once
+        if stamped:  # on the monotonic clock as it is now: to plan a long trajectory takes time
+            start = self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
+        commands = {
             side: FollowTrajectory(replace(plans[side], start=start), number, tolerances[side]) for side in self._sides
         }
         if goal is not None:
             with self._lock:
-                self._open[number] = goal  # its end may be told before the answer comes
+                self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._command(orders)
+            self._command(commands)
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
             raise
         self._query.note(number, plans)
-
-    def _start(self, message: Any) -> float | None:
-        """When the trajectory starts, on the monotonic clock; None is at once."""
-        stamped = stamp_of(message)
-        if not stamped:
-            return None
-        return self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
 
     def _command(self, messages: Mapping[Side, object]) -> None:
         self._control.call(Commands.send_commands, *self._commands(messages))
@@ -319,7 +298,7 @@ class TrajectoryAction:
 
     def _execute(self, handle: Any) -> Any:
         found = self._find(handle)
-        assert found is not None  # it was put there before it was accepted
+        assert found is not None  # it was added before it was accepted
         number, goal = found
         goal.handle = handle
         try:
@@ -349,42 +328,38 @@ class TrajectoryAction:
         return result
 
     def _is_cancelled(self, handle: Any) -> bool:
-        """The action server notes a cancel only after it has been asked for; an arm at rest has ended by then."""
+        """The action server sets the flag only after the cancel callback; an arm at rest has ended by then."""
         begin = self._clock.now()
         while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
             self._clock.wait(0.001)
         return bool(handle.is_cancel_requested)
 
     def _take(self, message: Any) -> None:
-        """A trajectory nobody waits for; the goal whose motion it replaces ends as preempted."""
+        """A trajectory without a result; the goal whose motion it replaces ends as preempted."""
         own = {side: Tolerances() for side in self._sides}
         self._try(lambda: self._send(message, own, None))
 
     def _scale(self, message: Any) -> None:
         self._try(lambda: self._command({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
 
-    def _try(self, carry: Callable[[], object]) -> None:
+    def _try(self, call: Callable[[], object]) -> None:
         try:
-            carry()
+            call()
         except YumiError as error:
             self._log.warning(str(error), throttle_duration_sec=1.0)
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
-        letters = {side: box.read() for side, box in self._feedback.items()}
-        news = {side: letter for side, letter in letters.items() if letter and letter[0] != self._seen[side]}
-        if len(news) < len(letters):
+        newest = {side: box.read() for side, box in self._feedback.items()}
+        news = {side: each for side, each in newest.items() if each and each[0] != self._seen[side]}
+        if len(news) < len(newest):
             return
         self._seen = {side: number for side, (number, _) in news.items()}
         feedbacks = {side: feedback for side, (_, feedback) in news.items()}
-        now = int(self._ros_clock.now().nanoseconds)
-        time_ns = now - int((self._clock.now() - min(each.time for each in feedbacks.values())) * 1e9)
+        time_ns = self._stamps.at(min(each.time for each in feedbacks.values()))
         self._states.publish(state_message(feedbacks, time_ns))
         if self._skews is not None:
             self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
-        self._give_feedback(feedbacks, time_ns)
-
-    def _give_feedback(self, feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> None:
         numbers = {feedback.goal for feedback in feedbacks.values()}
         goal = self._open.get(numbers.pop()) if len(numbers) == 1 else None
         if goal is not None and goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
@@ -396,17 +371,7 @@ DUAL_ARM = "dual_arm_trajectory_controller"
 
 
 class TrajectoryControllers:
-    """Makes the actions, and brings them what their controllers tell.
-
-    Args:
-        dual_node: for the action of both arms.
-        single: where each arm's trajectory controller lets others see how it follows.
-        dual: the same of the dual-arm controller's halves.
-        control: where the controllers are commanded.
-        clock: the machine's clock.
-        limits: what the joints may do.
-        ticker: has feedback passed on.
-        causes: knows what stopped the robot.
+    """Makes the actions of each arm's trajectory controllers and of both.
 
     Attributes:
         interfaces: what controllers of a kind offer on their nodes.
@@ -420,13 +385,13 @@ class TrajectoryControllers:
         control: CommandPort,
         clock: Clock,
         limits: JointLimits,
-        ticker: Ticker,
+        timers: TimerThread,
         causes: Causes | None = None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, ticker, causes)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, timers, causes)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, ticker, causes)
+            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, timers, causes)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {
@@ -446,8 +411,8 @@ class _Half:
         self._both = both
         self._side = side
 
-    def tell(self, notice: Any) -> None:
-        self._both.take_notice(self._side, notice)
+    def on_event(self, event: Any) -> None:
+        self._both.on_arm_event(self._side, event)
 
     def destroy(self) -> None:
         """Nothing of its own."""

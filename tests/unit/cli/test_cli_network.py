@@ -20,7 +20,7 @@ def _ros_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name)
 
 
-def test_ros_is_visible_on_this_machine_only_unless_told_otherwise() -> None:
+def test_ros_is_visible_on_this_machine_only_unless_the_network_is_opened() -> None:
     assert limit_discovery() == "ROS 2 is visible on this machine only; --network opens it to the subnet."
     assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
 

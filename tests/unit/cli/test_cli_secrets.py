@@ -88,7 +88,9 @@ def test_two_ways_at_once_are_refused(file: Path) -> None:
 
 @pytest.mark.parametrize("command", ["up", "demo", "doctor", "evaluate", "controller"])
 def test_no_command_takes_a_password_as_an_argument(command: str) -> None:
-    names = {name for option in main.commands[command].params for name in option.opts}
+    found = main.get_command(click.Context(main), command)
+    assert found is not None
+    names = {name for option in found.params for name in option.opts}
     assert {"--password-file", "--ask-password"} <= names
     assert "--password" not in names
 

@@ -15,6 +15,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client, rclpy
+from ros_clients import GripperClient
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
@@ -22,12 +23,11 @@ from std_srvs.srv import SetBool, Trigger
 from system.virtual_time_bench import System
 from yumi.clock import SystemClock
 from yumi.driver.settings import GripperSettings
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, Outcome, read_gripper
+from yumi.errors import CommandRefused, GoalNotReached
+from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, read_gripper
 from yumi.robot.joints import CYCLE, Side, finger_names
-from yumi.ros.clients import GripperClient
-from yumi.ros.executors import Ticker
-from yumi.ros.gripper import HandParts, Hands
+from yumi.ros.executors import TimerThread
+from yumi.ros.gripper import GripperParts, Grippers
 from yumi.virtual.controller.fault_names import Fault
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
@@ -133,15 +133,15 @@ def hands(ros: None) -> Iterator[Hand]:
     start_threads(executor)
     nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
     streams = {side: rclpy.create_node("yumi_topics", namespace=side.value) for side in Side}
-    parts = HandParts(robot.grippers, robot, SETTINGS)
-    ticker = Ticker(SystemClock(), print)
-    hands = Hands(parts, nodes, streams, lambda _: None, ticker, lambda side: refusals[0] if refusals else None)
+    parts = GripperParts(robot.grippers, robot, SETTINGS)
+    timers = TimerThread(SystemClock(), print)
+    hands = Grippers(parts, nodes, streams, lambda _: None, timers, lambda side: refusals[0] if refusals else None)
     client = Client(executor)
     for node in (*nodes.values(), *streams.values()):
         executor.add_node(node)
-    ticker.start()
+    timers.start()
     yield Hand(client, robot, refusals)
-    ticker.stop()
+    timers.stop()
     client.close()
     hands.destroy()
     for node in (*nodes.values(), *streams.values()):
@@ -193,7 +193,10 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        (JointState(name=["elbow"], position=[0.0]), "'elbow' is no finger of this hand; name gripper_l_joint or"),
+        (
+            JointState(name=["elbow"], position=[0.0]),
+            "'elbow' is not a finger of this gripper; name gripper_l_joint",
+        ),
         (JointState(), "The goal has no position; give that of a finger"),
         (JointState(position=[0.01, 0.02]), "cannot have different values of position: one motor moves both"),
         (JointState(position=[0.01], velocity=[0.5]), "speed 0.5 m/s is out of range"),
@@ -201,7 +204,7 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
         (JointState(position=[nan]), "position nan m is out of range"),
     ],
 )
-def test_goal_that_no_hand_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
+def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
     assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
     hand.client.until(hand.client.hears(sentence))
     assert hand.robot.state(Side.LEFT).position == TRAVEL
@@ -232,7 +235,7 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
     assert hand.robot.state(Side.LEFT).position > 0.02
 
 
-def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
+def test_gripper_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.trigger("jog_close").message == "The fingers close until stop is called."
     hand.robot.wait(1.0)
     assert hand.trigger("stop").success
@@ -241,7 +244,7 @@ def test_hand_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.robot.state(Side.LEFT).position == 0.0
 
 
-def test_object_that_is_lost_is_told_and_the_hand_goes_on(hand: Hand) -> None:
+def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> None:
     states = hand.hear(JointState, "joint_states")
     hand.virtual.workpiece = Workpiece(0.02)
     assert hand.result(hand.command(0.0, 9.0)).result.effort == 9.0
@@ -289,7 +292,7 @@ def test_vacuum_picks_an_object_and_loses_it(hand: Hand) -> None:
     assert hand.switch("blow_1", is_on=False).success
 
 
-def test_vacuum_that_the_hand_does_not_have_is_refused(hand: Hand) -> None:
+def test_vacuum_that_the_gripper_does_not_have_is_refused(hand: Hand) -> None:
     answer = hand.switch("vacuum_2", is_on=True)
     assert not answer.success
     assert answer.message == (
@@ -307,59 +310,34 @@ def test_finger_joints_come_with_force_and_speed(hand: Hand) -> None:
     assert list(states[-1].name) == list(finger_names(Side.LEFT))
 
 
-def test_application_grips_both_ways_and_moves_with_speed(hand: Hand) -> None:
-    gripper = hand.application
-    hand.virtual.workpiece = Workpiece(0.02)
-    assert (gripper.grip_inwards(12.0).outcome, hand.robot.state(Side.LEFT).force) == (Outcome.HOLDING, 12.0)
-    hand.virtual.workpiece = None
-    moved = gripper.move_to(0.010, speed=0.02)
-    assert (moved.word, moved.position) == ("in place", pytest.approx(0.010, abs=2e-4))
-    hand.virtual.workpiece = Workpiece(0.030, is_hollow=True)
-    assert gripper.grip_outwards(8.0).outcome is Outcome.HOLDING
+def test_vacuum_and_blow_off_are_switched(hand: Hand) -> None:
+    assert hand.switch("vacuum_1", is_on=True).message == "Vacuum 1 is on."
+    assert hand.switch("blow_1", is_on=True).message == "Blow-off 1 is on."
+    assert hand.switch("blow_1", is_on=False).message == "Blow-off 1 is off."
 
 
-def test_application_calibrates_jogs_and_stops(hand: Hand) -> None:
-    gripper = hand.application
-    assert gripper.jog_close() == "The fingers close until stop is called."
+def test_gripper_is_jogged_open_and_stopped(hand: Hand) -> None:
+    assert hand.trigger("jog_close").success
     hand.robot.wait(0.3)
-    gripper.jog_open()
-    assert gripper.stop() == "The fingers stand; what they held is free."
-    assert gripper.calibrate() == "The gripper is calibrated: closed is 0."
-    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
-    assert gripper.clear_error() == "The gripper reports no error."
+    assert hand.trigger("jog_open").message == "The fingers open until stop is called."
+    assert hand.trigger("stop").message == "The fingers stand; what they held is free."
 
 
-def test_application_switches_vacuum_and_blow_off(hand: Hand) -> None:
-    gripper = hand.application
-    assert gripper.switch_vacuum(1, is_on=True) == "Vacuum 1 is on."
-    assert gripper.switch_blow(1, is_on=True) == "Blow-off 1 is on."
-    assert gripper.switch_blow(1, is_on=False) == "Blow-off 1 is off."
-    with pytest.raises(RobotNotReady, match="The left gripper has vacuum 1 only"):
-        gripper.switch_vacuum(2, is_on=True)
-
-
-def test_application_is_told_what_was_refused_or_not_reached(hand: Hand) -> None:
-    gripper = hand.application
+def test_refused_goal_has_its_reason_in_the_state(hand: Hand) -> None:
     with pytest.raises(CommandRefused, match=r"The left gripper refused the goal: .*position 0\.03 m is out of range"):
-        gripper.move_to(0.03)
-    hand.robot.gate.clear()
-    wait = gripper.begin(0.0)
-    gripper.cancel()
-    hand.robot.gate.set()
-    with pytest.raises(GoalNotReached, match="The left gripper's goal was cancelled; its fingers stand"):
-        wait()
+        hand.application.begin(0.03)
 
 
-def test_application_is_told_why_a_goal_failed(hand: Hand) -> None:
+def test_failed_goal_has_its_reason_in_the_state(hand: Hand) -> None:
     hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
     hand.robot.wait(CYCLE)
     with pytest.raises(GoalNotReached, match=r"The left gripper is not calibrated; calibrate it first: service l/grip"):
-        hand.application.move_to(0.01)
+        hand.application.begin(0.01)()
     hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
-    hand.application.clear_error()
-    hand.application.calibrate()
+    assert hand.trigger("clear_error").message == "The gripper reports no error."
+    assert hand.trigger("calibrate").success
     hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
     with pytest.raises(GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear it"):
-        hand.application.move_to(0.01)
-    hand.application.clear_error()
+        hand.application.begin(0.01)()
+    assert hand.trigger("clear_error").success

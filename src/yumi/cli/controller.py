@@ -1,0 +1,86 @@
+"""``yumi controller``: a virtual controller with a virtual YuMi."""
+
+from __future__ import annotations
+
+import click
+
+from yumi.cli.options import PORT, Measure, end_flag, password_options, until_stdin_closes_option
+from yumi.driver.settings import MAX_PORT, RobotSettings
+from yumi.process.child import CONTROLLER_READY
+from yumi.robot.gripper import TRAVEL, GripperModules
+from yumi.robot.joints import Side
+
+_WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
+_LEAK = Measure("leak", 0.0, 1.0, is_open=False)
+_MODULES = click.Choice([modules.value for modules in GripperModules])
+
+
+@click.command()
+@click.option(
+    "--rws-port",
+    type=click.IntRange(0, MAX_PORT),
+    default=8080,
+    show_default=True,
+    help="HTTP port of Robot Web Services; 0 takes a free one.",
+)
+@click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
+@click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
+@click.option(
+    "--left-egm-port", type=PORT, default=6511, show_default=True, help="The driver's UDP port for the left arm."
+)
+@click.option(
+    "--right-egm-port", type=PORT, default=6512, show_default=True, help="The driver's UDP port for the right arm."
+)
+@click.option("--left-object", type=_WIDTH, help="Width of an object between the left fingers [m].")
+@click.option("--right-object", type=_WIDTH, help="Width of an object between the right fingers [m].")
+@click.option("--left-gripper", type=_MODULES, default="servo", show_default=True, help="Modules of the left gripper.")
+@click.option("--right-gripper", type=_MODULES, default="servo", show_default=True, help="And of the right one.")
+@click.option("--left-leak", type=_LEAK, help="An object lies under the left gripper's cups; 0 is tight, 1 as if none.")
+@click.option("--right-leak", type=_LEAK, help="And under the right one's.")
+@click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
+@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@password_options
+@until_stdin_closes_option
+def controller(
+    rws_port: int,
+    listen: str,
+    robot_name: str,
+    egm_host: str,
+    left_egm_port: int,
+    right_egm_port: int,
+    left_object: float | None,
+    right_object: float | None,
+    left_gripper: str,
+    right_gripper: str,
+    left_leak: float | None,
+    right_leak: float | None,
+    calibrated: bool,
+    user: str,
+    password: str | None,
+    until_stdin_closes: bool,
+) -> None:
+    """Run a virtual IRC5 with a YuMi: the protocols and the RAPID of a real one; `yumi fault` injects faults.
+
+    Its password is "robotics", as of a new controller, unless a file, a prompt or YUMI_PASSWORD gives another.
+
+    \b
+    Example:
+      yumi controller --rws-port 8080 --left-object 0.02
+      curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
+    """
+    from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
+
+    settings = world_settings(
+        robot_name=robot_name,
+        egm_host=egm_host,
+        egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
+        objects={Side.LEFT: left_object, Side.RIGHT: right_object},
+        grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
+        leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
+        are_calibrated=calibrated,
+    )
+    chosen = password or RobotSettings().password
+    virtual = VirtualController(settings, rws_port=rws_port, user=user, password=chosen, host=listen)
+    is_over = end_flag(until_stdin_closes)
+    virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))

@@ -1,0 +1,144 @@
+"""ROS messages to values and back, and the stamps of both clocks."""
+
+from __future__ import annotations
+
+from math import nan
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from yumi.clock import ManualClock
+from yumi.control.controller import ControllerInfo, State
+from yumi.control.controllers.joint_trajectory import Tolerances
+from yumi.control.trajectory import MOST_POINTS
+from yumi.errors import CommandRefused, TrajectoryRefused
+from yumi.robot.joints import Side, joint_names
+from yumi.ros import messages
+from yumi.ros.messages import tolerances_of, trajectory_of
+
+pytestmark = pytest.mark.ros
+
+
+def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:
+    older = SimpleNamespace(ok=False)
+    assert messages.filled(older, ok=True, message="done") == SimpleNamespace(ok=True)
+
+
+@pytest.mark.parametrize(("state", "number"), [(state, number) for number, state in enumerate(State, start=1)])
+def test_state_is_reported_by_id_and_label_and_found_by_either(state: State, number: int) -> None:
+    told = messages.lifecycle_state(state)
+    assert (told.id, told.label) == (number, state.value)
+    assert messages.state_of(told) is state
+    assert messages.state_of(SimpleNamespace(id=0, label=state.value)) is state
+
+
+@pytest.mark.parametrize(("number", "label"), [(0, ""), (0, "Active"), (10, "configuring")])
+def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
+    with pytest.raises(
+        CommandRefused, match=r"is not a primary state; choose from: 1 unconfigured, 2 inactive, 3 active"
+    ):
+        messages.state_of(SimpleNamespace(id=number, label=label))
+
+
+@pytest.mark.parametrize("state", list(State))
+def test_controller_reports_what_it_requires_only_once_it_is_configured(state: State) -> None:
+    info = ControllerInfo("one", "tests/One", state, ("a/position",), (), ("a/velocity",))
+    told = messages.controller_state(info, 248)
+    wanted = ["a/position"] if state in {State.INACTIVE, State.ACTIVE} else []
+    assert list(told.required_command_interfaces) == wanted
+    assert bool(told.required_state_interfaces) is bool(wanted)
+
+
+FIRST = joint_names(Side.RIGHT)[0]
+
+
+@pytest.mark.parametrize(
+    ("fields", "remark"),
+    [
+        ({"path_tolerance": [JointTolerance(name="elbow")]}, "'elbow' is not a joint of this controller"),
+        (
+            {"goal_tolerance": [JointTolerance(name=FIRST, position=-0.5)]},
+            f"a tolerance of {FIRST} is negative; -1 is unlimited",
+        ),
+        ({"goal_time_tolerance": Duration(sec=-2)}, "goal_time_tolerance is -2 s; -1 is unlimited"),
+    ],
+)
+def test_tolerances_that_cannot_be_leave_the_controllers_own_and_say_why(fields: dict[str, Any], remark: str) -> None:
+    good = JointTolerance(name=FIRST, position=0.1)
+    goal = FollowJointTrajectory.Goal(**{"goal_tolerance": [good], **fields})
+    assert tolerances_of(goal, [Side.RIGHT]) == ({Side.RIGHT: Tolerances()}, remark)
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize("which", ["path_tolerance", "goal_tolerance"])
+def test_tolerance_that_is_nan_is_refused(which: str, field: str) -> None:
+    goal = FollowJointTrajectory.Goal(**{which: [JointTolerance(name=FIRST, **{field: nan})]})
+    with pytest.raises(TrajectoryRefused, match=f"a tolerance of {FIRST} is nan; give a number"):
+        tolerances_of(goal, [Side.RIGHT])
+
+
+def test_trajectory_of_too_many_points_is_refused_before_they_are_read() -> None:
+    trajectory = JointTrajectory(joint_names=[FIRST], points=[JointTrajectoryPoint(effort=[1.0])] * (MOST_POINTS + 1))
+    with pytest.raises(TrajectoryRefused, match="it has 20001 points; at most 20000 are taken"):
+        trajectory_of(trajectory, None)
+
+
+def test_points_with_efforts_are_refused() -> None:
+    trajectory = JointTrajectory(joint_names=[FIRST], points=[JointTrajectoryPoint(positions=[0.0], effort=[1.0])])
+    sentence = "a point has efforts; this robot takes positions, velocities and accelerations"
+    with pytest.raises(TrajectoryRefused, match=sentence):
+        trajectory_of(trajectory, None)
+
+
+EPOCH = 1_700_000_000_000_000_000
+
+
+class RosClock:
+    """Runs with the monotonic clock, and can be set."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self.offset = EPOCH
+        self.interruption = 0.0
+        self._clock = clock
+
+    def now(self) -> int:
+        self._clock.advance(self.interruption)
+        return self.offset + round(self._clock.now() * 1e9)
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def ros_clock(clock: ManualClock) -> RosClock:
+    return RosClock(clock)
+
+
+def test_stamp_is_the_ros_time_of_a_moment_past(clock: ManualClock, ros_clock: RosClock) -> None:
+    stamps = messages.Stamps(ros_clock.now, clock.now)
+    clock.advance(2.0)
+    assert stamps.at(1.5) == EPOCH + 1_500_000_000
+
+
+def test_stamps_keep_their_distance_when_reading_the_clocks_is_interrupted(
+    clock: ManualClock, ros_clock: RosClock
+) -> None:
+    stamps = messages.Stamps(ros_clock.now, clock.now)
+    first = stamps.at(0.0)
+    clock.advance(0.004)
+    ros_clock.interruption = 0.003
+    assert stamps.at(0.004) - first == pytest.approx(4_000_000, abs=5_000)
+
+
+def test_stamps_follow_a_clock_that_was_set(clock: ManualClock, ros_clock: RosClock) -> None:
+    stamps = messages.Stamps(ros_clock.now, clock.now)
+    first = stamps.at(0.0)
+    ros_clock.offset += 10**9
+    assert stamps.at(0.0) - first == 10**9
