@@ -1,7 +1,4 @@
-"""Time as an argument: the one way real time enters; tests hand in a clock they move by hand.
-
-Waiting for a state of the robot, with a deadline: nothing on a robot is true at once.
-"""
+"""Time as an argument, so that tests run in virtual time; and waiting for a condition with a deadline."""
 
 from __future__ import annotations
 
@@ -50,24 +47,52 @@ class ManualClock:
         self._now += seconds
 
 
-GLANCE = 0.05
-"""Pause between two looks at a state [s]; the session keeps the pace of requests."""
+POLL_PERIOD = 0.05
+"""Time between two polls of a condition [s]; the RWS session limits the rate of requests by itself."""
 
 
-def wait_until(clock: Clock, is_so: Callable[[], bool], deadline: float, sentence: Callable[[], str]) -> None:
-    """Wait until ``is_so``.
+def comes_true(
+    clock: Clock,
+    condition: Callable[[], bool],
+    timeout: float,
+    *,
+    check: Callable[[], None] | None = None,
+    period: float | Callable[[], float] = POLL_PERIOD,
+) -> bool:
+    """Poll ``condition`` until it holds; whether it did within ``timeout`` [s].
 
     Args:
-        clock: where waiting time comes from.
-        is_so: looks.
-        deadline: longest wait [s].
-        sentence: what to say when it does not come about.
+        clock: gives and passes the time.
+        condition: what is waited for; polled once more when the time is up.
+        timeout: longest wait [s].
+        check: called after each poll that found the condition false; raises where waiting must end.
+        period: time between two polls [s].
+    """
+    end = clock.now() + timeout
+    while not condition():
+        if check is not None:
+            check()
+        if clock.now() >= end:
+            return False
+        clock.wait(period() if callable(period) else period)
+    return True
+
+
+def wait_until(
+    clock: Clock,
+    condition: Callable[[], bool],
+    timeout: float,
+    what: str | Callable[[], str],
+    *,
+    check: Callable[[], None] | None = None,
+    period: float | Callable[[], float] = POLL_PERIOD,
+) -> None:
+    """Wait until ``condition`` holds, polling as :func:`comes_true`.
+
+    The error's sentence is ``what``, or what makes it: it is called when the time is up, to say how things are then.
 
     Raises:
-        RobotNotReady: it did not come about in time.
+        RobotNotReady: it did not hold in time.
     """
-    end = clock.now() + deadline
-    while not is_so():
-        if clock.now() >= end:
-            raise RobotNotReady(sentence())
-        clock.wait(GLANCE)
+    if not comes_true(clock, condition, timeout, check=check, period=period):
+        raise RobotNotReady(what if isinstance(what, str) else what())

@@ -275,7 +275,7 @@ def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
     with robot.client as client:
         bringup = Bringup(client, EgmMotionSettings(), robot, lambda step: None)
         bringup.make_ready()
-        RapidRoutines(client, bringup.cabinet, bringup.machines, robot).load_module(SIDE, FILE_NAME, TEXT)
+        RapidRoutines(client, bringup.panel, bringup.machines, robot).load_module(SIDE, FILE_NAME, TEXT)
         prepare(client)
         trips = [_virtual_machine_trips_trip(robot, client, number) for number in range(count)]
     requests, replies = zip(*trips, strict=True)

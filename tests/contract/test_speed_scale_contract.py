@@ -24,8 +24,8 @@ from yumi.control.controllers.joint_trajectory import (
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
 from yumi.control.events import ControllerReport
-from yumi.control.shared_state import Factor
 from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.shared_state import Factor
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.guided_arm import GuidedArm

@@ -39,13 +39,13 @@ READY = RobotState(
 class FakeManager:
     """Notes each call; what stands in ``refusals`` by its name is refused with that sentence."""
 
-    wanted = ()
+    egm_arms = ()
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
         self.refusals: dict[str, str] = {}
         self.robot = READY
-        self.watch = self
+        self.monitor = self.panel = self
         self.may_go_on = Event()
         self.may_go_on.set()
 

@@ -24,7 +24,7 @@ from system.virtual_time_bench import System
 from yumi.clock import SystemClock
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import TRAVEL, GripperModules, HandReading, read_hand
+from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, read_gripper
 from yumi.robot.joints import CYCLE, Side, finger_names
 from yumi.ros.executors import TimerThread
 from yumi.ros.gripper import GripperParts, Grippers
@@ -57,9 +57,9 @@ class Robot(System):
     def close(self) -> None:
         """Nothing to close."""
 
-    def reading(self, side: Side) -> HandReading:
+    def state(self, side: Side) -> GripperState:
         signals, suffix = self.world.controller.signals, side.name[0]
-        return read_hand(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
+        return read_gripper(lambda name: signals.get(f"{name}_{suffix}").value, SETTINGS.modules(side))
 
 
 class Hand:
@@ -164,7 +164,7 @@ def test_gripper_command_holds_what_it_finds(hand: Hand) -> None:
     result = hand.result(hand.command(0.0, 12.0)).result
     assert (result.stalled, result.reached_goal, result.effort) == (True, False, 12.0)
     assert result.position == pytest.approx(0.010)
-    assert hand.robot.reading(Side.LEFT).is_holding
+    assert hand.robot.state(Side.LEFT).is_holding
 
 
 def test_gripper_command_grips_outwards_when_it_is_open_with_an_effort(hand: Hand) -> None:
@@ -207,7 +207,7 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
 def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
     assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
     hand.client.until(hand.client.hears(sentence))
-    assert hand.robot.reading(Side.LEFT).position == TRAVEL
+    assert hand.robot.state(Side.LEFT).position == TRAVEL
 
 
 def test_goal_is_refused_while_nothing_may_move(hand: Hand) -> None:
@@ -232,16 +232,16 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
         False,
         False,
     )
-    assert hand.robot.reading(Side.LEFT).position > 0.02
+    assert hand.robot.state(Side.LEFT).position > 0.02
 
 
 def test_gripper_is_jogged_and_stopped_and_calibrated(hand: Hand) -> None:
     assert hand.trigger("jog_close").message == "The fingers close until stop is called."
     hand.robot.wait(1.0)
     assert hand.trigger("stop").success
-    assert 0.012 < hand.robot.reading(Side.LEFT).position < 0.018
+    assert 0.012 < hand.robot.state(Side.LEFT).position < 0.018
     assert hand.trigger("calibrate").message == "The gripper is calibrated: closed is 0."
-    assert hand.robot.reading(Side.LEFT).position == 0.0
+    assert hand.robot.state(Side.LEFT).position == 0.0
 
 
 def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> None:

@@ -52,7 +52,7 @@ STOPS = [
         Fault.EMERGENCY_STOP,
         "not ready: the emergency stop is pressed",
         BACK,
-        "10013 Emergency stop: .* Now an emergency stop is pressed; release it .* call recover with the id 10013-",
+        "10013 Emergency stop: .* Now the emergency stop is pressed; release it .* call recover with the id 10013-",
         Fault.EMERGENCY_STOP_RESET,
     ),
     Scenario(
@@ -168,7 +168,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage)
         ):
             gripper.begin(0.0)()
         stage.until_heard("The left gripper is not calibrated; calibrate it first")
-        assert "is not calibrated while its arm is guided" in stage.calibrate(Side.LEFT)
+        assert "cannot be calibrated: a state machine is not idle" in stage.calibrate(Side.LEFT)
         stage.reach_new_goals()
         stage.application.manager.stop_egm()
         assert stage.calibrate(Side.LEFT) == "The gripper is calibrated: closed is 0."

@@ -85,8 +85,8 @@ def test_driver_says_what_bringup_will_do_before_it_does_the_first_of_it(tmp_pat
     )
     assert announced in log
     done = (
-        "Bring-up: motors on",
-        "Bring-up: program pointer to main",
+        "Bring-up: switch the motors on",
+        "Bring-up: move the program pointers to main",
         "Bring-up: calibrate the right and left grippers",
     )
     places = [log.index(words) for words in (announced, *done)]

@@ -23,7 +23,7 @@ def system() -> System:
 
 def test_bringup_switches_on_starts_and_waits_for_idle(system: System) -> None:
     system.bringup.make_ready()
-    assert system.steps == ["motors on", "program pointer to main", "start the RAPID program"]
+    assert system.steps == ["switch the motors on", "move the program pointers to main", "start the RAPID program"]
     assert system.client.controller_state() is ControllerState.MOTORS_ON
     assert system.client.execution() is ExecutionState.RUNNING
     assert [system.bringup.state(side) for side in Side] == [MachineState.IDLE, MachineState.IDLE]
@@ -35,7 +35,7 @@ def test_what_bringup_will_do_is_known_before_it_is_done(system: System) -> None
     assert system.manager.steps_to_ready() == expected
     assert len(system.client.events()) == before  # nothing was done
     system.bringup.make_ready()
-    assert len(system.steps) == len(expected)
+    assert system.steps == expected
     assert system.manager.steps_to_ready() == []
 
 
@@ -46,7 +46,7 @@ def test_only_what_will_be_done_is_announced(system: System) -> None:
     system.start_driver()  # a new one finds a motion that was left behind
     assert system.manager.steps_to_ready() == ["end the EGM motion that runs (the arms come to rest)"]
     system.manager.make_ready()
-    assert system.steps[-1] == "stop EGM"
+    assert system.steps[-1] == "end the EGM motion that runs (the arms come to rest)"
 
 
 @pytest.mark.parametrize("stop", ["manual", "emergency stop"])
@@ -96,11 +96,11 @@ def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
     assert system.manager.state().reason == ""
 
 
-def test_bringup_says_that_only_the_pendant_chooses_auto(system: System) -> None:
+def test_bringup_says_that_only_the_flexpendant_chooses_auto(system: System) -> None:
     system.world.controller.mode = OperatingMode.MANUAL_REDUCED
-    with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the pendant"):
+    with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the FlexPendant"):
         system.bringup.make_ready()
-    assert system.manager.state().reason == "the controller is not in AUTO"
+    assert system.manager.state().reason == "the controller is in MANR"
 
 
 def test_bringup_refuses_a_controller_without_egm(system: System) -> None:

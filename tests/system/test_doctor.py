@@ -115,7 +115,7 @@ def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() 
     assert problems(controller) == [
         (
             "option",
-            "689-1 Externally Guided Motion (EGM) is missing: no arm can be guided",
+            "689-1 Externally Guided Motion (EGM) is missing: EGM can move no arm",
             "have ABB add it to the system",
         )
     ]
@@ -137,7 +137,7 @@ def test_pressed_emergency_stop_is_a_problem() -> None:
     controller = world().controller
     controller.press_emergency_stop()
     assert problems(controller) == [
-        ("motors", "emergencystop: an emergency stop is pressed", "release it where it was pressed")
+        ("motors", "emergencystop: the emergency stop is pressed", "release it where it was pressed")
     ]
 
 

@@ -44,7 +44,7 @@ def test_controller_without_an_option_that_is_not_needed_is_used(system: System,
 
 def test_controller_without_grippers_is_used_with_a_remark(system: System) -> None:
     without(system, "SmartGripper")
-    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
+    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]
 
 
 def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,7 +62,7 @@ def test_program_of_another_version_is_refused(system: System, monkeypatch: pyte
         remarks(system, HERE)
 
 
-def test_datagrams_that_go_elsewhere_are_told(system: System) -> None:
+def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
     elsewhere = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("0.0.0.0", 7000)}
     assert remarks(system, elsewhere) == [
         "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.168.125.50:6511; make the UDPUC "
@@ -79,10 +79,10 @@ def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.Mon
         remarks(system, HERE)
 
 
-def test_remarks_are_told_once_with_the_next_steps(system: System) -> None:
+def test_remarks_are_reported_once_with_the_next_steps(system: System) -> None:
     without(system, "SmartGripper")
     for _ in range(2):
         system.bringup.check_controller(HERE)
         system.bringup.make_ready()
     told = [step for step in system.steps if "SmartGripper" in step]
-    assert told == ["the controller lacks the product 'SmartGripper'; the hands cannot be used"]
+    assert told == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]

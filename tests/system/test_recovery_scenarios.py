@@ -16,6 +16,7 @@ from yumi.rws.types import ControllerState
 from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001
+LEFT_BEHIND = "end the EGM motion that runs (the arms come to rest)"
 ACTIVATION = [f"activate joint_position_controller on the {side.word} arm" for side in Side]
 
 
@@ -27,12 +28,12 @@ def system() -> MovingSystem:
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the pendant"),
+        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the FlexPendant"),
         (Fault.MOTORS_OFF, "10010 Motors OFF: the motors were switched off"),
         (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high: the references asked for more torque than an arm has"),
     ],
 )
-def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: Fault, why: str) -> None:
+def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: Fault, why: str) -> None:
     system.faults.happen(fault)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -49,7 +50,7 @@ def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: 
         (
             Fault.MANUAL_MODE,
             Fault.AUTO_MODE,
-            "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the pendant",
+            "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the FlexPendant",
         ),
         (
             Fault.WRONG_PROGRAM,
@@ -58,7 +59,7 @@ def test_robot_moves_again_after_what_needs_nobody(system: MovingSystem, fault: 
         ),
     ],
 )
-def test_recovery_says_what_somebody_has_to_do_first(
+def test_recovery_says_what_a_person_has_to_do_first(
     system: MovingSystem, fault: Fault, mended: Fault, sentence: str
 ) -> None:
     system.faults.happen(fault)
@@ -87,7 +88,7 @@ def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
     assert system.largest_jump < NO_JUMP
 
 
-def test_network_that_stays_silent_is_told_with_what_to_check(system: MovingSystem) -> None:
+def test_network_that_stays_silent_is_reported_with_what_to_check(system: MovingSystem) -> None:
     system.faults.happen(Fault.EGM_SILENCE)
     system.wait(1.0)
     with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
@@ -123,7 +124,7 @@ def test_one_arm_that_lost_egm_begins_again_while_the_other_goes_on() -> None:
     session, activation = left.snapshot.session, left.snapshot.activation
     system.recover()
     assert (left.snapshot.session, left.snapshot.activation) == (session, activation)
-    assert "stop EGM" not in system.told
+    assert not {"stop EGM", LEFT_BEHIND} & set(system.told)
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -181,7 +182,7 @@ def test_stop_ends_the_waiting_for_a_controller_at_once(system: MovingSystem) ->
             system.manager.stop_rapid()
 
     begin = system.now()
-    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.recover(stop)
     assert system.now() - begin < 0.1
 
@@ -202,7 +203,7 @@ def test_waiting_for_a_controller_ends_when_it_is_no_use_any_more(system: Moving
     assert system.now() - begin < 0.6
 
 
-def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> None:
+def test_controller_that_never_answers_again_is_reported(system: MovingSystem) -> None:
     system.is_powered, system.http.is_there, system.arms = False, False, {}
     with pytest.raises(RobotNotReady, match="has not answered for 120 s; check its power and the network cable"):
         system.recover()
@@ -210,7 +211,7 @@ def test_controller_that_never_answers_again_is_told(system: MovingSystem) -> No
 
 @pytest.mark.parametrize("fault", [Fault.RWS_RESET, Fault.RWS_BUSY, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP])
 def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: MovingSystem, fault: Fault) -> None:
-    system.manager.watch.step()  # it subscribes
+    system.manager.monitor.step()  # it subscribes
     system.faults.happen(fault)
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -234,7 +235,7 @@ def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_
     system.start_driver()
     system.steps.clear()
     system.manager.start_egm()
-    assert system.steps == ["stop EGM", "start EGM on both arms", *ACTIVATION]
+    assert system.steps == [LEFT_BEHIND, "start EGM on both arms", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -289,11 +290,11 @@ def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingS
     system.wait(0.2)
 
     def interrupt(step: str) -> None:
-        if step == "motors on":
-            system.manager.give_way()
+        if step == "switch the motors on":
+            system.manager.interrupt()
 
     system.steps.clear()
-    with system.bringup.telling(interrupt), pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with system.bringup.reporting(interrupt), pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.make_ready()
-    assert system.steps == ["motors on"]
+    assert system.steps == ["switch the motors on"]
     assert system.client.controller_state() is ControllerState.MOTORS_OFF

@@ -17,6 +17,7 @@ MODULE = "MODULE Pick\nPROC pickOne()\nENDPROC\nENDMODULE\n"
 WRITE_VARIABLE = ("write_variable", "T_ROB_L", "TRobSG", "target_position_input", "1")
 LOAD_MODULE = ("load_module", Side.LEFT, "Pick.mod", MODULE)
 RUN_ROUTINE = ("run_routine", Side.LEFT, "runMoveJ")
+PANEL = {"read_signal", "read_variable", "write_variable"}
 SET_MODE = ("go_to", Mode.EGM_LEFT, print)
 RECOVER = ("recover", print)
 
@@ -28,7 +29,7 @@ def ready() -> System:
     return system
 
 
-def guided() -> System:
+def in_egm() -> System:
     system = System()
     system.manager.start_egm()
     system.wait(0.2)
@@ -82,14 +83,14 @@ def seen(system: System) -> tuple[object, ...]:
     )
 
 
-TO_AUTO = "The controller is in MANR; turn it to AUTO on the pendant"
-PRESSED = "an emergency stop is pressed; release it where it was pressed"
-GUARD = "a guard stop is active; close the guard, or press motors on at the controller"
-BUSY = "The left arm's state machine is in RUN_EGM_ROUTINE; a routine needs IDLE, so end EGM first"
-STOPPED = "The RAPID program is stopped, no routine can run; start it first"
+TO_AUTO = "controller is in MANR; turn it to AUTO on the FlexPendant"
+PRESSED = "the emergency stop is pressed; release it where it was pressed"
+GUARD = "a guard stop keeps the motors off; close the guard, or press motors on at the controller"
+BUSY = "A routine cannot run: a state machine is not idle (left arm: RUN_EGM_ROUTINE); end EGM"
+STOPPED = "A routine cannot run: the RAPID program is stopped; start it first"
 NOBODY = "Nothing answers in this memory"
-START_RAPID = "The motors are off, the RAPID program cannot start; switch the motors on first"
-PP_TO_MAIN = "The RAPID program runs, its pointer cannot be moved; stop it first"
+START_RAPID = "The RAPID program cannot start: the motors are off; switch the motors on"
+PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop it first"
 
 
 @pytest.mark.parametrize(
@@ -107,18 +108,18 @@ PP_TO_MAIN = "The RAPID program runs, its pointer cannot be moved; stop it first
         (in_emergency_stop, [("start_egm",), RECOVER], "Nothing moves until a person has looked at the robot and"),
         (motors_off, [("start_rapid",)], START_RAPID),
         (in_guard_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], GUARD),
-        (guided, [("pp_to_main",)], PP_TO_MAIN),
-        (guided, [RUN_ROUTINE, LOAD_MODULE], BUSY),
+        (in_egm, [("pp_to_main",)], PP_TO_MAIN),
+        (in_egm, [RUN_ROUTINE, LOAD_MODULE], BUSY),
         (stopped, [RUN_ROUTINE, LOAD_MODULE], STOPPED),
         (gone, [("motors_on",), ("motors_off",), ("start_rapid",), ("stop_rapid",), ("pp_to_main",)], NOBODY),
         (gone, [("set_speed_ratio", 50), RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",)], NOBODY),
         (gone, [("stop_egm",), SET_MODE, ("write_signal", "RUN_SG_ROUTINE", "1"), ("read_signal", "x")], NOBODY),
         (gone, [("read_variable", "T_ROB_L", "TRobSG", "x")], NOBODY),
         (ready, [("set_speed_ratio", 101)], "A speed ratio of 101 % is not possible; give 0 to 100"),
-        (ready, [("run_routine", Side.LEFT, "2nd")], "'2nd' is no name of a RAPID routine; give one of up to 32"),
-        (ready, [("load_module", Side.LEFT, "Pick.txt", MODULE)], "'Pick.txt' is no name of a RAPID file; give"),
+        (ready, [("run_routine", Side.LEFT, "2nd")], "'2nd' is not a name of a RAPID routine; give one of up to 32"),
+        (ready, [("load_module", Side.LEFT, "Pick.txt", MODULE)], "'Pick.txt' is not a name of a RAPID file; give"),
         (ready, [("write_signal", "nothing", "1"), ("read_signal", "nothing")], "look at its list of I/O signals"),
-        (ready, [("write_variable", "T_ROB_L", "TRobSG", "2nd", "1")], "'2nd' is no RAPID name; give task, module"),
+        (ready, [("write_variable", "T_ROB_L", "TRobSG", "2nd", "1")], "'2nd' is not a RAPID name; give task, module"),
         (ready, [("read_variable", "T_ROB_L", "TRobSG", "nothing")], "no TRobSG/nothing in task T_ROB_L; check"),
         (
             ready,
@@ -135,8 +136,9 @@ def test_request_that_is_refused_says_what_to_do_and_changes_nothing(
     system = robot()
     before = seen(system)
     for name, *arguments in requests:
+        request = getattr(system.manager.panel if name in PANEL else system.manager, str(name))
         with pytest.raises(YumiError) as refusal:
-            getattr(system.manager, str(name))(*arguments)
+            request(*arguments)
         assert sentence in str(refusal.value)
         system.wait(0.1)
         assert seen(system) == before

@@ -24,7 +24,7 @@ def system() -> System:
     return System()
 
 
-def test_manager_tells_all_that_is_known(system: System) -> None:
+def test_manager_reports_all_that_is_known(system: System) -> None:
     system.manager.start_egm()
     state = system.manager.state()
     assert (state.is_connected, state.mode, state.reason) == (True, OperatingMode.AUTO, "")
@@ -90,12 +90,12 @@ def test_manager_goes_to_a_named_state_from_egm_on_both_arms(system: System, mod
     assert {side for side, arm in system.arms.items() if arm.snapshot.is_commanded} == guided
 
 
-def test_manager_tells_each_step_on_the_way(system: System) -> None:
+def test_manager_reports_each_step_on_the_way(system: System) -> None:
     told: list[str] = []
     system.manager.go_to(Mode.EGM_RIGHT, told.append)
     assert told == [
-        "motors on",
-        "program pointer to main",
+        "switch the motors on",
+        "move the program pointers to main",
         "start the RAPID program",
         "start EGM on the right arm",
         "activate joint_position_controller on the right arm",
@@ -118,10 +118,12 @@ def test_manager_switches_step_by_step(system: System) -> None:
 
 
 def test_manager_refuses_steps_in_the_wrong_state(system: System) -> None:
-    with pytest.raises(RobotNotReady, match="The motors are off, the RAPID program cannot start; switch the motors on"):
+    with pytest.raises(RobotNotReady, match="The RAPID program cannot start: the motors are off; switch the motors on"):
         system.manager.start_rapid()
     system.manager.make_ready()
-    with pytest.raises(RobotNotReady, match="The RAPID program runs, its pointer cannot be moved; stop it first"):
+    with pytest.raises(
+        RobotNotReady, match="The program pointers cannot be moved: the RAPID program runs; stop it first"
+    ):
         system.manager.pp_to_main()
     with pytest.raises(CommandRefused, match="A speed ratio of 101 % is not possible; give 0 to 100"):
         system.manager.set_speed_ratio(101)
@@ -136,29 +138,29 @@ def test_manager_runs_a_routine_by_name(system: System) -> None:
 
 def test_manager_refuses_a_routine_while_egm_runs(system: System) -> None:
     system.manager.start_egm()
-    with pytest.raises(RobotNotReady, match="left arm's state machine is in RUN_EGM_ROUTINE; a routine needs IDLE"):
+    with pytest.raises(RobotNotReady, match=r"a state machine is not idle \(left arm: RUN_EGM_ROUTINE\); end EGM"):
         system.manager.run_routine(Side.LEFT, "runMoveJ")
 
 
 def test_manager_reads_and_writes_signals(system: System) -> None:
-    assert system.manager.read_signal("RUN_SG_ROUTINE") == "0"
+    assert system.manager.panel.read_signal("RUN_SG_ROUTINE") == "0"
     system.manager.write_signal("RUN_SG_ROUTINE", "1")
-    assert system.manager.read_signal("RUN_SG_ROUTINE") == "1"
+    assert system.manager.panel.read_signal("RUN_SG_ROUTINE") == "1"
 
 
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
         ("nothing", "1", "The controller has no signal nothing; look at its list"),
-        ("RUN_SG_ROUTINE", "much", "'much' is no value for signal RUN_SG_ROUTINE; give a number"),
+        ("RUN_SG_ROUTINE", "much", "'much' is not a value for signal RUN_SG_ROUTINE; give a number"),
         ("RUN_SG_ROUTINE", "nan", "Signal RUN_SG_ROUTINE cannot be nan; give a finite number"),
-        ("../panel", "1", "'../panel' is no name of a signal"),
+        ("../panel", "1", "'../panel' is not a name of a signal"),
     ],
 )
 def test_manager_refuses_signals_that_cannot_be(system: System, name: str, value: str, sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         system.manager.write_signal(name, value)
-    assert system.manager.read_signal("RUN_SG_ROUTINE") == "0"
+    assert system.manager.panel.read_signal("RUN_SG_ROUTINE") == "0"
 
 
 def test_manager_does_not_write_a_signal_that_is_read_only(system: System) -> None:
@@ -167,15 +169,15 @@ def test_manager_does_not_write_a_signal_that_is_read_only(system: System) -> No
 
 
 def test_manager_reads_and_writes_variables(system: System) -> None:
-    system.manager.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12.5")
-    assert system.manager.read_variable("T_ROB_L", "TRobSG", "target_position_input") == "12.5"
+    system.manager.panel.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12.5")
+    assert system.manager.panel.read_variable("T_ROB_L", "TRobSG", "target_position_input") == "12.5"
 
 
 def test_manager_refuses_variables_that_cannot_be(system: System) -> None:
     with pytest.raises(CommandRefused, match="The controller has no TRobSG/nothing in task T_ROB_L"):
-        system.manager.read_variable("T_ROB_L", "TRobSG", "nothing")
-    with pytest.raises(CommandRefused, match=r"'12,5' is no RAPID value; .* takes a num, such as 1\.5"):
-        system.manager.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12,5")
+        system.manager.panel.read_variable("T_ROB_L", "TRobSG", "nothing")
+    with pytest.raises(CommandRefused, match=r"'12,5' is not a RAPID value; .* takes a num, such as 1\.5"):
+        system.manager.panel.write_variable("T_ROB_L", "TRobSG", "target_position_input", "12,5")
 
 
 PICK = """MODULE Pick
@@ -191,7 +193,7 @@ def test_manager_loads_a_module_and_runs_its_routine(system: System) -> None:
     system.manager.make_ready()
     told = system.manager.run_module(Side.LEFT, "Pick.mod", PICK % 1, "pickOne")
     assert told == "Routine pickOne of T_ROB_L has run"
-    assert system.manager.read_variable("T_ROB_L", "Pick", "count") == "1"
+    assert system.manager.panel.read_variable("T_ROB_L", "Pick", "count") == "1"
     assert system.client.execution() is ExecutionState.RUNNING
 
 
@@ -199,19 +201,19 @@ def test_manager_replaces_a_module_that_was_loaded_before(system: System) -> Non
     system.manager.make_ready()
     for step in (1, 5):
         system.manager.run_module(Side.LEFT, "Pick.mod", PICK % step, "pickOne")
-    assert system.manager.read_variable("T_ROB_L", "Pick", "count") == "5"
+    assert system.manager.panel.read_variable("T_ROB_L", "Pick", "count") == "5"
 
 
 @pytest.mark.parametrize(
     ("file_name", "text", "sentence"),
     [
-        ("../x.mod", PICK % 1, "'../x.mod' is no name of a RAPID file"),
+        ("../x.mod", PICK % 1, "'../x.mod' is not a name of a RAPID file"),
         ("Pick.mod", "PROC x() ENDPROC", "The text of Pick.mod declares no MODULE"),
         ("Pick.mod", "MODULE TRobMain\nENDMODULE", "TRobMain belong to the robot-side program; rename yours"),
         (
             "Pick.mod",
             "MODULE Pick\nPROC x( ENDPROC\nENDMODULE",
-            "T_ROB_L did not load HOME:/Pick.mod; it is no correct",
+            "T_ROB_L did not load HOME:/Pick.mod; it is not a correct",
         ),
     ],
 )
@@ -246,10 +248,10 @@ def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> No
         if step == "start the RAPID program":
             stops.append(Thread(target=system.manager.stop_rapid))
             stops[0].start()
-            while not system.manager._stops:  # until the thread waits for its turn
+            while not system.manager._stop_requests:  # until the thread waits for its turn
                 pass
 
-    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.go_to(Mode.EGM_BOTH, told)
     stops[0].join()
     assert system.client.execution() is ExecutionState.STOPPED

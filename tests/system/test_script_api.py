@@ -233,7 +233,7 @@ def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
         assert own_virtual.is_guided(Side.RIGHT)
         assert not own_virtual.is_guided(Side.LEFT)
-        with pytest.raises(RobotNotReady, match=r"The left arm is not guided; name it in connect\(arms="):
+        with pytest.raises(RobotNotReady, match=r"EGM is not started on the left arm; name it in connect\(arms="):
             robot.left.move_to(LEFT)
 
 

@@ -126,7 +126,7 @@ def test_confirmation_while_the_button_is_pressed_does_not_count(system: MovingS
     system.faults.happen(Fault.EMERGENCY_STOP)
     system.wait(0.2)
     identity = system.stop_id()
-    with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: an emergency stop is pressed; release it"):
+    with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: the emergency stop is pressed; release it"):
         system.recover(identity)
     system.faults.happen(Fault.EMERGENCY_STOP_RESET)
     system.wait(1.0)
@@ -142,7 +142,7 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
     identity = system.stop_id()
 
     def report(step: str) -> None:
-        if step == "program pointer to main":
+        if step == "move the program pointers to main":
             system.faults.happen(Fault.COLLISION, Side.RIGHT)
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
@@ -152,7 +152,7 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
 
 
 @pytest.mark.parametrize("is_asked", [True, False], ids=["asked", "controller does not answer"])
-def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
+def test_stop_that_makes_a_step_fail_is_reported_with_its_own_id_and_cause(
     system: MovingSystem, monkeypatch: pytest.MonkeyPatch, is_asked: bool
 ) -> None:
     stop(system, Fault.EMERGENCY_STOP)
@@ -164,7 +164,7 @@ def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
     def collide(_: float) -> None:
         system.faults.happen(Fault.COLLISION)
         if not is_asked:
-            system.manager.watch.look()
+            system.manager.monitor.read()
             monkeypatch.setattr(system.client, "events", lose_connection)
         raise RobotNotReady("The left arm did not become idle.")
 
@@ -176,7 +176,7 @@ def test_stop_that_makes_a_step_fail_is_told_with_its_own_id_and_cause(
     assert isinstance(refusal.value, StopNotConfirmed) is is_asked
 
 
-def test_step_that_fails_without_another_stop_is_told_with_the_id_that_is_still_open(
+def test_step_that_fails_without_another_stop_is_reported_with_the_id_that_is_still_open(
     system: MovingSystem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stop(system, Fault.EMERGENCY_STOP)
@@ -214,16 +214,16 @@ def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: Mo
     identity = system.stop_id()
 
     def report(step: str) -> None:
-        if step == "program pointer to main":
+        if step == "move the program pointers to main":
             system.faults.happen(Fault.COLLISION, Side.RIGHT)
-            system.manager.watch.look()
+            system.manager.monitor.read()
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
         system.manager.recover(report, confirmed=identity)
     assert system.client.execution() is ExecutionState.STOPPED
 
 
-def test_guard_stop_of_the_mode_switch_is_confirmed_at_the_pendant(system: MovingSystem) -> None:
+def test_guard_stop_of_the_mode_switch_is_confirmed_at_the_flexpendant(system: MovingSystem) -> None:
     system.faults.happen(Fault.MANUAL_MODE)
     system.world.controller.events.append(10012, "Guard stop state", "The enabling device was released.")
     system.wait(0.2)
@@ -248,7 +248,7 @@ def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) ->
     system.manager.stop_egm()
     system.client.stop_rapid()
     system.bringup._reports.append(
-        lambda step: system.faults.happen(Fault.COLLISION) if step == "program pointer to main" else None
+        lambda step: system.faults.happen(Fault.COLLISION) if step == "move the program pointers to main" else None
     )
     with pytest.raises(StopNotConfirmed, match="50204"):
         system.manager.start_egm()
@@ -343,7 +343,7 @@ def test_program_that_another_client_starts_confirms_nothing_for_a_driver_that_s
         system.manager.start_egm()
 
 
-def test_several_stops_are_told_together_and_confirmed_by_the_newest(system: MovingSystem) -> None:
+def test_several_stops_are_reported_together_and_confirmed_by_the_newest(system: MovingSystem) -> None:
     stop(system, Fault.COLLISION)
     first = system.stop_id()
     stop(system, Fault.EMERGENCY_STOP)
@@ -374,7 +374,7 @@ def test_many_events_after_a_collision_do_not_hide_it(system: MovingSystem) -> N
         system.manager.start_egm()
 
 
-def test_state_tells_the_stop_and_its_cause(system: MovingSystem) -> None:
+def test_state_reports_the_stop_and_its_cause(system: MovingSystem) -> None:
     assert (system.manager.state().cause, system.manager.state().stop) == ("", "")
     stop(system, Fault.EMERGENCY_STOP)
     state = system.manager.state()
@@ -394,7 +394,7 @@ def test_state_tells_the_stop_and_its_cause(system: MovingSystem) -> None:
         (Fault.MANUAL_MODE, "10015 Manual mode selected: the mode switch was turned to manual"),
     ],
 )
-def test_state_tells_the_cause_of_a_stop_that_needs_no_confirmation(
+def test_state_reports_the_cause_of_a_stop_that_needs_no_confirmation(
     system: MovingSystem, fault: Fault, cause: str
 ) -> None:
     stop(system, fault)

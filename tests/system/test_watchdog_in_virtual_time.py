@@ -27,7 +27,7 @@ def watchdog(system: System) -> Watchdog:
 @pytest.fixture
 def system() -> MovingSystem:
     system = MovingSystem()
-    watchdog(system).have_robot_watch()
+    watchdog(system).arm_robot()
     return system
 
 
@@ -76,7 +76,7 @@ def test_driver_that_follows_at_once_ends_what_its_predecessor_has_left_behind(s
     assert all(arm.snapshot.is_running for arm in system.arms.values())
     system.steps.clear()
     system.manager.make_ready()
-    assert system.steps == ["stop EGM"]
+    assert system.steps == ["end the EGM motion that runs (the arms come to rest)"]
     system.wait(TIMEOUT + 0.5)
     assert execution(system) is ExecutionState.RUNNING
 
@@ -90,7 +90,7 @@ def test_egm_that_another_program_has_begun_is_begun_anew_and_watched() -> None:
         system.wait(0.5)
         system.manager.start_egm()
         assert system.steps[-4:-2] == ["stop EGM", "start EGM on both arms"]
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
     finally:
         system.manager.watchdog.stop()
 
@@ -99,11 +99,11 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
     driver = watchdog(system)
     system.faults.happen(Fault.PROGRAM_STOP)
     system.wait(0.2)
-    driver.give_sign()  # which nobody takes back
+    driver.beat()  # which is not taken back
     system.recover()
-    driver.have_robot_watch()
+    driver.arm_robot()
     for _ in range(6):
-        driver.give_sign()
+        driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
 
@@ -111,7 +111,7 @@ def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: 
 def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None:
     driver = watchdog(system)
     for _ in range(6):
-        driver.give_sign()
+        driver.beat()
         system.wait(TIMEOUT / 2)
     assert execution(system) is ExecutionState.RUNNING
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
@@ -121,12 +121,12 @@ def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: Movin
     """A signal that is up already has no edge."""
     driver = watchdog(system)
     system.faults.happen(Fault.PROGRAM_STOP)
-    driver.give_sign()
+    driver.beat()
     system.recover()
-    driver.have_robot_watch()
+    driver.arm_robot()
     for _ in range(4):
         system.wait(TIMEOUT / 2)
-        driver.give_sign()
+        driver.beat()
     assert execution(system) is ExecutionState.RUNNING
 
 
@@ -147,7 +147,7 @@ def test_watchdog_that_is_not_active_stops_nothing() -> None:
 
 def test_watchdog_that_was_disarmed_stops_nothing(system: MovingSystem) -> None:
     driver = watchdog(system)
-    driver.have_robot_watch()
+    driver.arm_robot()
     driver.disarm()
     system.wait(TIMEOUT + 0.5)
     assert execution(system) is ExecutionState.RUNNING
@@ -167,11 +167,11 @@ def test_driver_whose_control_process_died_gives_no_sign(system: MovingSystem) -
     def check() -> None:
         raise ControllerRefused("The control process has ended.", status=0)
 
-    Watchdog(system.client, check, SETTINGS).give_sign()
+    Watchdog(system.client, check, SETTINGS).beat()
     assert system.client.signal("WD_EXTERNAL_STATUS").value == 0
 
 
-def test_robot_without_a_watchdog_is_guided_all_the_same(system: MovingSystem) -> None:
+def test_robot_without_a_watchdog_is_in_egm_all_the_same(system: MovingSystem) -> None:
     for task in system.world.controller.tasks.values():
         del task.program.modules[WATCHDOG.lower()]
     remark = watchdog(system)
@@ -190,7 +190,7 @@ def test_driver_that_goes_disarms_the_watchdog_also_when_egm_has_ended_by_itself
         system.faults.happen(Fault.EGM_CONVERGENCE)
         system.wait(0.5)
         system.manager.end_motion()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()
 
@@ -200,8 +200,8 @@ def test_egm_arms_the_watchdog_and_its_end_disarms_it() -> None:
     system.manager.watchdog.start()
     try:
         system.manager.start_egm()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "TRUE"
         system.manager.stop_egm()
-        assert system.manager.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
+        assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"
     finally:
         system.manager.watchdog.stop()

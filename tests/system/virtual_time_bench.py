@@ -18,10 +18,11 @@ from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup
-from yumi.driver.gripper import Gripper, HandIo, HandSignals
+from yumi.driver.gripper import Gripper
+from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.speed import SpeedSetting
-from yumi.driver.state_machine import EgmMotionSettings, GripperRoutines
+from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links
@@ -146,9 +147,10 @@ class System(ManualClock):
         self.grippers: dict[Side, Gripper] = {}
         self.start_driver()
         routines = GripperRoutines(self.client, self)
-        self.signals = HandSignals(self.client, both)
+        self.signals = GripperSignals(self.client, both)
         self.grippers = {
-            side: Gripper(HandIo(side, self.client, self.signals, modules), routines, self, 10.0) for side in Side
+            side: Gripper(side, self.client, routines, self, 10.0, modules=modules, signals=self.signals)
+            for side in Side
         }
         self.manager.grippers = tuple(self.grippers.values())
 

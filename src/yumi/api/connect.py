@@ -31,7 +31,7 @@ Given = Mapping[str, Any]
 """Settings of one group by name; None where nothing was given."""
 
 VIRTUAL_RWS_PORT = 8080
-"""Where ``yumi controller`` serves unless told otherwise."""
+"""The default port of ``yumi controller``."""
 
 
 def connect(
@@ -58,22 +58,22 @@ def connect(
             robot.left.gripper.open()
             robot.left.gripper.grasp(force=10.0)
 
-    On the way in the robot is brought to ready: motors on, RAPID program running, EGM on the arms, hands calibrated. On
-    every way out, be it an error or Ctrl-C, the arms come to rest first, then EGM ends.
+    On entry the robot is brought to ready: motors on, RAPID program running, grippers calibrated, EGM on the arms. On
+    exit, also after an error or Ctrl-C, the arms come to rest first, then EGM ends.
 
     Args:
         address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
             machine 8080, where ``yumi controller`` serves.
-        arms: the arms to guide; the other one stands still.
-        speed: share of the joints' highest speeds, above 0 up to 1, where a motion does not say.
+        arms: on which EGM runs; the other one stands still.
+        speed: fraction of the joints' highest speeds, above 0 up to 1, where a motion does not say.
         acceleration: the same for accelerations and jerks.
         speed_scale: factor on the speed of every motion, 0.01 to 1; None takes the settings': 1 for a robot on this
             machine, 0.1 for any other. See :attr:`yumi.api.robot.Robot.speed_scale`.
         rws_port: HTTP port of Robot Web Services.
-        left_egm_port: UDP port where the left arm's datagrams arrive.
-        right_egm_port: the same of the right arm.
-        user: user name on the controller; ABB's default unless given.
-        password: its password; unless given the one in the environment variable ``YUMI_PASSWORD``, or the settings'.
+        left_egm_port: UDP port where the left arm's datagrams arrive; and the right arm's:
+        right_egm_port: as above.
+        user: on the controller; ABB's default unless given.
+        password: unless given the one in the environment variable ``YUMI_PASSWORD``, or the settings'.
         config: settings instead of the delivered ``yumi.yaml``.
         controllers: controllers instead of the delivered ``controllers.yaml``.
 
@@ -121,19 +121,31 @@ def settings_for(
 def controllers_for(
     settings: Settings, speed: float, acceleration: float, file: Path | str | None = None
 ) -> Controllers:
-    """The controllers, those for single points with the shares of the joints' limits and the robot's top speed.
+    """The controllers, those for single points with these fractions of the joints' limits and the robot's top speed.
 
     Raises:
         SettingsError: a value is wrong, or a controller is missing.
     """
+    for name, value in (("speed", speed), ("acceleration", acceleration)):
+        if not 0.0 < value <= 1.0:  # NaN too
+            raise SettingsError(f"connect: {name} is {value}; allowed is above 0 up to 1.")
     scales = {
-        "speed_scale": _share("speed", speed),
-        "acceleration_scale": _share("acceleration", acceleration),
+        "speed_scale": float(speed),
+        "acceleration_scale": float(acceleration),
         "top_speed": radians(settings.egm_motion.max_speed_deviation),
     }
-    path = Path(file) if file else None
-    chosen = {side: _checked(side, read_controllers(side, path)) for side in Side}
-    return {side: tuple(_scaled(entry, scales) for entry in entries) for side, entries in chosen.items()}
+    extra = {name: Entry(value, "connect", is_general=False) for name, value in scales.items()}
+    chosen: dict[Side, tuple[ControllerSettings, ...]] = {}
+    for side in Side:
+        entries = read_controllers(side, Path(file) if file else None)
+        missing = {GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER} - {entry.name for entry in entries}
+        if missing:
+            raise SettingsError(f"The controllers of the {side.word} arm lack {', '.join(sorted(missing))}; add them.")
+        chosen[side] = tuple(
+            replace(entry, entries={**entry.entries, **extra}) if entry.name == GOAL_CONTROLLER else entry
+            for entry in entries
+        )
+    return chosen
 
 
 def _address(address: str | None, rws_port: int | None) -> Given:
@@ -141,27 +153,18 @@ def _address(address: str | None, rws_port: int | None) -> Given:
         return {"rws_port": rws_port}
     host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
     if not host or (colon and not port.isdigit()):
-        raise SettingsError(f"{address!r} is no address; give a host name or IPv4 address, with :port if need be.")
+        raise SettingsError(f"{address!r} is not an address; give a host name or IPv4 address, with :port if need be.")
     if colon and rws_port is not None:
         raise SettingsError(
             f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
         )
-    usual = VIRTUAL_RWS_PORT if _is_this_machine(host) else None
+    try:
+        is_this_machine = ip_address(host).is_loopback
+    except ValueError:
+        is_this_machine = host == "localhost"
+    usual = VIRTUAL_RWS_PORT if is_this_machine else None
     given = int(port) if colon else rws_port
     return {"address": host, "rws_port": usual if given is None else given}
-
-
-def _is_this_machine(host: str) -> bool:
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
-def _share(name: str, value: float) -> float:
-    if not 0.0 < value <= 1.0:  # NaN too
-        raise SettingsError(f"connect: {name} is {value}; allowed is above 0 up to 1.")
-    return float(value)
 
 
 def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
@@ -170,17 +173,3 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
     if not words or any(word not in known for word in words) or len(set(words)) != len(words):
         raise SettingsError(f"connect: arms is {arms!r}; name 'right', 'left' or both.")
     return tuple(known[word] for word in words)
-
-
-def _checked(side: Side, entries: tuple[ControllerSettings, ...]) -> tuple[ControllerSettings, ...]:
-    missing = {GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER} - {entry.name for entry in entries}
-    if missing:
-        raise SettingsError(f"The controllers of the {side.word} arm lack {', '.join(sorted(missing))}; add them.")
-    return entries
-
-
-def _scaled(controller: ControllerSettings, scales: Mapping[str, float]) -> ControllerSettings:
-    if controller.name != GOAL_CONTROLLER:
-        return controller
-    entries = {name: Entry(value, "connect", is_general=False) for name, value in scales.items()}
-    return replace(controller, entries={**controller.entries, **entries})

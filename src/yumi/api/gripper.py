@@ -1,14 +1,13 @@
-"""One hand, as a script sees it."""
+"""One gripper, as a script sees it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from yumi.driver.gripper import Gripper as Hand
+from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import TRAVEL, Direction, HandOrder, Outcome, go_to
-from yumi.robot.gripper import grip as grip_order
+from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
 from yumi.robot.joints import Side
 
 PICKED_PRESSURE = 70_000.0
@@ -32,14 +31,14 @@ class Grip:
 
 
 class Gripper:
-    """The hand of one arm; its motions do not disturb the arm's.
+    """The gripper of one arm; its motions do not disturb the arm's.
 
     Args:
         side: which arm carries it.
-        hand: the robot's, while it is connected; raises when it is not.
+        gripper: the robot's, while it is connected; raises when it is not.
         force: holding force where a call names none [N].
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
-        calibrate: calibrates it, whatever its arm does; None where nothing guides the arm.
+        calibrate: calibrates it, whatever its arm does; None where EGM does not run on the arm.
         check_not_stopped: raises RobotNotReady while a stop waits for a person's confirmation.
 
     Attributes:
@@ -49,7 +48,7 @@ class Gripper:
     def __init__(
         self,
         side: Side,
-        hand: Callable[[], Hand],
+        gripper: Callable[[], driver.Gripper],
         force: float,
         picked_pressure: float = PICKED_PRESSURE,
         check_not_stopped: Callable[[], None] = lambda: None,
@@ -57,10 +56,10 @@ class Gripper:
     ) -> None:
         self._check_not_stopped = check_not_stopped
         self.side = side
-        self._hand = hand
+        self._gripper = gripper
         self._force = force
         self._picked_pressure = picked_pressure
-        self._calibrate = calibrate or (lambda: hand().calibrate())
+        self._calibrate = calibrate or (lambda: gripper().calibrate())
         self._direction = Direction.INWARDS  # of the last grip
 
     def __repr__(self) -> str:
@@ -68,12 +67,8 @@ class Gripper:
 
     @property
     def position(self) -> float:
-        """Measured distance of each finger from the middle [m], 0 to 0.025; half of :attr:`width`.
-
-        Raises:
-            RobotNotReady: the robot is not connected, or has no such gripper.
-        """
-        return self._hand().position()
+        """Measured distance of each finger from the middle [m], 0 to 0.025; raises RobotNotReady if there is none."""
+        return self._gripper().position()
 
     @property
     def width(self) -> float:
@@ -82,8 +77,8 @@ class Gripper:
 
     @property
     def is_holding(self) -> bool:
-        """Whether the hand holds something now, by its own account; raises as :attr:`position`."""
-        return self._hand().is_holding()
+        """Whether the gripper holds something now, by its own signals; raises as :attr:`position`."""
+        return self._gripper().is_holding()
 
     def open(self, width: float = 2.0 * TRAVEL) -> Grip:
         """Open the fingers, and return when they stand.
@@ -98,21 +93,17 @@ class Gripper:
         """
         if not 0.0 < width <= 2.0 * TRAVEL:  # NaN too
             raise CommandRefused(f"Gripper width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
-        grip = self._command(go_to(width / 2.0))
-        if grip.outcome is Outcome.STALLED:
+        result = self._command(go_to(width / 2.0))
+        if result.outcome is Outcome.STALLED:
             raise GoalNotReached(
-                f"The {self.side.word} gripper stopped at {_mm(grip.width)} instead of {_mm(width)}; look what is in "
+                f"The {self.side.word} gripper stopped at {_mm(result.width)} instead of {_mm(width)}; look what is in "
                 "the way."
             )
-        return grip
+        return result
 
     def close(self) -> Grip:
-        """Close the fingers with the usual force, on whatever is between them, and return when they stand.
-
-        Raises:
-            RobotNotReady: as for :meth:`open`.
-        """
-        return self._command(grip_order(Direction.INWARDS, self._force))
+        """Close the fingers with the usual force, on whatever is between them; returns and raises as :meth:`open`."""
+        return self._command(grip(Direction.INWARDS, self._force))
 
     def grasp(self, force: float | None = None, width: float | None = None, *, outwards: bool = False) -> Grip:
         """Close the fingers on an object and hold it, or open them inside a hollow one.
@@ -130,14 +121,14 @@ class Gripper:
         if width is not None and not 0.0 < width <= 2.0 * TRAVEL:
             raise CommandRefused(f"Object width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
         self._direction = Direction.OUTWARDS if outwards else Direction.INWARDS
-        grip = self._command(grip_order(self._direction, self._force if force is None else force))
-        if grip.outcome is not Outcome.HOLDING:
-            raise GoalNotReached(f"The {self.side.word} gripper holds nothing: it is {grip.outcome.value}.")
-        if width is not None and abs(grip.width - width) > WIDTH_TOLERANCE:
+        result = self._command(grip(self._direction, self._force if force is None else force))
+        if result.outcome is not Outcome.HOLDING:
+            raise GoalNotReached(f"The {self.side.word} gripper holds nothing: it is {result.outcome.value}.")
+        if width is not None and abs(result.width - width) > WIDTH_TOLERANCE:
             raise GoalNotReached(
-                f"The {self.side.word} gripper holds something {_mm(grip.width)} wide, not {_mm(width)}; it holds on."
+                f"The {self.side.word} gripper holds something {_mm(result.width)} wide, not {_mm(width)}; it holds on."
             )
-        return grip
+        return result
 
     def release(self) -> Grip:
         """Let go of what is held: open the fingers, or close them after a grasp outwards.
@@ -148,10 +139,12 @@ class Gripper:
         """
         if self._direction is Direction.INWARDS:
             return self.open()
-        grip = self._command(go_to(0.0))
-        if grip.outcome is Outcome.STALLED:
-            raise GoalNotReached(f"The {self.side.word} gripper stopped at {_mm(grip.width)}; look what is in the way.")
-        return grip
+        result = self._command(go_to(0.0))
+        if result.outcome is Outcome.STALLED:
+            raise GoalNotReached(
+                f"The {self.side.word} gripper stopped at {_mm(result.width)}; look what is in the way."
+            )
+        return result
 
     def calibrate(self) -> None:
         """Close the fingers and call that zero; connecting and recovering do it where it is needed.
@@ -165,24 +158,16 @@ class Gripper:
         self._calibrate()
 
     def clear_error(self) -> None:
-        """Acknowledge the hand's error.
-
-        Raises:
-            RobotNotReady: it still reports one.
-        """
-        self._hand().clear_error()
+        """Acknowledge the gripper's error; raises RobotNotReady when it still reports one."""
+        self._gripper().clear_error()
 
     def pressure(self, channel: int = 1) -> float:
-        """Absolute pressure in the cup of a vacuum module [Pa].
-
-        Raises:
-            CommandRefused: the hand has no such module.
-        """
-        return self._hand().vacuum.reading(channel).pressure
+        """Absolute pressure in the cup of a vacuum module [Pa]; raises CommandRefused when there is no such module."""
+        return self._gripper().vacuum(channel).pressure
 
     def has_picked(self, channel: int = 1) -> bool:
         """Whether a vacuum module sucks and something closes its cup; raises as :meth:`pressure`."""
-        return self._hand().vacuum.reading(channel).has_picked(self._picked_pressure)
+        return self._gripper().vacuum(channel).has_picked(self._picked_pressure)
 
     def pick(self, channel: int = 1, timeout: float = 1.0) -> None:
         """Switch a vacuum module on and wait until it has picked something.
@@ -192,13 +177,13 @@ class Gripper:
             timeout: longest wait for the pressure [s].
 
         Raises:
-            CommandRefused: the hand has no such module.
+            CommandRefused: the gripper has no such module.
             RobotNotReady: the gripper is not calibrated, or did not switch.
             GoalNotReached: nothing was picked; the vacuum stays on.
         """
-        vacuum = self._hand().vacuum
-        vacuum.switch(channel, is_on=True)
-        if not vacuum.wait_until_picked(channel, self._picked_pressure, timeout):
+        gripper = self._gripper()
+        gripper.switch_vacuum(channel, is_on=True)
+        if not gripper.wait_until_picked(channel, self._picked_pressure, timeout):
             raise GoalNotReached(
                 f"Vacuum {channel} of the {self.side.word} gripper has picked nothing: {self.pressure(channel):.0f} Pa "
                 f"after {timeout:g} s, {self._picked_pressure:.0f} Pa or less are needed."
@@ -206,15 +191,15 @@ class Gripper:
 
     def drop(self, channel: int = 1) -> None:
         """Blow off what a vacuum module holds, and switch it off; raises as :meth:`pick`."""
-        self._hand().vacuum.drop(channel)
+        self._gripper().drop(channel)
 
-    def _command(self, order: HandOrder) -> Grip:
+    def _command(self, goal: GripperGoal) -> Grip:
         self._check_not_stopped()
-        hand = self._hand()
-        hand.begin(order)
-        outcome = hand.wait(order)
-        assert outcome is not None, "nobody cancels"
-        return Grip(outcome, 2.0 * hand.last_position)
+        gripper = self._gripper()
+        gripper.begin(goal)
+        outcome = gripper.wait(goal)
+        assert outcome is not None, "it is not cancelled"
+        return Grip(outcome, 2.0 * gripper.last_position)
 
 
 def _mm(width: float) -> str:

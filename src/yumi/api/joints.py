@@ -1,4 +1,4 @@
-"""Degrees for people, everything else is in radians; and joints by name or in ABB's order for who knows them so."""
+"""Joint positions in degrees, by ABB's axis numbers or by joint name; all else is in radians and in chain order."""
 
 from __future__ import annotations
 
@@ -14,17 +14,8 @@ from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, Joints, Side, chain_from_
 def degrees(*angles: SupportsFloat | Sequence[SupportsFloat]) -> Joints:
     """Joint positions given in degrees, as radians: ``yumi.degrees(0, -130, -135, 30, 0, 40, 0)``.
 
-    The order is that of the chain, not the FlexPendant's: for J1 to J7 as the FlexPendant shows them take
-    :func:`abb_degrees`.
-
-    Args:
-        angles: seven angles in chain order (axes 1, 2, 7, 3, 4, 5, 6), or one sequence of them [deg].
-
-    Returns:
-        The same in radians, (7,).
-
-    Raises:
-        ValueError: they are not seven.
+    Seven angles, or one sequence of them, in chain order (axes 1, 2, 7, 3, 4, 5, 6), not the FlexPendant's: for J1 to
+    J7 as the FlexPendant shows them take :func:`abb_degrees`. Raises ValueError when they are not seven.
     """
     return joints([radians(value) for value in _flat(angles)])
 
@@ -48,15 +39,6 @@ def abb_degrees(
     Axis 7 (``eax_a`` in RAPID) sits between axes 2 and 3. It has to be named, so that seven
     numbers in chain order are never taken for ABB's.
 
-    Args:
-        j1: axis 1 [deg].
-        j2: axis 2 [deg].
-        j3: axis 3 [deg].
-        j4: axis 4 [deg].
-        j5: axis 5 [deg].
-        j6: axis 6 [deg].
-        j7: axis 7, RAPID's ``extax.eax_a`` [deg].
-
     Returns:
         Radians in chain order (axes 1, 2, 7, 3, 4, 5, 6), (7,).
     """
@@ -69,11 +51,7 @@ def abb_degrees(
 
 
 def in_degrees(position: Sequence[SupportsFloat]) -> Joints:
-    """Joint positions [rad], (7,), in degrees.
-
-    Raises:
-        ValueError: they are not seven.
-    """
+    """Joint positions [rad], (7,), in degrees; raises ValueError when they are not seven."""
     return joints([_degrees_of(value) for value in _flat((position,))])
 
 
@@ -88,12 +66,8 @@ def in_chain_order(side: Side, values: Mapping[str, Any] | Sequence[Any]) -> Seq
 
     A joint is named as in ROS (``yumi_joint_7_r``), or by ABB's number of its axis (``joint_7``, ``j7``).
 
-    Args:
-        side: whose joints they are.
-        values: one value per joint.
-
     Raises:
-        CommandRefused: a name is none of this arm's joints, comes twice, or is missing.
+        CommandRefused: a name is not one of this arm's joints, comes twice, or is missing.
     """
     if not isinstance(values, Mapping):
         return values

@@ -1,8 +1,6 @@
-"""Guides the arms on behalf of a script: who commands them, and which orders they get.
+"""Motions of a script: how arms get their goals, how each motion ends, and how a script waits for it.
 
-Motions under way, and how each of them ends: what a script waits for.
-
-Waiting for motions: whoever stops waiting, for whatever reason, leaves no arm moving.
+A wait that ends for any other reason than the motions' ends, be it an error or Ctrl-C, leaves no arm moving.
 """
 
 from __future__ import annotations
@@ -33,15 +31,15 @@ from yumi.control.events import (
 )
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory import (
-    ArmPlan,
     JointTrajectory,
     TrajectoryPoint,
     check_count,
     plan_trajectory,
     time_to_start,
 )
+from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Side, joint_names, joints
@@ -53,19 +51,13 @@ log = logging.getLogger(__name__)
 
 
 class Motion:
-    """One motion of one arm.
-
-    Attributes:
-        side: the arm.
-        identity: its number.
-        future: done when the motion has ended; raises what :meth:`wait` raises.
-    """
+    """One motion of one arm; ``future`` is done when it has ended, and raises what :meth:`wait` raises."""
 
     def __init__(self, side: Side, identity: int) -> None:
         self.side = side
         self.identity = identity
         self.future: Future[None] = Future()
-        self.future.set_running_or_notify_cancel()  # who no longer waits does not end the motion
+        self.future.set_running_or_notify_cancel()  # a wait that is given up does not end the motion
 
     def __repr__(self) -> str:
         return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {'ended' if self.is_done else 'under way'}>"
@@ -93,7 +85,7 @@ Explain = Callable[[Callable[[Cause], None]], None]
 """Calls back with what stopped the robot, once that is known."""
 
 
-class MotionBook:
+class MotionRegistry:
     """All motions under way, and what has gone wrong since the last recovery; safe from any thread.
 
     Attributes:
@@ -109,14 +101,14 @@ class MotionBook:
         self._lock = Lock()
 
     def begin(self, side: Side) -> Motion:
-        """A new motion, to be ordered under its number."""
+        """A new motion, to be sent under its number."""
         with self._lock:
             motion = Motion(side, next(self._numbers))
             self._open[motion.identity] = motion
         return motion
 
     def forget(self, motions: Iterable[Motion]) -> None:
-        """They were refused: nobody moves."""
+        """They were refused: no arm moves."""
         with self._lock:
             for motion in motions:
                 self._open.pop(motion.identity, None)
@@ -136,15 +128,25 @@ class MotionBook:
             self._recoveries += 1
             self._faults.clear()
 
-    def tell(self, event: Event) -> None:
-        """Take in what the fast line tells."""
+    def note(self, event: Event) -> None:
+        """Take an event of the control process."""
         if isinstance(event, ControllerReport):
-            self._settle(event.report)
+            report = event.report
+            if isinstance(report, GoalEnded):
+                self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
+            elif isinstance(report, TrajectoryEnded):
+                self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
             return
         if not is_fault(event):
             log.info(_for_script(str(event)))
             return
-        failed, recoveries = self._take_failed(event.side, _for_script(str(event)))
+        # The motions of the arm have failed: whatever else is reported of them does not count any more.
+        with self._lock:
+            self._faults[event.side] = (_for_script(str(event)), "")
+            failed = [motion for motion in self._open.values() if motion.side is event.side]
+            for motion in failed:
+                del self._open[motion.identity]
+            recoveries = self._recoveries
 
         def end(cause: Cause) -> None:
             sentence = _for_script(explained(event, cause))
@@ -156,24 +158,9 @@ class MotionBook:
                 motion.future.set_exception(GoalNotReached(sentence, cause.stop))
 
         if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
-            self.explain(end)  # EGM's end arrives before the controller's event that tells why
+            self.explain(end)  # EGM's end arrives before the controller's event that says why
         else:
             end(Cause())
-
-    def _take_failed(self, side: Side, sentence: str) -> tuple[list[Motion], int]:
-        """The motions of an arm that something has stopped; whatever else is told of them counts no more."""
-        with self._lock:
-            self._faults[side] = (sentence, "")
-            failed = [motion for motion in self._open.values() if motion.side is side]
-            for motion in failed:
-                del self._open[motion.identity]
-            return failed, self._recoveries
-
-    def _settle(self, notice: object) -> None:
-        if isinstance(notice, GoalEnded):
-            self._end(notice.identity, notice.outcome is GoalOutcome.REACHED, notice.sentence)
-        elif isinstance(notice, TrajectoryEnded):
-            self._end(notice.goal, notice.outcome is Outcome.SUCCEEDED, notice.sentence)
 
     def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
         with self._lock:
@@ -217,26 +204,26 @@ class ArmControl(CommandPort, Protocol):
     """What is needed of the control process."""
 
     def snapshot(self, side: Side) -> Snapshot:
-        """What is known of an arm."""
+        """An arm after its last cycle."""
 
 
-class Guidance:
-    """Orders for the arms of one robot.
+class MotionExecutor:
+    """Sends goals to the arms of one robot.
 
     Args:
         control: the control process.
-        goals: where each arm's stream of goals goes.
-        book: of the motions under way.
-        arms: those that are guided.
+        goals: the buffer of each arm's stream of goals.
+        motions: those under way.
+        arms: those on which EGM runs.
         limits: what a trajectory may ask of the joints.
-        clock: of the trajectories' begins, which the control process shares.
+        clock: of the trajectories' starts, which the control process shares.
     """
 
     def __init__(
         self,
         control: ArmControl,
         goals: Mapping[Side, GoalBuffer],
-        book: MotionBook,
+        motions: MotionRegistry,
         arms: tuple[Side, ...],
         limits: JointLimits,
         clock: Clock,
@@ -246,32 +233,29 @@ class Guidance:
         self._clock = clock
         self._control = control
         self._goals = goals
-        self._book = book
+        self._motions = motions
         self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
 
     def snapshot(self, side: Side) -> Snapshot:
-        """What is known of an arm.
+        """An arm after its last cycle.
 
         Raises:
-            RobotNotReady: it is not one of those that are guided.
+            RobotNotReady: it is not one of those on which EGM runs.
         """
         if side not in self.arms:
-            raise RobotNotReady(f"The {side.word} arm is not guided; name it in connect(arms=...).")
+            raise RobotNotReady(f"EGM is not started on the {side.word} arm; name it in connect(arms=...).")
         return self._control.snapshot(side)
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
-        return self._book.fault(side)
+        return self._motions.fault(side)
 
     def move(
         self, goals: Mapping[Side, Position], speed: float | None, acceleration: float | None
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
-        Args:
-            goals: where each arm shall go.
-            speed: share of the joints' speeds, above 0 up to 1; None takes the connection's.
-            acceleration: the same for accelerations and jerks.
+        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
@@ -279,8 +263,10 @@ class Guidance:
         """
         checked = {side: checked_goal(side, goal) for side, goal in goals.items()}
         speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
-        self._lead(checked)
-        motions = {side: self._book.begin(side) for side in checked}
+        for side in checked:
+            self._check_follows(side)
+        self._activate(checked, GOAL_CONTROLLER)
+        motions = {side: self._motions.begin(side) for side in checked}
         commands = [
             ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
             for side, goal in checked.items()
@@ -295,14 +281,19 @@ class Guidance:
             RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        plans = {side: self._plan(side, _timed_points(side, points)) for side, points in trajectories.items()}
+        plans = {
+            side: plan_trajectory(
+                JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self._limits
+            )[side]
+            for side, points in trajectories.items()
+        }
         for side in plans:
             self._check_follows(side)
         for side in plans:
             self._take_over(side, TRAJECTORY_CONTROLLER)
         most = max(map(len, trajectories.values()))
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
-        motions = {side: self._book.begin(side) for side in plans}
+        motions = {side: self._motions.begin(side) for side in plans}
         commands = [
             ControllerCommand(
                 side,
@@ -321,12 +312,13 @@ class Guidance:
         """
         moving = [side for side in sides if self._control.snapshot(side).is_commanded]
         self._activate(moving, GOAL_CONTROLLER)
-        motions = tuple(self._book.begin(side) for side in moving)
-        commands = [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions]
-        return self._send(commands, motions)
+        motions = tuple(self._motions.begin(side) for side in moving)
+        return self._send(
+            [ControllerCommand(each.side, GOAL_CONTROLLER, StopMotion(each.identity)) for each in motions], motions
+        )
 
     def stream(self, side: Side, goal: Position) -> None:
-        """Let an arm follow a stream of goals, of which this is the next.
+        """Have an arm follow a stream of goals, of which this is the next.
 
         Raises:
             CommandRefused: the goal is impossible; the arm keeps the one before.
@@ -342,34 +334,25 @@ class Guidance:
             self._streaming[side] = (snapshot.session, snapshot.activation)
         write_goal(self._goals[side], snapshot.session, checked)
 
-    def _plan(self, side: Side, points: tuple[TrajectoryPoint, ...]) -> ArmPlan:
-        return plan_trajectory(JointTrajectory(joint_names(side), points), (side,), self._limits)[side]
-
     def _take_over(self, side: Side, name: str) -> None:
-        """From standstill: the controllers lead an arm by different laws."""
+        """From standstill: the controllers plan their motions differently."""
         if self._commanding(side) == (name,):
             return
         for motion in self.stop((side,)):
             motion.wait(LAST_STOP)
         self._activate([side], name)
 
-    def _lead(self, sides: Iterable[Side]) -> None:
-        for side in sides:
-            self._check_follows(side)
-        self._activate(sides, GOAL_CONTROLLER)
-
     def _check_follows(self, side: Side) -> None:
-        snapshot, fault = self.snapshot(side), self._book.fault(side)
+        snapshot, fault = self.snapshot(side), self._motions.fault(side)
         if fault is not None:
-            stop = self._book.stop(side)
+            stop = self._motions.stop(side)
             raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}", stop)
-        if snapshot.problem is not Problem.NONE:
-            raise RobotNotReady(f"Goal refused: {side.word} arm: {CAUSES[snapshot.problem]}.")
-        if not snapshot.is_running:
-            raise RobotNotReady(f"EGM is not running on the {side.word} arm; call robot.recover().")
+        reason = why_arm_does_not_follow(side, snapshot)
+        if reason:
+            raise RobotNotReady(f"Goal refused: {reason}; call robot.recover().")
 
     def _activate(self, sides: Iterable[Side], name: str) -> None:
-        """Give the arms to a controller; what commands one until then gives way in the same switch."""
+        """Switch the arms to a controller; what commands one until then is deactivated in the same switch."""
         for side in sides:
             commanding = self._commanding(side)
             if commanding != (name,):
@@ -386,7 +369,7 @@ class Guidance:
         try:
             self._control.call(Commands.send_commands, *commands)
         except YumiError:
-            self._book.forget(motions)
+            self._motions.forget(motions)
             raise
         return motions
 
@@ -406,11 +389,7 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
 
 
 def checked_goal(side: Side, goal: Position) -> Joints:
-    """``goal`` [rad] in chain order, when an arm can be there.
-
-    Raises:
-        CommandRefused: not seven numbers, not the arm's joints, or a value is impossible.
-    """
+    """``goal`` [rad] in chain order; raises CommandRefused when it is not seven joints within their ranges."""
     try:
         values = [float(value) for value in in_chain_order(side, goal)]
     except (TypeError, ValueError) as error:
@@ -426,11 +405,7 @@ def checked_goal(side: Side, goal: Position) -> Joints:
 
 
 def checked_scale(name: str, value: object) -> float | None:
-    """A share of the joints' limits as a plain number, which another process can read; None stays.
-
-    Raises:
-        CommandRefused: no number.
-    """
+    """A fraction of the joints' limits as a plain number, which another process can read; None stays."""
     if value is None:
         return None
     try:
@@ -439,13 +414,8 @@ def checked_scale(name: str, value: object) -> float | None:
         raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error
 
 
-def wait_for(motions: Sequence[Motion], timeout: float | None, guidance: Guidance) -> None:
-    """Wait until all ``motions`` are at their goals; on any other way out those that still move are stopped.
-
-    Args:
-        motions: begun together.
-        timeout: longest wait [s]; None waits until they end.
-        guidance: what stops the arms.
+def wait_for(motions: Sequence[Motion], timeout: float | None, executor: MotionExecutor) -> None:
+    """Wait until all ``motions`` are at their goals, at most ``timeout`` [s]; else those that still move are stopped.
 
     Raises:
         GoalNotReached: a motion ended elsewhere, or its time was up.
@@ -454,16 +424,12 @@ def wait_for(motions: Sequence[Motion], timeout: float | None, guidance: Guidanc
         wait_for_futures([motion.future for motion in motions], timeout, FIRST_EXCEPTION)
         check_ended(motions, timeout)
     except BaseException:  # Ctrl-C too
-        halt(motions, guidance)
+        halt(motions, executor)
         raise
 
 
 def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
-    """Look how motions ended that were waited for.
-
-    Raises:
-        GoalNotReached: one ended elsewhere, or is not over.
-    """
+    """See how motions ended that were waited for; raises GoalNotReached when one ended elsewhere, or is not over."""
     for motion in [each for each in motions if each.is_done]:
         motion.future.result()
     late = [motion.side.word for motion in motions if not motion.is_done]
@@ -472,8 +438,8 @@ def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
         raise GoalNotReached(f"The {arms} arm did not arrive within {timeout:g} s and was stopped.")
 
 
-def halt(motions: Iterable[Motion], guidance: Guidance) -> None:
+def halt(motions: Iterable[Motion], executor: MotionExecutor) -> None:
     """Stop the arms of those motions that are under way, and wait until they stand."""
-    with suppress(YumiError):  # what ended the wait is what a person must read; the fast line holds what it can
-        for stopping in guidance.stop([motion.side for motion in motions if not motion.is_done]):
+    with suppress(YumiError):  # what ended the wait is what a person must read; the control process holds what it can
+        for stopping in executor.stop([motion.side for motion in motions if not motion.is_done]):
             stopping.wait(LAST_STOP)

@@ -1,41 +1,27 @@
-"""The robot, as a script sees it: ``with yumi.connect(address) as robot``.
-
-One arm, as a script sees it.
-
-A connection to a robot: what is opened for a script, in this order, and closed in the other.
-"""
+"""The robot and its arms, as a script sees them: ``with yumi.connect(address) as robot``."""
 
 from __future__ import annotations
 
-import atexit
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
-from math import radians
 from types import TracebackType
 from typing import TypeVar
 
+from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
-from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, Guidance, Motion, MotionBook, Position, TimedPosition, wait_for
-from yumi.clock import SystemClock
-from yumi.control.events import Event
-from yumi.control.limiter import FULL
-from yumi.control.motion import STANDING, slower
+from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, wait_for
+from yumi.control.motion import STANDING
 from yumi.control.shared_state import Snapshot
-from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.gripper import Gripper as GripperGripper
-from yumi.driver.gripper import Gripper as Hand
-from yumi.driver.gripper import GripperSetup, close_as_test
-from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.stops import StopLog
-from yumi.driver.wiring import Controllers, make_parts, only_at_robot
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, joint_names
+from yumi.driver import gripper as driver
+from yumi.driver.settings import Settings
+from yumi.driver.wiring import Controllers
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import tool0_to_body
+
+log = logging.getLogger(__name__)
 
 
 class ArmMode(Enum):
@@ -62,21 +48,22 @@ class Arm:
 
     Args:
         side: which one.
-        guidance: the robot's, while it is connected; raises when it is not.
-        gripper: its hand.
-
-    Attributes:
-        side: which one.
-        gripper: its hand.
+        executor: the robot's, while it is connected; raises when it is not.
+        gripper: on its flange.
     """
 
-    def __init__(self, side: Side, guidance: Callable[[], Guidance], gripper: Gripper) -> None:
+    def __init__(self, side: Side, executor: Callable[[], MotionExecutor], gripper: Gripper) -> None:
         self.side = side
         self.gripper = gripper
-        self._guidance = guidance
+        self._executor = executor
 
     def __repr__(self) -> str:
         return f"<yumi.Arm {self.side.word}>"
+
+    @property
+    def executor(self) -> MotionExecutor:
+        """What the arm's methods are made of; raises RobotNotReady when the robot is not connected."""
+        return self._executor()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -110,11 +97,16 @@ class Arm:
         """What the arm does now.
 
         Raises:
-            RobotNotReady: the robot is not connected, or does not guide this arm.
+            RobotNotReady: the robot is not connected, or EGM is not started on this arm.
         """
-        guidance = self._guidance()
-        mode = _mode(guidance.snapshot(self.side))
-        return ArmMode.FAULT if guidance.fault(self.side) else mode
+        snapshot = self.executor.snapshot(self.side)
+        if self.executor.fault(self.side):
+            return ArmMode.FAULT
+        if not snapshot.is_streaming:
+            return ArmMode.SILENT
+        if not snapshot.is_running:
+            return ArmMode.IDLE
+        return ArmMode.MOVING if max(map(abs, snapshot.velocity)) > STANDING else ArmMode.HOLDING
 
     def move_to(
         self,
@@ -143,10 +135,10 @@ class Arm:
             RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
-        guidance = self._guidance()
-        (motion,) = guidance.move({self.side: position}, speed, acceleration)
+        executor = self.executor
+        (motion,) = executor.move({self.side: position}, speed, acceleration)
         if wait:
-            wait_for((motion,), timeout, guidance)
+            wait_for((motion,), timeout, executor)
         return motion
 
     def follow(self, trajectory: Sequence[TimedPosition], *, wait: bool = True, timeout: float | None = None) -> Motion:
@@ -174,10 +166,10 @@ class Arm:
             RobotNotReady: as for :meth:`move_to`.
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
-        guidance = self._guidance()
-        (motion,) = guidance.follow({self.side: trajectory})
+        executor = self.executor
+        (motion,) = executor.follow({self.side: trajectory})
         if wait:
-            wait_for((motion,), timeout, guidance)
+            wait_for((motion,), timeout, executor)
         return motion
 
     def stop(self) -> None:
@@ -187,8 +179,8 @@ class Arm:
             RobotNotReady: the robot is not connected.
             GoalNotReached: the arm did not come to rest.
         """
-        guidance = self._guidance()
-        wait_for(guidance.stop((self.side,)), None, guidance)
+        executor = self.executor
+        wait_for(executor.stop((self.side,)), None, executor)
 
     def stream(self, position: Position) -> None:
         """Follow a stream of positions, of which this is the next; returns at once.
@@ -203,189 +195,15 @@ class Arm:
             CommandRefused: the position is impossible; the arm keeps the one before.
             RobotNotReady: as for :meth:`move_to`.
         """
-        self._guidance().stream(self.side, position)
+        self.executor.stream(self.side, position)
 
     def _snapshot(self) -> Snapshot:
-        snapshot = self._guidance().snapshot(self.side)
+        snapshot = self.executor.snapshot(self.side)
         if not snapshot.is_streaming:
             raise RobotNotReady(
                 f"The robot sends no positions of its {self.side.word} arm: EGM is not running; call robot.recover()."
             )
         return snapshot
-
-
-def _mode(snapshot: Snapshot) -> ArmMode:
-    if not snapshot.is_streaming:
-        return ArmMode.SILENT
-    if not snapshot.is_running:
-        return ArmMode.IDLE
-    return ArmMode.MOVING if max(map(abs, snapshot.velocity)) > STANDING else ArmMode.HOLDING
-
-
-log = logging.getLogger(__name__)
-
-
-class Connection:
-    """A robot that is connected, ready and guided, from :meth:`open` to :meth:`close`.
-
-    Args:
-        settings: where the robot is, and how it shall move.
-        controllers: what runs on each arm.
-        arms: those that are guided; the others stand still.
-
-    Attributes:
-        guidance: orders for the arms.
-        grippers: the hands of all arms.
-        manager: the robot's readiness.
-    """
-
-    guidance: Guidance
-    grippers: Mapping[Side, GripperGripper]
-    manager: RobotManager
-
-    def __init__(self, settings: Settings, controllers: Controllers, arms: tuple[Side, ...]) -> None:
-        self._settings = settings
-        self._controllers = controllers
-        self._arms = arms
-        self._book = MotionBook()
-        self._stack = ExitStack()
-        self._were_tested = False
-        self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
-        self._speed: SpeedSetting | None = None
-
-    def open(self, confirm: str = "") -> None:
-        """Connect, bring the robot to ready, calibrate hands that need it and start EGM on its arms.
-
-        Args:
-            confirm: id of the stop that a person has confirmed.
-
-        Raises:
-            StopNotConfirmed: a stop waits for a person's confirmation; everything is as before.
-            YumiError: a step failed, the message says which; everything is as before.
-        """
-        with ExitStack() as stack:
-            only = only_at_robot(self._settings)
-            only.claim()
-            stack.callback(only.release)
-            self._start(stack)
-            atexit.register(self.close)  # a notebook that is shut down ends its motions too
-            stack.callback(atexit.unregister, self.close)
-            stack.callback(self._end_motion)
-            self._announce()
-            self.manager.make_ready(confirm)
-            self._test_grippers()  # not while arms are guided
-            self.manager.start_egm()
-            self._stack = stack.pop_all()
-
-    def recover(self, confirm: str = "") -> None:
-        """Bring the robot back to where it may move, after whatever stopped it.
-
-        Args:
-            confirm: id of the stop that a person has confirmed.
-
-        Raises:
-            StopNotConfirmed: a stop waits for a person's confirmation; nothing was changed.
-            YumiError: a step failed; the message says which and what to do.
-        """
-        try:
-            self._control.check()
-        except RobotNotReady:
-            self.close()
-            self.open(confirm)
-        else:
-            self._come_to_rest()
-            log.info(self.manager.recover(partial(log.info, "%s"), confirmed=confirm))
-            self.manager.start_egm()  # also where EGM had been ended by close(), or had not begun
-        self._book.clear_faults()
-
-    def close(self) -> None:
-        """Let the arms come to rest, end EGM and give everything back; does nothing when that is done."""
-        stack, self._stack = self._stack, ExitStack()
-        stack.close()
-
-    def _announce(self) -> None:
-        """Report what will be done to the robot; as a warning, which a script without logging shows, too."""
-        steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=self._is_test_due)]
-        whom = "both arms" if len(self._arms) > 1 else f"the {self._arms[0].word} arm"
-        log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, f"start EGM on {whom} (to hold where they are)"]))
-
-    @property
-    def _is_test_due(self) -> bool:
-        return self._settings.gripper.test_at_start and not self._were_tested
-
-    def calibrate(self, side: Side) -> None:
-        """Close the fingers of a hand and call that zero; EGM on its arm, during which that is impossible, is paused.
-
-        It stays so where that fails: what made it fail may have stopped the robot, and :meth:`recover` is the way back.
-
-        Raises:
-            RobotNotReady: the hand did not become calibrated, or EGM did not start again.
-        """
-        is_guided = side in self.manager.wanted
-        if is_guided:
-            self._end_motion()
-        self.manager.calibrate(self.grippers[side])
-        if is_guided:
-            self.manager.start_egm()
-
-    def _test_grippers(self) -> None:
-        if self._is_test_due:
-            self._were_tested = True
-            close_as_test(self.grippers, log.info, log.warning)
-
-    def _start(self, stack: ExitStack) -> None:
-        settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
-        parts = make_parts(
-            settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
-        )
-        self._control, self.manager, self.grippers = parts.control, parts.manager, parts.grippers
-        is_wanted = settings.gripper.calibrate is CalibrateWhen.AT_START
-        self._gripper_setup = GripperSetup(
-            parts.grippers,
-            parts.manager.report_step,
-            log.warning,
-            is_wanted=is_wanted,
-            is_confirmed=lambda: not parts.manager.is_unattended,
-        )
-        parts.manager.when_ready(self._gripper_setup.run)
-        if self._speed is not None:  # what was set before the connection was opened anew
-            self.manager.speed.set(self._speed.value)
-        self._speed = self.manager.speed
-        if self._speed.value < FULL:
-            log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
-        stack.callback(parts.client.close)
-        parts.client.connect()
-        parts.bringup.check_controller(parts.plan.addresses)
-        parts.control.start()
-        stack.callback(parts.control.stop)
-        stack.callback(parts.signals.close)
-        try:
-            parts.signals.keep_open()
-        except YumiError as error:  # the hands are asked instead
-            log.info("The controller does not tell of the grippers by itself: %s", error)
-        self.manager.watch.reports.report = log.log
-        self._book.explain = self.manager.watch.explain
-        self.manager.start()
-        stack.callback(self.manager.stop)
-        goals = {side: boxes.goals for side, boxes in parts.control.buffers.items()}
-        limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.guidance = Guidance(parts.control, goals, self._book, self._arms, limits, SystemClock())
-
-    def _on_event(self, event: Event) -> None:
-        self.manager.note(event)
-        self._book.tell(event)
-
-    def _end_motion(self) -> None:
-        self._come_to_rest()
-        try:
-            self.manager.end_motion()
-        except YumiError as error:
-            log.warning("The robot could not be told to end EGM: %s", error)
-
-    def _come_to_rest(self) -> None:
-        with suppress(YumiError):  # an arm that cannot be stopped by its controller is held by the guard
-            for motion in self.guidance.stop(self._arms):
-                motion.wait(LAST_STOP)
 
 
 T = TypeVar("T")
@@ -395,9 +213,9 @@ class Robot:
     """A YuMi, real or virtual; built by :func:`yumi.connect`, connected by ``with`` or :meth:`open`.
 
     Args:
-        settings: where it is, and how it shall move.
+        settings: where it is, and how it moves.
         controllers: what runs on each arm.
-        arms: those that are guided; the others stand still.
+        arms: those on which EGM runs; the others stand still.
 
     Attributes:
         right: the right arm.
@@ -412,10 +230,10 @@ class Robot:
         self.right, self.left = (
             Arm(
                 side,
-                lambda: self.guidance,
+                lambda: self.executor,
                 Gripper(
                     side,
-                    partial(self._hand, side),
+                    partial(self._gripper, side),
                     force,
                     picked,
                     self._check_not_stopped,
@@ -437,7 +255,7 @@ class Robot:
         return f"<yumi.Robot at {self._address}, {'' if self._is_connected else 'not '}connected>"
 
     def open(self, confirm: str = "") -> Robot:
-        """Connect, switch the motors on, start EGM and calibrate hands that need it; a notebook's ``with``.
+        """Connect, switch the motors on, start EGM and calibrate grippers that need it; a notebook's ``with``.
 
         Args:
             confirm: the stop that a person has looked at and confirms: ``stop`` of the error of an earlier attempt.
@@ -480,27 +298,17 @@ class Robot:
 
         Each arm arrives in its own time. An arm that is stopped on its way stops the other.
 
-        Args:
-            right: joint positions of the right arm [rad], (7,); None leaves it alone.
-            left: joint positions of the left arm [rad], (7,).
-            wait: return when the arms stand at their goals; else at once.
-            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
-            acceleration: the same for accelerations and jerks.
+        Arguments and errors are those of :meth:`Arm.move_to`, with a position of each arm [rad], (7,); None leaves it
+        alone. It is refused, too, when no arm is named; where one motion ended elsewhere, both arms hold.
 
         Returns:
             The motions; over, unless ``wait`` is False.
-
-        Raises:
-            CommandRefused: no arm is named, or a position or share is impossible; nothing was changed.
-            RobotNotReady: not connected, EGM not running, or stopped by a fault; nothing was changed.
-            GoalNotReached: a motion ended elsewhere; both arms hold.
         """
         goals: dict[Side, Position] = _named(right, left)
-        guidance = self.guidance
-        motions = guidance.move(goals, speed, acceleration)
+        executor = self.executor
+        motions = executor.move(goals, speed, acceleration)
         if wait:
-            wait_for(motions, timeout, guidance)
+            wait_for(motions, timeout, executor)
         return motions
 
     def follow(
@@ -513,27 +321,18 @@ class Robot:
     ) -> tuple[Motion, ...]:
         """Have both arms follow trajectories that begin at the same moment, 0.1 s after the call; or none.
 
-        An arm that is stopped on its way stops the other while somebody waits for them.
+        An arm that is stopped on its way stops the other while the call waits for them.
 
-        Args:
-            right: of the right arm, see :meth:`yumi.api.robot.Arm.follow`; None leaves it alone.
-            left: of the left arm.
-            wait: return when the arms stand at their last points; else at once.
-            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
+        Arguments and errors are those of :meth:`Arm.follow`, with a trajectory of each arm.
 
         Returns:
             The motions; over, unless ``wait`` is False.
-
-        Raises:
-            CommandRefused: no arm is named, or a trajectory is impossible.
-            RobotNotReady: as for :meth:`move_to`.
-            GoalNotReached: a motion ended elsewhere; both arms hold.
         """
         trajectories = _named(right, left)
-        guidance = self.guidance
-        motions = guidance.follow(trajectories)
+        executor = self.executor
+        motions = executor.follow(trajectories)
         if wait:
-            wait_for(motions, timeout, guidance)
+            wait_for(motions, timeout, executor)
         return motions
 
     def stop(self) -> None:
@@ -543,8 +342,8 @@ class Robot:
             RobotNotReady: the robot is not connected.
             GoalNotReached: an arm did not come to rest.
         """
-        guidance = self.guidance
-        wait_for(guidance.stop(guidance.arms), None, guidance)
+        executor = self.executor
+        wait_for(executor.stop(executor.arms), None, executor)
 
     def recover(self, confirm: str = "") -> None:
         """Bring the robot back to where it may move, after an emergency stop, a lost connection, or any other fault.
@@ -555,7 +354,7 @@ class Robot:
             try:
                 robot.recover()
             except yumi.errors.StopNotConfirmed as error:
-                if input(f"{error} Type yes when nobody is near the robot: ") == "yes":
+                if input(f"{error} Type yes when no person is near the robot: ") == "yes":
                     robot.recover(confirm=error.stop)
 
         Args:
@@ -566,8 +365,7 @@ class Robot:
             StopNotConfirmed: a stop waits for a person's confirmation, or another one; nothing was changed.
             YumiError: a step failed; the message says which and what to do.
         """
-        self._check_connected()
-        self._connection.recover(confirm)
+        self._connected.recover(confirm)
 
     @property
     def stop_to_confirm(self) -> str:
@@ -576,8 +374,7 @@ class Robot:
         Raises:
             RobotNotReady: the robot is not connected.
         """
-        self._check_connected()
-        return self._connection.manager.state().stop
+        return self._connected.manager.state().stop
 
     @property
     def speed_scale(self) -> float:
@@ -591,13 +388,11 @@ class Robot:
             CommandRefused: a value that is set is not from 0.01 to 1; nothing was changed.
             RobotNotReady: the robot is not connected.
         """
-        self._check_connected()
-        return self._connection.manager.speed.in_force
+        return self._connected.manager.speed.in_force
 
     @speed_scale.setter
     def speed_scale(self, value: float) -> None:
-        self._check_connected()
-        log.info(self._connection.manager.speed.set(value))
+        log.info(self._connected.manager.speed.set(value))
 
     def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line.
@@ -605,34 +400,27 @@ class Robot:
         Raises:
             YumiError: the controller does not answer.
         """
-        self._check_connected()
-        return self._connection.manager.describe()
+        return self._connected.manager.describe()
 
     @property
-    def guidance(self) -> Guidance:
-        """What the arms' methods are made of.
-
-        Raises:
-            RobotNotReady: the robot is not connected.
-        """
-        self._check_connected()
-        return self._connection.guidance
-
-    def _hand(self, side: Side) -> Hand:
-        self._check_connected()
-        return self._connection.grippers[side]
-
-    def _calibrate(self, side: Side) -> None:
-        self._check_connected()
-        self._connection.calibrate(side)
+    def executor(self) -> MotionExecutor:
+        """What the arms' methods are made of; raises RobotNotReady when the robot is not connected."""
+        return self._connected.executor
 
     def _check_not_stopped(self) -> None:
-        self._check_connected()
-        self._connection.manager.check_not_stopped()
+        self._connected.manager.check_not_stopped()
 
-    def _check_connected(self) -> None:
+    def _calibrate(self, side: Side) -> None:
+        self._connected.calibrate(side)
+
+    def _gripper(self, side: Side) -> driver.Gripper:
+        return self._connected.grippers[side]
+
+    @property
+    def _connected(self) -> Connection:
         if not self._is_connected:
             raise RobotNotReady("The robot is not connected; write `with yumi.connect(...) as robot`, or call open().")
+        return self._connection
 
 
 def _named(right: T | None, left: T | None) -> dict[Side, T]:

@@ -29,9 +29,8 @@ from yumi.clock import SystemClock
 from yumi.control.events import Event
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.robot_manager import RobotManager
+from yumi.driver.robot_manager import RobotConnection, RobotManager
 from yumi.driver.settings import Settings, read_controllers
-from yumi.driver.watchdog import RobotConnection
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
@@ -166,7 +165,7 @@ def run_driver(
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
-        manager.watch.reports.report = ros.log
+        manager.monitor.log.report = ros.log
         control.start()
         stack.callback(control.stop)
         stack.callback(connection.disconnect)
@@ -191,7 +190,7 @@ def _ending_in_time(client: RwsClient, manager: RobotManager, is_over: Flag) -> 
         while not is_over.wait(_POLL):
             if has_ended.is_set():
                 return
-        manager.give_way()
+        manager.interrupt()
         if not has_ended.wait(END_REQUESTS):
             client.abandon()
 

@@ -20,7 +20,8 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROGRAM_VERSION, EgmAddress, LaunchChecks
-from yumi.driver.panel import STOPPED_FOR_GOOD
+from yumi.driver.readiness import NO_STOP, reason_of, unmet
+from yumi.driver.state import RobotState
 from yumi.driver.state_machine import WATCHDOG
 from yumi.egm.udp import UdpServer
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
@@ -208,9 +209,10 @@ def _motors(client: RwsClient) -> list[Finding]:
     state = client.controller_state()
     if state is ControllerState.MOTORS_ON:
         return [Finding("motors", Verdict.OK, "on")]
-    if state in STOPPED_FOR_GOOD:
-        cause, _, remedy = STOPPED_FOR_GOOD[state].partition("; ")
-        return [Finding("motors", Verdict.PROBLEM, f"{state.value}: {cause}", remedy)]
+    robot = RobotState(controller_state=state)
+    stop = unmet(NO_STOP, robot)
+    if stop is not None:
+        return [Finding("motors", Verdict.PROBLEM, f"{state.value}: {reason_of(stop, robot)}", stop.remedy)]
     return [Finding("motors", Verdict.NOTE, f"{state.value}; `yumi up` switches them on")]
 
 

@@ -1,13 +1,9 @@
-"""The watch: keeps what is known of the robot fresh, whoever changes it.
+"""The monitor: keeps what is known of the robot fresh, whoever changes it, and logs each change once, with its cause.
 
-The controller tells by itself when mode, motors, program, speed ratio or event log change, and when somebody raises a
-signal of the state machines; their states are variables that it does not tell, so these are read after each hint, and
-often while one of them is about to change. A controller that grants no subscription is asked for the newest number of
-its event log instead, which every change of mode, motors and program raises.
-
-What is logged of the robot's state: every change of mode, motors, program and connection, once, with its cause.
-
-A stop comes as several changes, and the event that explains it a little later: they are one line.
+The controller reports changes of mode, motors, program, speed ratio and event log over a subscription, and the edges of
+the state machines' signals. The states of the state machines are variables without subscription: they are read after
+each change, and often while one of them is about to change. A controller that grants no subscription is polled for the
+newest number of its event log instead, which every change of mode, motors and program raises.
 """
 
 from __future__ import annotations
@@ -26,8 +22,9 @@ from typing import Any, Protocol
 
 from yumi.clock import Clock
 from yumi.control.shared_state import Snapshot
+from yumi.driver.readiness import why_not_ready
 from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
+from yumi.driver.state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
@@ -40,34 +37,33 @@ from yumi.rws.subscription import Subscription
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 
 GROUP = 0.25
-"""Changes that come within this time are one line [s]."""
+"""Changes that come within this time are one line of the log [s]."""
 
 UNEXPLAINED = 0.75
 """A stop that no event has explained after this time is logged without one [s]."""
 
 NOTICED = 0.5
-"""A change that a request has made is noticed so long after it at the latest [s]."""
+"""A change that a request has made is seen so long after it at the latest [s]."""
 
 MOTORS_OFF, PROGRAM_STOPPED = "motors off", "RAPID program stopped"
 """Changes that a request may make."""
 
-Report = Callable[[int, str], None]
-"""Takes a level of :mod:`logging` and a sentence."""
 
+class StateLog:
+    """Logs changes of the robot's state and new events.
 
-class StateReports:
-    """Turns changes of the robot's state and new events into log lines.
+    A stop comes as several changes, and the event that explains it a little later: they are one line.
 
     Args:
         stops: what stopped the robot.
-        clock: where its times come from.
+        clock: gives the time.
 
     Attributes:
-        report: takes the lines.
+        report: takes the level of :mod:`logging` and the sentence of each line.
     """
 
     def __init__(self, stops: StopLog, clock: Clock) -> None:
-        self.report: Report = lambda level, sentence: None
+        self.report: Callable[[int, str], None] = lambda level, sentence: None
         self._stops = stops
         self._clock = clock
         self._requested: frozenset[str] = frozenset()
@@ -93,12 +89,7 @@ class StateReports:
         self._requested |= changes
 
     def note(self, before: RobotState, after: RobotState) -> None:
-        """Take a change, and log what is due.
-
-        Args:
-            before: the state that was noted last.
-            after: the state now.
-        """
+        """Take a change from ``before``, noted last, to ``after``; logs what is due."""
         now = self._clock.now()
         better, worse = ([], []) if self._is_first else _changes(before, after)  # what is found at first is no change
         self._is_first = self._is_first and not after.is_connected
@@ -108,8 +99,7 @@ class StateReports:
             self._since = min(self._since, now)
         if better:
             self.report(logging.INFO, f"{_sentence(better)}.")
-        news = self._stops.take_news()
-        self._events += [event for event in news if event.type is EventType.ERROR]
+        self._events += [event for event in self._stops.take_news() if event.type is EventType.ERROR]
         if self._events or (after.stop and after.stop != self._logged_stop):
             self._since = min(self._since, now)
         waited = now - self._since
@@ -127,12 +117,9 @@ class StateReports:
         if state.stop:
             self._logged_stop = state.stop
         if parts or is_new_stop:
-            is_error = (
-                bool(state.stop) or not state.is_connected or (cause is not None and cause.type is EventType.ERROR)
-            )
             what = _sentence(parts) if parts else "The robot was stopped"
             why = f": {state.cause}" if state.cause else ""
-            if is_error:
+            if state.stop or not state.is_connected or (cause is not None and cause.type is EventType.ERROR):
                 self.report(logging.ERROR, f"{what}{why}.{demand_confirmation(state.stop)}")
             elif self._is_requested:
                 self.report(logging.INFO, f"{what}, as requested.")
@@ -140,8 +127,8 @@ class StateReports:
                 self.report(logging.WARNING, f"{what}{why}.")
             self._is_requested = True
             stop = self._stops.stop
-            told = {*(stop.codes if stop else ()), cause.code if cause else 0}
-            events = [event for event in events if event.code not in told]
+            logged = {*(stop.codes if stop else ()), cause.code if cause else 0}
+            events = [event for event in events if event.code not in logged]
         for event in events:
             self.report(logging.ERROR, f"The controller reports {explain(event)}.")
 
@@ -167,12 +154,7 @@ def _changes(before: RobotState, after: RobotState) -> tuple[list[str], list[str
     return better, worse
 
 
-_WORKING = RobotState(
-    is_connected=True,
-    mode=OperatingMode.AUTO,
-    controller_state=ControllerState.MOTORS_ON,
-    execution=ExecutionState.RUNNING,
-)
+_WORKING = RobotState(True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING)
 _MOTORS = {
     ControllerState.MOTORS_OFF: MOTORS_OFF,
     ControllerState.GUARD_STOP: "motors off by a guard stop",
@@ -191,31 +173,28 @@ def _sentence(parts: list[str]) -> str:
 EVENT_LOG = event_log()
 SIGNALS = tuple(map(signal_state, (START_JOINT, STOP, RUN_RAPID)))
 RESOURCES = (OPERATING_MODE, CONTROLLER_STATE, EXECUTION, SPEED_RATIO, EVENT_LOG, *SIGNALS)
-"""What the controller is asked to tell."""
+"""What is subscribed to."""
 
 POLL = 0.15
-"""Time between two looks at the event log of a controller that tells nothing by itself [s]."""
+"""Time between two polls of the event log of a controller that grants no subscription [s]."""
 
-BUSY_LOOK = 0.2
-"""Time between two looks at state machines that are about to change [s]."""
+BUSY_POLL = 0.2
+"""Time between two polls of state machines that are about to change [s]."""
 
-WHOLE_LOOK = 5.0
-"""Everything is read again after this time, should the controller have forgotten to tell something [s]."""
+WHOLE_POLL = 5.0
+"""Everything is read again after this time, should the controller have lost a report [s]."""
 
-STALE = 2.0 * WHOLE_LOOK
-"""What was read longer ago than this is not known any more [s]."""
+STALE = 2.0 * WHOLE_POLL
+"""What was read longer ago than this is unknown [s]."""
 
 RECONNECT = 1.0
 """Time between two attempts to reach a controller that does not answer [s]."""
 
 EXPLAINED = 0.5
-"""The event log explains a stop within this time [s]: EGM's end arrives before the event that tells why."""
+"""The event log explains a stop within this time [s]: EGM's end arrives before the event that says why."""
 
-EXPLAIN_LOOK = 0.1
-"""Time between two looks while an explanation is awaited [s]."""
-
-Listener = Callable[[RobotState], None]
-"""Told the robot's state after a change, on the watch's thread."""
+EXPLAIN_POLL = 0.1
+"""Time between two polls while an explanation is awaited [s]."""
 
 _STOPPING = {EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MODE.path}
 _STARTING = 503
@@ -224,53 +203,51 @@ _FIXED = {MachineState.IDLE, MachineState.RUN_EGM_ROUTINE}
 
 
 class Snapshots(Protocol):
-    """What is needed of the fast lines."""
+    """The control loop's snapshot of an arm."""
 
-    def snapshot(self, side: Side) -> Snapshot:
-        """What is known of an arm."""
+    def snapshot(self, side: Side) -> Snapshot: ...
 
 
-class RobotWatch:
+class RobotMonitor:
     """What is known of one robot.
 
     Args:
         client: a connected client.
-        fast_lines: where the arms' datagrams arrive.
-        clock: where its times come from.
+        loop: where the arms' datagrams arrive.
+        clock: gives the time.
         stops: what stopped the robot.
+        speed: the factor on all speeds, a part of the state.
 
     Attributes:
-        on_change: told each change.
-        on_stop: called when a stop has come that a person must confirm, on the watch's thread.
-        stops: as above.
-        reports: what of it is logged.
-        speed: the factor on all speeds, told with the rest.
+        on_change: called with the state after each change, on the monitor's thread.
+        on_stop: called when a stop has come that a person must confirm, on the monitor's thread.
+        log: logs the changes.
     """
 
-    def __init__(self, client: RwsClient, fast_lines: Snapshots, clock: Clock, stops: StopLog) -> None:
-        self.on_change: Listener = lambda _: None
+    def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
+        self.on_change: Callable[[RobotState], None] = lambda _: None
         self.on_stop: Callable[[], None] = lambda: None
+        self.log = StateLog(stops, clock)
+        self._stops = stops
+        self._speed = speed
         self._seen_stop: Stop | None = None
-        self.stops = stops
-        self.reports = StateReports(stops, clock)
         self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
-        self.speed = SpeedSetting()
         self._client = client
-        self._fast_lines = fast_lines
+        self._loop = loop
         self._clock = clock
         self._lock = Lock()
         self._state = RobotState()
-        self._told = RobotState()
+        self._noted = RobotState()
         self._subscription: Subscription | None = None
-        self._is_following = self._is_lost = self._is_hinted = False
+        self._is_following = self._is_lost = self._is_poll_requested = False
         self._journal: deque[Change] = deque(maxlen=_JOURNAL)
-        self._told_changes = self._taken_changes = 0  # how many the controller told, the thread looked at
-        self._looked_at = self._glanced_at = -RECONNECT
+        self._reported_count = self._handled_count = 0  # changes that the controller reported, that the thread handled
+        self._polled_at = self._machines_polled_at = -RECONNECT
         self._read_at = -inf  # when all of it was read last
-        self._bell, self._is_over = Flag(), Flag()
+        self._wake, self._is_over = Flag(), Flag()
         self._thread: SupervisedThread | None = None
 
-    # For everybody, from any thread
+    # From any thread
 
     @property
     def is_running(self) -> bool:
@@ -278,7 +255,7 @@ class RobotWatch:
         return self._thread is not None
 
     def state(self) -> RobotState:
-        """What was known last, with EGM as it is now; nothing is known that was read too long ago."""
+        """What was known last, with EGM as it is now; what was read too long ago is unknown."""
         with self._lock:
             age = self._clock.now() - self._read_at
             if self._state.is_connected and age > STALE:
@@ -286,38 +263,38 @@ class RobotWatch:
                 return replace(unknown, reason=f"the robot's state is unknown: it was read {age:.0f} s ago")
             return self._completed(self._state)
 
-    def look(self) -> RobotState:
+    def read(self) -> RobotState:
         """Read all of it now; a controller that does not answer is a state, too."""
         try:
             self._read_whole()
         except YumiError:
-            self._forget()
+            self._update(RobotState())
             if self.is_running:  # it connects anew at once: this may have been one request that failed
                 self._is_lost = True
-                self._bell.set()
+                self._wake.set()
         return self.state()
 
     def refresh(self) -> None:
-        """Read what a step of our own has changed, so that who asks next sees it."""
+        """Read what a step of our own has changed, so that the next call of :meth:`state` has it."""
         if self.is_running:
-            self.look()
+            self.read()
 
-    def hint(self) -> None:
-        """Something has happened to an arm: have a look soon."""
-        self._is_hinted = True
-        self._bell.set()
+    def request_poll(self) -> None:
+        """Something has happened to an arm: poll soon."""
+        self._is_poll_requested = True
+        self._wake.set()
 
     def explain(self, then: Callable[[Cause], None]) -> None:
-        """Have ``then`` called, on the watch's thread, once it is known what stopped the robot.
+        """Have ``then`` called, on the monitor's thread, once it is known what stopped the robot.
 
-        That is after :data:`EXPLAINED` at the latest, and one answer of the controller; at once where nothing watches.
+        That is after :data:`EXPLAINED` at the latest, and one reply of the controller; at once where no thread runs.
         """
         if not self.is_running:
             then(self.cause())
             return
         with self._lock:
             self._unexplained.append((self._clock.now() + EXPLAINED, then))
-        self._bell.set()
+        self._wake.set()
 
     def wait_for_cause(self) -> Cause:
         """What stopped the robot, waiting until it is known as :meth:`explain` does; empty while it works."""
@@ -338,16 +315,16 @@ class RobotWatch:
     def start(self) -> None:
         """Keep it fresh from now on; what is known at first is read here."""
         self._is_over.clear()
-        self.look()
-        self._seen_stop = self.stops.stop  # one that was there before we did anything
-        thread = SupervisedThread("robot-watch", self._run, self._is_over, self._fail)
+        self.read()
+        self._seen_stop = self._stops.stop  # one that was there before we did anything
+        thread = SupervisedThread("robot-monitor", self._run, self._is_over, self._fail)
         thread.start()
         self._thread = thread
 
     def stop(self) -> None:
-        """Know nothing any more."""
+        """End the thread; nothing is known any more."""
         self._is_over.set()
-        self._bell.set()
+        self._wake.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
@@ -355,70 +332,71 @@ class RobotWatch:
         self._lose()
 
     def step(self) -> float:
-        """Take what was told, read what is due, tell what has changed; returns how soon the next step is due [s]."""
+        """Take what was reported, read what is due, report what has changed; how soon the next step is due [s]."""
         now = self._clock.now()
         try:
             delay = self._follow(now) if self._is_following else self._connect(now)
         except YumiError:  # a controller that is starting refuses everything
             delay = RECONNECT
             self._lose()
-        self._tell()
+        self._report()
         self._answer_unexplained()
-        stop, self._seen_stop = self._seen_stop, self.stops.stop
+        stop, self._seen_stop = self._seen_stop, self._stops.stop
         if self._seen_stop is not None and self._seen_stop != stop:
             self.on_stop()
-        return self.reports.next_due(min(delay, EXPLAIN_LOOK) if self._unexplained else delay)
+        return self.log.next_due(min(delay, EXPLAIN_POLL) if self._unexplained else delay)
 
-    @property
-    def is_rung(self) -> bool:
-        """Whether the next step is due at once."""
-        return self._bell.is_set()
-
-    def take_ring(self) -> None:
-        """Begin a step; what rings from now on is for the next one."""
-        self._bell.clear()
+    def take_wake(self) -> bool:
+        """Whether the next step is due at once; what comes from now on is for the step after it."""
+        is_due = self._wake.is_set()
+        self._wake.clear()
+        return is_due
 
     def _run(self) -> None:
         while not self._is_over.is_set():
-            self.take_ring()
-            self._bell.wait(self.step())
+            self.take_wake()
+            self._wake.wait(self.step())
 
     def _fail(self) -> None:
         """What was known may be wrong; the next step begins anew."""
-        self._forget()
         self._lose()
-        self._tell()
+        self._report()
 
     def _connect(self, now: float) -> float:
-        self._subscribe()
+        self._is_lost = False
+        try:
+            self._subscription = self._client.subscribe(RESOURCES, self._on_change, self._on_lost)
+        except (ControllerRefused, ProtocolError):  # it is polled
+            self._client.system()  # raises unless it answers
+            self._subscription = None
         self._read_whole()
-        self._looked_at = self._glanced_at = now
+        self._polled_at = self._machines_polled_at = now
         self._is_following = True
-        return self._next_look()
+        return self._next_poll()
 
     def _follow(self, now: float) -> float:
-        is_whole = now - self._looked_at >= WHOLE_LOOK
+        is_whole = now - self._polled_at >= WHOLE_POLL
         if self._is_lost or (is_whole and self._subscription is None):
             self._unsubscribe()
             return self._connect(now)
-        is_hinted, self._is_hinted = self._is_hinted, False
+        is_requested, self._is_poll_requested = self._is_poll_requested, False
         if is_whole or (self._subscription is None and self._has_news()):
             self._read_whole()
-            self._looked_at = self._glanced_at = now
-        elif self._take_changes() or is_hinted or (self._is_busy and now - self._glanced_at >= BUSY_LOOK):
+            self._polled_at = self._machines_polled_at = now
+        elif self._handle_changes() or is_requested or (self._is_busy and now - self._machines_polled_at >= BUSY_POLL):
             self._update(machines=self._machines())
-            self._glanced_at = now
-        return self._next_look()
+            self._machines_polled_at = now
+        return self._next_poll()
 
-    def _next_look(self) -> float:
+    def _next_poll(self) -> float:
         if self._subscription is None:
             return POLL
-        return BUSY_LOOK if self._is_busy else WHOLE_LOOK
+        return BUSY_POLL if self._is_busy else WHOLE_POLL
 
     @property
     def _is_busy(self) -> bool:
-        """Whether a state machine is about to change, or its arm's datagrams tell of another state."""
-        egm = egm_states(self._fast_lines)
+        """Whether a state machine is about to change, or its arm's datagrams show another state."""
+        egm = egm_states(self._loop)
         return any(
             machine not in _FIXED or (machine is MachineState.RUN_EGM_ROUTINE) != (egm[side] == EGM_RUNNING)
             for side, machine in self._state.machines.items()
@@ -428,74 +406,46 @@ class RobotWatch:
     def _lose(self) -> None:
         self._is_following = False
         self._unsubscribe()
-        self._forget()
-
-    # What the controller tells
-
-    def _subscribe(self) -> None:
-        """A controller that refuses is polled."""
-        self._is_lost = False
-        try:
-            self._subscription = self._client.subscribe(RESOURCES, self._note, self._note_loss)
-        except (ControllerRefused, ProtocolError):
-            self._client.system()  # raises unless it answers
-            self._subscription = None
+        self._update(RobotState())
 
     def _unsubscribe(self) -> None:
         subscription, self._subscription = self._subscription, None
         if subscription is not None:
             subscription.close()
 
-    def _note(self, change: Change) -> None:
+    # What the controller reports
+
+    def _on_change(self, change: Change) -> None:
         """Known at once: the thread may be waiting for the turn of a request."""
         with self._lock:
             self._journal.append(change)
-            self._told_changes += 1
+            self._reported_count += 1
             if self._state.is_connected:
                 self._state = changed(self._state, change)
-        self._bell.set()
+        self._wake.set()
 
-    def _note_loss(self, sentence: str) -> None:
+    def _on_lost(self, sentence: str) -> None:
         self._is_lost = True
-        self._bell.set()
+        self._wake.set()
 
-    def _take_changes(self) -> bool:
-        """Whether anything was told; of several events only the newest is read."""
+    def _handle_changes(self) -> bool:
+        """Whether anything was reported; of several events only the newest is read."""
         with self._lock:
-            paths = {change.path for change in self._changes_since(self._taken_changes)}
-            self._taken_changes = self._told_changes
+            paths = {change.path for change in self._changes_since(self._handled_count)}
+            self._handled_count = self._reported_count
         if self._unexplained or paths & _STOPPING:
-            self._update(last_event=self.stops.look(self._client)[1])
+            self._update(last_event=self._stops.read(self._client)[1])
         return bool(paths)
 
-    def _has_news(self) -> bool:
-        newest, known = self._newest_event(), self._state.last_event
-        return (newest.number if newest else 0) != (known.number if known else 0)
+    def _changes_since(self, number: int) -> list[Change]:
+        count = self._reported_count - number
+        return list(self._journal)[-count:] if count else []
 
     # What is read
 
-    def _read(self) -> RobotState:
-        client = self._client
-        mode, execution, machines, ratio = (
-            client.operating_mode(),
-            client.execution(),
-            self._machines(),
-            client.speed_ratio(),
-        )
-        controller_state, newest = self.stops.look(client)
-        return RobotState(
-            is_connected=True,
-            mode=mode,
-            controller_state=controller_state,
-            execution=execution,
-            machines=machines,
-            speed_ratio=ratio,
-            last_event=newest,
-        )
-
-    def _newest_event(self) -> Event | None:
-        events = self._client.events(count=1)
-        return events[0] if events else None
+    def _has_news(self) -> bool:
+        newest, known = self._client.events(count=1), self._state.last_event
+        return (newest[0].number if newest else 0) != (known.number if known else 0)
 
     def _machines(self) -> Mapping[Side, MachineState | None]:
         return {side: self._machine(side) for side in Side}
@@ -510,53 +460,51 @@ class RobotWatch:
                 raise
             return None
 
-    # What is kept
-
     def _read_whole(self) -> None:
-        """Read all; what is told meanwhile may be newer than what was read, whoever has looked at it since."""
-        begin = self._told_changes
-        state = self._read()
+        """Read all; what is reported meanwhile may be newer than what was read, also if it has been handled since."""
+        client, begin = self._client, self._reported_count
+        mode, execution, machines = client.operating_mode(), client.execution(), self._machines()
+        ratio = client.speed_ratio()
+        controller_state, newest = self._stops.read(client)
+        state = RobotState(
+            True, mode, controller_state, execution, machines=machines, speed_ratio=ratio, last_event=newest
+        )
         with self._lock:
             for change in self._changes_since(begin):
                 state = changed(state, change)
             self._state, self._read_at = state, self._clock.now()
-            if self._told_changes > begin:  # events and state machines are not told, but have to be read again
-                self._taken_changes = min(self._taken_changes, begin)
-                self._bell.set()
+            if self._reported_count > begin:  # changes do not contain events and state machines: read those again
+                self._handled_count = min(self._handled_count, begin)
+                self._wake.set()
 
-    def _changes_since(self, number: int) -> list[Change]:
-        count = self._told_changes - number
-        return list(self._journal)[-count:] if count else []
+    # What is kept
 
-    def _forget(self) -> None:
+    def _update(self, state: RobotState | None = None, **fields: Any) -> None:
         with self._lock:
-            self._state = RobotState()
-
-    def _update(self, **fields: Any) -> None:
-        with self._lock:
-            self._state = replace(self._state, **fields)
+            self._state = replace(self._state if state is None else state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
-        live = replace(state, egm=egm_states(self._fast_lines), speed_scale=self.speed.in_force)
-        reason, stop, event = why_not_ready(live), self.stops.stop, self.stops.cause
+        live = replace(state, egm=egm_states(self._loop), speed_scale=self._speed.in_force)
+        stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
-            confirm = f"a person must confirm the stop {stop.id}"
-            return replace(live, reason=f"{reason}; {confirm}" if reason else confirm, cause=stop.cause, stop=stop.id)
+            live = replace(live, cause=stop.cause, stop=stop.id)
+            return replace(live, reason=why_not_ready(live))
+        reason = why_not_ready(live)
         cause = "" if not live.is_stopped else reason if event is None or not live.is_connected else explain(event)
         return replace(live, reason=reason, cause=cause)
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         state = self.state()
         if state.is_connected and not state.is_stopped:
-            self.stops.settle()
-        self.reports.note(self._told, state)
-        if state != self._told:
-            self._told = state
+            self._stops.settle()
+        self.log.note(self._noted, state)
+        if state != self._noted:
+            self._noted = state
             self.on_change(state)
 
     def _answer_unexplained(self, *, is_over: bool = False) -> None:
         now, state = self._clock.now(), self.state()
-        is_known = state.is_connected and state.is_stopped and self.stops.is_certain
+        is_known = state.is_connected and state.is_stopped and self._stops.is_certain
         with self._lock:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]
@@ -565,7 +513,7 @@ class RobotWatch:
 
 
 def changed(state: RobotState, change: Change) -> RobotState:
-    """``state`` after what the controller has told; an unknown word changes nothing."""
+    """``state`` after a reported change; an unknown word changes nothing."""
     for name, text in change.fields.items():
         try:
             if name == "opmode":
@@ -581,10 +529,10 @@ def changed(state: RobotState, change: Change) -> RobotState:
     return state
 
 
-def egm_states(fast_lines: Snapshots) -> Mapping[Side, str]:
+def egm_states(loop: Snapshots) -> Mapping[Side, str]:
     """EGM of each arm in a word."""
-    return {side: _egm(fast_lines.snapshot(side)) for side in Side}
-
-
-def _egm(snapshot: Snapshot) -> str:
-    return EGM_RUNNING if snapshot.is_running else EGM_STREAMING if snapshot.is_streaming else EGM_OFF
+    snapshots = {side: loop.snapshot(side) for side in Side}
+    return {
+        side: EGM_RUNNING if each.is_running else EGM_STREAMING if each.is_streaming else EGM_OFF
+        for side, each in snapshots.items()
+    }

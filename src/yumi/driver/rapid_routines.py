@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 
 from yumi.clock import Clock, wait_until
-from yumi.driver.panel import Cabinet
+from yumi.driver.panel import ControllerPanel
+from yumi.driver.readiness import Request, check
+from yumi.driver.state import RobotState
 from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.robot.joints import Side
@@ -13,11 +15,9 @@ from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 
 LONGEST_ROUTINE = 300.0
-"""Longest wait for the end of a routine [s]; it goes on, only nobody waits any more."""
+"""Longest wait for the end of a routine [s]; it goes on, only the wait ends."""
 
 _ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
-
-
 _FILE = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
 _MODULE = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
 _OUR_MODULES = "trob"  # how those of the state machine begin
@@ -26,19 +26,19 @@ _OUR_MODULES = "trob"  # how those of the state machine begin
 class RapidRoutines:
     """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
 
-    Attributes:
-        is_running: whether the end of one is awaited.
-
     Args:
         client: a connected client.
-        cabinet: says whether requests are accepted.
+        panel: of the same controller.
         machines: the state machines.
-        clock: where waiting time comes from.
+        clock: for waiting.
+
+    Attributes:
+        is_running: whether the end of one is awaited.
     """
 
-    def __init__(self, client: RwsClient, cabinet: Cabinet, machines: StateMachines, clock: Clock) -> None:
+    def __init__(self, client: RwsClient, panel: ControllerPanel, machines: StateMachines, clock: Clock) -> None:
         self._client = client
-        self._cabinet = cabinet
+        self._panel = panel
         self._machines = machines
         self._clock = clock
         self.is_running = False
@@ -52,35 +52,36 @@ class RapidRoutines:
                 ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
 
         Raises:
-            CommandRefused: it is no name of a routine; nothing was changed.
+            CommandRefused: it is not a name of a routine; nothing was changed.
             RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
         """
         if not _ROUTINE.fullmatch(name):
-            raise CommandRefused(f"{name!r} is no name of a RAPID routine; give one of up to 32 letters and digits.")
-        self._check_free(side)
+            raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
+        self._check_free(side, Request.RUN_ROUTINE)
         self.is_running = True
         try:
-            self._run_to_its_end(side, name)
+            self._write(side, "routine_name_input", name)
+            self._write(side.other, "routine_name_input", "")
+            self._client.pulse_signal(RUN_RAPID)
+            wait_until(
+                self._clock,
+                lambda: self._is_over(side),
+                LONGEST_ROUTINE,
+                f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
+            )
         finally:
             self.is_running = False
-        if self._was_unknown(side):
+        try:
+            is_unknown = self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+        except ControllerRefused:  # ABB's own state machine does not report it
+            is_unknown = False
+        if is_unknown:
             raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
-
-    def _run_to_its_end(self, side: Side, name: str) -> None:
-        self._write(side, "routine_name_input", name)
-        self._write(side.other, "routine_name_input", "")
-        self._client.pulse_signal(RUN_RAPID)
-        wait_until(
-            self._clock,
-            lambda: self._is_over(side),
-            LONGEST_ROUTINE,
-            lambda: f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
-        )
 
     def load_module(self, side: Side, file_name: str, text: str) -> None:
         """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
 
-        A module that was loaded from the same file before is replaced; the state machine loads it, so that the program
+        A module that was loaded from the same file before is replaced. The state machine loads it, so that the program
         goes on meanwhile.
 
         Args:
@@ -89,11 +90,11 @@ class RapidRoutines:
             text: the module.
 
         Raises:
-            CommandRefused: name or text cannot be, the text is no RAPID, or the module is there from another file.
+            CommandRefused: name or text is impossible, the text is not RAPID, or the module is there from another file.
             RobotNotReady: the program does not run, or the arm is busy.
         """
         module = _module_in(file_name, text)
-        self._check_free(side)
+        self._check_free(side, Request.LOAD_MODULE)
         path = f"HOME:/{file_name}"
         if self._has_module(side, module):
             self._run_with_file(side, "runModuleUnload", path)
@@ -104,7 +105,9 @@ class RapidRoutines:
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
         if not self._has_module(side, module):
-            raise CommandRefused(f"{side.task} did not load {path}; it is no correct RAPID module, see the event log.")
+            raise CommandRefused(
+                f"{side.task} did not load {path}; it is not a correct RAPID module, see the event log."
+            )
 
     def _run_with_file(self, side: Side, routine: str, path: str) -> None:
         self._write(side, "module_file_path_input", path)
@@ -113,26 +116,15 @@ class RapidRoutines:
     def _has_module(self, side: Side, name: str) -> bool:
         return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
 
-    def _was_unknown(self, side: Side) -> bool:
-        """ABB's own state machine does not tell."""
-        try:
-            return self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
-        except ControllerRefused:
-            return False
-
-    def _check_free(self, side: Side) -> None:
-        self._cabinet.check_automatic()
-        if not self._cabinet.is_running:
-            raise RobotNotReady("The RAPID program is stopped, no routine can run; start it first.")
-        state = self._machines.state(side)
-        if state is not MachineState.IDLE:
-            raise RobotNotReady(
-                f"The {side.word} arm's state machine is in {state.name}; a routine needs IDLE, so end EGM first."
-            )
+    def _check_free(self, side: Side, request: Request) -> None:
+        client = self._client
+        machines = dict.fromkeys(Side, self._machines.state(side))
+        state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
+        check(request, state, (side,), "a routine cannot run: ")
 
     def _is_over(self, side: Side) -> bool:
         """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
-        if not self._cabinet.is_running:
+        if not self._panel.is_running:
             raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
         if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
             return False
@@ -145,7 +137,7 @@ class RapidRoutines:
 def _module_in(file_name: str, text: str) -> str:
     """The name of the module that ``text`` declares."""
     if not _FILE.fullmatch(file_name):
-        raise CommandRefused(f"{file_name!r} is no name of a RAPID file; give letters and digits and .mod or .sys.")
+        raise CommandRefused(f"{file_name!r} is not a name of a RAPID file; give letters and digits and .mod or .sys.")
     found = _MODULE.search(text)
     if found is None:
         raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")

@@ -1,4 +1,7 @@
-"""The robot manager: owns the robot's state over RWS, brings it to named states with the controllers on top."""
+"""The robot manager: owns the robot's state over RWS, brings it to named modes with the controllers on top.
+
+And the connection to the controller, which is opened, checked, monitored and closed as a whole.
+"""
 
 from __future__ import annotations
 
@@ -10,49 +13,54 @@ from threading import Lock
 from yumi.clock import Clock
 from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
 from yumi.driver.bringup import STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import ArmControl, ArmGuidance
+from yumi.driver.egm_control import ArmControl, EgmControl
 from yumi.driver.gripper import Gripper
-from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotWatch
-from yumi.driver.panel import ControllerData
+from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.rapid_routines import RapidRoutines
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.state import Mode, Report, RobotState
-from yumi.driver.stops import StopLog, check_not_stopped
+from yumi.driver.stops import StopLog
 from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import RobotNotReady, YumiError
-from yumi.robot.gripper import HandCommand
+from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Side
+from yumi.rws.client import RwsClient
+from yumi.rws.replies import SystemInfo
 from yumi.rws.types import ControllerState
 
 POSITION_CONTROLLER = "joint_position_controller"
-"""What commands an arm after EGM has started, unless told otherwise."""
+"""What commands an arm after EGM has started, unless another controller is named."""
 
+_NO_CHANGES: frozenset[str] = frozenset()
 _MOTORS_OFF = frozenset({MOTORS_OFF, PROGRAM_STOPPED})
-_GLANCE = 0.1  # [s] a stop that waits for its turn looks so often whether a routine runs meanwhile
+_ROUTINE_POLL = 0.1  # [s] a stop that waits for its turn ends a routine that runs meanwhile
 
 
 class RobotManager:
     """Brings the robot to ready, starts and stops EGM with the controllers on top.
 
     Every method that changes something waits until it is so, one at a time: the robot has one state. Whatever cannot
-    be done raises a YumiError whose sentence says why and what to do.
+    be done raises a YumiError whose sentence says why and what to do. What may set the robot in motion raises
+    StopNotConfirmed while a stop waits for a person's confirmation.
 
     Args:
-        bringup: what is done over RWS.
+        bringup: works over RWS.
         control: the control process.
-        clock: where waiting time comes from.
-        leading: name of the controller that commands an arm after EGM has started.
-        arms: the arms that are guided unless told otherwise; the others stand still.
-        watchdog: whether the robot shall stop when this program falls silent, and when.
+        clock: for waiting.
+        default: name of the controller that commands an arm after EGM has started.
+        arms: the arms on which EGM runs unless others are named; the others stand still.
+        watchdog: whether the robot stops when this program is silent, and when.
         stops: what stopped the robot, where an earlier connection knows it already.
         recovery: whether it recovers by itself where no person was involved.
 
     Attributes:
-        watch: what is known of the robot.
-        watchdog: on the robot, and our signs of life to it.
+        monitor: what is known of the robot.
+        panel: the controller's motors, program, signals and variables; what may move the robot goes through the
+            methods here instead.
+        watchdog: on the robot, and our heartbeats to it.
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
-        grippers: its hands; their jogs end when a stop comes.
+        grippers: of both arms; their jogs end when a stop comes.
         speed: the factor on the speed of every controller, see :mod:`yumi.driver.speed`.
     """
 
@@ -61,35 +69,35 @@ class RobotManager:
         bringup: Bringup,
         control: ArmControl,
         clock: Clock,
-        leading: str = POSITION_CONTROLLER,
+        default: str = POSITION_CONTROLLER,
         arms: tuple[Side, ...] = tuple(Side),
         watchdog: WatchdogSettings = WatchdogSettings(),  # noqa: B008 - it is frozen
         stops: StopLog | None = None,
         recovery: RecoverySettings = RecoverySettings(),  # noqa: B008 - it is frozen
     ) -> None:
-        self.watchdog = Watchdog(bringup.client, control.check, watchdog)
-        self._stop_log = stops or StopLog(clock)
-        self.watch = RobotWatch(bringup.client, control, clock, self._stop_log)
-        self.speed = self.watch.speed = bringup.speed
+        client = bringup.client
+        self.speed, self.panel = bringup.speed, bringup.panel
+        self.watchdog = Watchdog(client, control.check, watchdog)
+        self._stops = stops or StopLog(clock)
+        self.monitor = RobotMonitor(client, control, clock, self._stops, self.speed)
+        self._client = client
         self._bringup = bringup
-        self._cabinet = bringup.cabinet
-        self._data = ControllerData(bringup.client, bringup.cabinet)
-        self._routines = RapidRoutines(bringup.client, bringup.cabinet, bringup.machines, clock)
-        self._guidance = ArmGuidance(bringup, control, clock, leading, self.watchdog)
-        self._recovery = Recovery(bringup, self._guidance, control, clock, self._stop_log)
-        self.automatic_recovery = AutomaticRecovery(self, self._report, recovery)
+        self._routines = RapidRoutines(client, bringup.panel, bringup.machines, clock)
+        self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
+        self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
+        self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
         self._control = control
         self._arms = arms
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
-        self._lock = Lock()  # one at a time; the robot has one state
-        self._stops = 0  # how many were asked for
+        self._turn = Lock()  # one change at a time; the robot has one state
+        self._stop_requests = 0  # how many there were
         self.has_acted = self.is_unattended = False
         self.grippers: tuple[Gripper, ...] = ()
-        self.watch.on_stop = self._end_jogs
+        self.monitor.on_stop = self._end_jogs
 
     def start(self) -> None:
-        """Watch the robot, and have it watch us while EGM runs, until :meth:`stop`."""
-        self.watch.start()
+        """Monitor the robot, and send it heartbeats while EGM runs, until :meth:`stop`."""
+        self.monitor.start()
         try:
             self.watchdog.start()
             self.automatic_recovery.start()
@@ -97,38 +105,41 @@ class RobotManager:
             self.stop()
             raise
 
-    def report_step(self, step: str) -> None:
+    def stop(self) -> None:
+        """End the threads; to be called after :meth:`end_motion`."""
+        self.automatic_recovery.stop()
+        self.watchdog.stop()
+        self.monitor.stop()
+
+    def when_ready(self, prepare: Callable[[], None]) -> None:
+        """Have ``prepare`` called each time the robot has become ready, with the program running and no EGM.
+
+        It calls :meth:`step` before each thing it does to the robot.
+        """
+        self._bringup.when_ready = prepare
+
+    def step(self, name: str) -> None:
         """Report what is done to the robot next, within :meth:`when_ready`.
 
         Raises:
-            YumiError: it must not be done any more: a stop was asked for, or has come, or the request was cancelled.
+            YumiError: it must not be done any more: a stop was requested, or has come, or the request was cancelled.
         """
-        self._bringup.report(step)
-
-    def when_ready(self, prepare: Callable[[], None]) -> None:
-        """Have ``prepare`` called each time the robot has become ready, with the program running and no arm guided."""
-        self._bringup.when_ready = prepare
-
-    def stop(self) -> None:
-        """Watch no longer; to be called after :meth:`end_motion`."""
-        self.automatic_recovery.stop()
-        self.watchdog.stop()
-        self.watch.stop()
+        self._bringup.step(name)
 
     # What is known
 
     def state(self) -> RobotState:
-        """All that is known of the robot: at once while the watch keeps it fresh, else read from the controller."""
-        return self.watch.state() if self.watch.is_running else self.watch.look()
+        """All that is known of the robot: at once while the monitor keeps it fresh, else read from the controller."""
+        return self.monitor.state() if self.monitor.is_running else self.monitor.read()
 
     def note(self, event: Event) -> None:
-        """Take note of what the control process reports."""
-        self._guidance.note(event)
+        """Take an event of the control process."""
+        self._egm.note(event)
         if isinstance(event, SessionLost) and event.deactivated:
             self._lost_link.add(event.side)
         elif isinstance(event, RobotStoppedFollowing) and event.deactivated:
             self._lost_link.discard(event.side)
-        self.watch.hint()
+        self.monitor.request_poll()
 
     def check_ready(self) -> str:
         """Whether EGM can be started, or runs.
@@ -137,22 +148,17 @@ class RobotManager:
             RobotNotReady: it cannot; the message says why.
         """
         self._control.check()
-        if self._guidance.are_guided(self._arms):
+        if self._egm.is_running(self._arms):
             return "ready, EGM runs"
         state = self.state()
-        reason = state.reason
-        if reason:
-            cause = f". {state.cause}" if state.cause and state.cause not in reason else ""
-            raise RobotNotReady(f"not ready: {reason}{cause}", state.stop)
+        if state.reason:
+            cause = f". {state.cause}" if state.cause and state.cause not in state.reason else ""
+            raise RobotNotReady(f"not ready: {state.reason}{cause}", state.stop)
         return "ready"
 
     def check_not_stopped(self) -> None:
-        """See that no stop waits for a person's confirmation, as far as that is known already.
-
-        Raises:
-            RobotNotReady: one does.
-        """
-        check_not_stopped(self._stop_log.stop)
+        """See that no stop waits for a person's confirmation, as far as that is known; raises RobotNotReady."""
+        self._stops.check_none_open()
 
     def describe(self) -> str:
         """The robot's state in one line."""
@@ -160,18 +166,27 @@ class RobotManager:
 
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words. Raises YumiError."""
-        is_ours = self._guidance.wanted and self._guidance.are_guided(self._arms)
-        is_refused = self._stop_log.stop is not None
-        return [] if is_ours or is_refused else self._bringup.steps_to_ready()
+        is_refused = self._stops.stop is not None
+        return [] if self._is_ours or is_refused else self._bringup.steps_to_ready()
 
-    def tell_remarks(self) -> None:
+    def report_remarks(self) -> None:
         """Warn of what the check of the controller has found to be odd, once each."""
-        self._bringup.tell_remarks()
+        self._bringup.report_remarks()
 
-    # Named states
+    @property
+    def _is_ours(self) -> bool:
+        """Whether EGM runs, and this driver has started it."""
+        return bool(self._egm.desired) and self._egm.is_running(self._arms)
+
+    @property
+    def egm_arms(self) -> tuple[Side, ...]:
+        """The arms on which EGM is to run, and on which recovery starts it again."""
+        return self._egm.desired
+
+    # Modes
 
     def make_ready(self, confirmed: str = "") -> str:
-        """Motors on, program running, state machines idle; nothing when it is ready or we guide it.
+        """Motors on, program running, state machines idle; nothing when it is ready or this driver's EGM runs.
 
         What an earlier driver has left behind comes to an end.
 
@@ -179,16 +194,15 @@ class RobotManager:
             confirmed: id of the stop that a person has confirmed; empty where none has.
 
         Raises:
-            StopNotConfirmed: a stop waits for a person's confirmation.
             YumiError: a step failed; the message says which.
         """
         with self._moving(confirmed):
-            if not (self._guidance.wanted and self._guidance.are_guided(self._arms)):
+            if not self._is_ours:
                 self.watchdog.take_over()
                 self._bringup.make_ready()
             if confirmed:
-                self._stop_log.check_unchanged(self._bringup.client, confirmed)
-                self._stop_log.close(confirmed)
+                self._stops.check_unchanged(self._client, confirmed)
+                self._stops.close(confirmed)
         return "The robot is ready"
 
     def start_egm(self, arms: Sequence[Side] | None = None) -> str:
@@ -198,73 +212,65 @@ class RobotManager:
             arms: which arms; None takes all that are configured. The others stand still.
 
         Raises:
-            StopNotConfirmed: a stop waits for a person's confirmation.
             YumiError: a step failed; the message says which.
         """
         with self._moving():
-            return self._guidance.begin(tuple(arms) if arms else self._arms)
+            return self._egm.start(tuple(arms) if arms else self._arms)
 
     def stop_egm(self) -> str:
-        """Deactivate what commands the arms and stop EGM; they come to rest.
-
-        Raises:
-            YumiError: a step failed; the message says which.
-        """
+        """Deactivate what commands the arms and stop EGM; they come to rest. Raises YumiError."""
         with self._stopping():
-            self._guidance.end()
+            self._egm.stop()
         return "EGM has ended on both arms"
 
     def go_to(self, mode: Mode, report: Report) -> str:
-        """Bring the robot to a named state, step by step.
-
-        Args:
-            mode: the state.
-            report: told each step.
+        """Bring the robot to a mode; ``report`` gets each step.
 
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        changing = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
-        with changing, self._bringup.telling(self._until_stopped(report)):
+        turn = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
+        with turn, self._bringup.reporting(report):
             if mode.arms:
-                return self._guidance.begin(mode.arms)
+                return self._egm.start(mode.arms)
             if mode is Mode.READY:
-                self._guidance.end_if_begun()
+                self._egm.stop_if_running()
                 self._bringup.make_ready()
                 return "The robot is ready, EGM does not run"
             self._come_to_rest()
-            self._switch_motors_off()
+            self._bringup.step("motors off")
+            self.panel.switch_motors_off()
             return "The motors are off"
 
     def recover(self, report: Report, check: Callable[[], None] = lambda: None, confirmed: str = "") -> str:
-        """Say what stopped the robot and bring it back, to EGM with its controllers if it was to be in EGM.
+        """Say what stopped the robot and bring it back, to EGM with its controllers if EGM was to run.
 
-        A controller that does not answer is waited for out of turn: a stop comes at once, and ends the waiting.
+        A controller that does not answer is waited for out of turn: a stop request comes at once, and ends the waiting.
 
         Args:
-            report: told each step.
-            check: raises when a controller that does not answer shall be waited for no longer.
+            report: gets each step.
+            check: raises when a controller that does not answer must be waited for no longer.
             confirmed: id of the stop that a person has confirmed, as in :attr:`RobotState.stop`; needed after an
                 emergency stop, a guard stop or a collision.
 
         Raises:
             StopNotConfirmed: a stop waits for a person's confirmation, or for another one; nothing was changed.
-            YumiError: somebody has to do something at the robot first; the message says what stopped it and what.
+            YumiError: something has to be done at the robot first; the message says what stopped it and what.
         """
-        told, stops = self._until_stopped(report), self._stops
+        requests = self._stop_requests
 
         def check_all() -> None:
-            self._check_not_stopped(stops)
+            self._check_no_stop_since(requests)
             check()
 
-        is_new = self._recovery.reach(told, check_all)
-        with self._moving(confirmed, is_checked=True), self._bringup.telling(told):
+        is_new = self._recovery.reach(report, check_all)
+        with self._moving(confirmed, is_checked=True, requests=requests), self._bringup.reporting(report):
             return self._recovery.run(is_new=is_new, confirmed=confirmed)
 
     @property
     def has_lost_egm(self) -> bool:
-        """Whether EGM was to run, and does not."""
-        snapshots = {side: self._control.snapshot(side) for side in self._guidance.wanted}
+        """Whether EGM is to run, and does not."""
+        snapshots = {side: self._control.snapshot(side) for side in self._egm.desired}
         self._lost_link.difference_update(side for side, each in snapshots.items() if each.is_commanded)
         return any(not each.is_running or side in self._lost_link for side, each in snapshots.items())
 
@@ -277,15 +283,15 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which.
         """
-        client, log = self._bringup.client, self._stop_log
+        stops = self._stops
         with self._moving(is_checked=True):
             if not self.has_lost_egm:
                 return None
-            state, _ = log.look(client)
-            lost = [side for side in self._guidance.wanted if not self._control.snapshot(side).is_commanded]
-            is_running = state is ControllerState.MOTORS_ON and self._cabinet.is_running
-            is_link = is_running and log.cause is None and self._lost_link.issuperset(lost)
-            if not log.is_without_person or not (log.cause is not None or is_link):
+            state, _ = stops.read(self._client)
+            lost = [side for side in self._egm.desired if not self._control.snapshot(side).is_commanded]
+            is_running = state is ControllerState.MOTORS_ON and self.panel.is_running
+            is_link = is_running and stops.cause is None and self._lost_link.issuperset(lost)
+            if not stops.is_without_person or not (stops.cause is not None or is_link):
                 return None
             self.is_unattended = True
             try:
@@ -293,62 +299,54 @@ class RobotManager:
             finally:
                 self.is_unattended = False
 
-    def give_way(self) -> None:
-        """End what is being done to the robot at its next step."""
-        self._stops += 1
+    def interrupt(self) -> None:
+        """End what is being done to the robot before its next step."""
+        self._stop_requests += 1
 
     def end_motion(self) -> None:
-        """Hold, and end EGM if the robot is in it: what the driver does before it goes.
-
-        Raises:
-            YumiError: the robot could not be told.
-        """
+        """Hold, and end EGM if the robot is in it: the last thing a driver does. Raises YumiError."""
         with self._stopping():
-            self._guidance.end_if_begun()
-
-    @property
-    def wanted(self) -> tuple[Side, ...]:
-        """The arms that recovery would guide."""
-        return self._guidance.wanted
+            self._egm.stop_if_running()
 
     # Single steps
 
     def motors_on(self) -> str:
-        """Motors on. Raises RobotNotReady, also while a stop waits for a person's confirmation."""
+        """Motors on. Raises YumiError."""
         with self._moving():
-            self._cabinet.switch_motors_on()
+            self.panel.switch_motors_on()
         return "The motors are on"
 
     def motors_off(self) -> str:
         """Motors off; EGM is ended before, so that the arms come to rest gently where they can. Raises YumiError."""
         with self._stopping(_MOTORS_OFF):
             self._come_to_rest()
-            self._switch_motors_off()
+            self._bringup.step("motors off")
+            self.panel.switch_motors_off()
         return "The motors are off"
 
     def start_rapid(self) -> str:
-        """Start the program where its pointers are. Raises RobotNotReady as :meth:`motors_on`."""
+        """Start the program where its pointers are. Raises YumiError."""
         with self._moving():
-            self._cabinet.start_rapid()
+            self.panel.start_rapid()
         return "The RAPID program runs"
 
     def stop_rapid(self) -> str:
         """Stop the program; EGM is ended before, so that the arms come to rest gently if they can. Raises YumiError."""
         with self._stopping(frozenset({PROGRAM_STOPPED})):
             self._come_to_rest()
-            self._cabinet.stop_rapid()
+            self.panel.stop_rapid()
         return "The RAPID program is stopped"
 
     def pp_to_main(self) -> str:
-        """Program pointers to main; the program must be stopped. Raises RobotNotReady."""
+        """Program pointers to main; the program must be stopped. Raises YumiError."""
         with self._changing():
-            self._cabinet.move_pp_to_main()
+            self.panel.move_pp_to_main()
         return "The program pointers are at main"
 
     def set_speed_ratio(self, percent: int) -> str:
-        """Override of the speeds of RAPID motions, 0 to 100 %; EGM motions take no notice. Raises YumiError."""
+        """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError."""
         with self._changing():
-            self._cabinet.set_speed_ratio(percent)
+            self.panel.set_speed_ratio(percent)
         return f"The speed ratio is {percent} %"
 
     def run_routine(self, side: Side, name: str) -> str:
@@ -372,23 +370,16 @@ class RobotManager:
         """Close the fingers of these grippers and call that zero, at the same time.
 
         Raises:
-            StopNotConfirmed: a stop waits for a person's confirmation.
-            RobotNotReady: an arm is guided, a stop was asked for meanwhile, or one did not become calibrated.
+            RobotNotReady: EGM runs on an arm, a stop was requested meanwhile, or one did not become calibrated.
         """
         with self._moving():
-            stops = self._stops
+            requests = self._stop_requests
 
             def check() -> None:
-                self._check_not_stopped(stops)
+                self._check_no_stop_since(requests)
                 self.check_not_stopped()
 
             grippers[0].calibrate(*grippers[1:], check=check)
-
-    # Data
-
-    def read_signal(self, name: str) -> str:
-        """Value of an I/O signal. Raises YumiError."""
-        return self._data.read_signal(name)
 
     def write_signal(self, name: str, value: str | float) -> None:
         """Set an I/O signal. Raises YumiError; nothing was changed then.
@@ -397,104 +388,161 @@ class RobotManager:
         confirmation. Stopping fingers is not.
         """
         signal = name.rpartition("/")[2].upper()  # also written as network/device/signal; RAPID's names know no case
-        is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(HandCommand.GO_TO_READY))
+        is_finger_stop = signal.startswith("HAND_CMDGRIPPER") and str(value) == str(int(ServoCommand.GO_TO_READY))
         if signal.startswith(("EGM_START", "RUN_", "HAND_CMD")) and not is_finger_stop:
-            self._stop_log.check_confirmed(self._bringup.client, "")
-        self._data.write_signal(name, value)
+            self._stops.check_confirmed(self._client, "")
+        self.panel.write_signal(name, value)
 
-    def read_variable(self, task: str, module: str, name: str) -> str:
-        """Value of a RAPID variable as RAPID writes it. Raises YumiError."""
-        return self._data.read_variable(task, module, name)
-
-    def write_variable(self, task: str, module: str, name: str, value: str) -> None:
-        """Write a RAPID variable, ``value`` as RAPID writes it. Raises YumiError; nothing was changed then."""
-        self._data.write_variable(task, module, name, value)
-
-    # How
+    # Turns
 
     @contextmanager
-    def _changing(self, changes: frozenset[str] = frozenset()) -> Iterator[None]:
-        """One at a time; who looks afterwards sees what has changed. Who waited while a stop came loses his turn."""
-        stops = self._stops
-        with self._lock, self.watch.reports.requested(changes):
-            self._check_not_stopped(stops)
+    def _changing(
+        self,
+        changes: frozenset[str] = _NO_CHANGES,
+        *,
+        check: Report = lambda step: None,
+        requests: int | None = None,
+    ) -> Iterator[None]:
+        """One change at a time; the state is read anew afterwards.
+
+        Args:
+            changes: of the robot's state that this makes, for the log.
+            check: called before each step, raises where it must not be done any more.
+            requests: stop requests when this was asked for; one that came since, while this waited for its turn or
+                between two steps, ends it.
+        """
+        known = self._stop_requests if requests is None else requests
+
+        def before_step(step: str) -> None:
+            self._check_no_stop_since(known)
+            check(step)
+
+        with self._turn, self.monitor.log.requested(changes):
+            self._check_no_stop_since(known)
             self.has_acted = True
+            self._bringup.before_step = before_step
             try:
-                with self._bringup.telling(lambda _: self._check_not_stopped(stops)):
-                    yield
+                yield
             finally:
-                self.watch.refresh()
+                self._bringup.before_step = lambda step: None
+                self.monitor.refresh()
 
     @contextmanager
-    def _moving(self, confirmed: str = "", *, is_checked: bool = False) -> Iterator[None]:
+    def _moving(self, confirmed: str = "", *, is_checked: bool = False, requests: int | None = None) -> Iterator[None]:
         """The same for what may set the robot in motion: not while a stop waits for a person's confirmation.
 
         Args:
             confirmed: id of the stop that a person has confirmed; another one that comes before the last step ends it.
-            is_checked: whether the first look is left to what is done within.
+            is_checked: whether the first check is left to what is done within.
+            requests: as of :meth:`_changing`.
         """
-        client = self._bringup.client
 
         def check(step: str) -> None:
             if step == STOP_PROGRAM:
-                self.watch.reports.request(frozenset({PROGRAM_STOPPED}))
-            self._stop_log.check_unchanged(client, confirmed)
+                self.monitor.log.request(frozenset({PROGRAM_STOPPED}))
+            self._stops.check_unchanged(self._client, confirmed)
 
-        with self._changing():
+        with self._changing(check=check, requests=requests):
             if not is_checked:
-                self._stop_log.check_confirmed(client, confirmed)
-            with self._bringup.telling(check):
-                yield
+                self._stops.check_confirmed(self._client, confirmed)
+            yield
 
     @contextmanager
-    def _stopping(self, changes: frozenset[str] = frozenset()) -> Iterator[None]:
-        """What stops the robot waits for no routine, and for no more than one step of anything else."""
-        self._stops += 1
-        while not self._lock.acquire(timeout=_GLANCE):
-            self._stop_routine()
+    def _stopping(self, changes: frozenset[str] = _NO_CHANGES) -> Iterator[None]:
+        """What stops the robot waits for no routine, which may take minutes, and for one step of anything else."""
+        self._stop_requests += 1
+        while not self._turn.acquire(timeout=_ROUTINE_POLL):
+            if self._routines.is_running:
+                self.panel.stop_rapid()
         try:
-            with self.watch.reports.requested(changes):
+            with self.monitor.log.requested(changes):
                 yield
         finally:
-            self._lock.release()
-            self.watch.refresh()
+            self._turn.release()
+            self.monitor.refresh()
 
-    def _until_stopped(self, report: Report) -> Report:
-        """``report``, which ends what it is told of before its next step when a stop has come."""
-        stops = self._stops
+    def _check_no_stop_since(self, requests: int) -> None:
+        if self._stop_requests != requests:
+            raise RobotNotReady("A stop was requested meanwhile; ask again if it is to be done all the same.")
 
-        def told(step: str) -> None:
-            self._check_not_stopped(stops)
-            report(step)
-
-        return told
-
-    def _check_not_stopped(self, stops: int) -> None:
-        if self._stops != stops:
-            raise RobotNotReady("A stop was asked for meanwhile; ask again if it shall be done all the same.")
+    def _come_to_rest(self) -> None:
+        """Gently where that is possible; the stop that was requested follows in any case."""
+        try:
+            self._egm.stop_if_running()
+        except YumiError as error:
+            self._bringup.step(f"the arms do not come to rest gently: {error}")
 
     def _end_jogs(self) -> None:
         for gripper in self.grippers:
             try:
                 gripper.end_jog()
-            except YumiError as error:  # not every robot has two hands
-                self._report(logging.INFO, f"A jog of the {gripper.side.word} gripper could not be ended: {error}")
+            except YumiError as error:  # not every robot has two grippers
+                self._log(logging.INFO, f"A jog of the {gripper.side.word} gripper could not be ended: {error}")
 
-    def _report(self, level: int, sentence: str) -> None:
-        self.watch.reports.report(level, sentence)
+    def _log(self, level: int, sentence: str) -> None:
+        self.monitor.log.report(level, sentence)
 
-    def _come_to_rest(self) -> None:
-        """Gently where that goes; the stop that was asked for follows in any case."""
-        try:
-            self._guidance.end_if_begun()
-        except YumiError as error:
-            self._bringup.report(f"the arms do not come to rest gently: {error}")
 
-    def _stop_routine(self) -> None:
-        """A routine may take minutes; what stops the robot does not wait for its turn."""
-        if self._routines.is_running:
-            self._cabinet.stop_rapid()
+class RobotConnection:
+    """The connection between the driver and one controller.
 
-    def _switch_motors_off(self) -> None:
-        self._bringup.report("motors off")
-        self._cabinet.switch_motors_off()
+    Args:
+        client: its session.
+        check_controller: sees that the controller can be used; raises RobotNotReady.
+        manager: runs while it is open.
+        on_close: called before it is closed.
+
+    Attributes:
+        is_open: whether requests to the robot may be made.
+    """
+
+    def __init__(
+        self,
+        client: RwsClient,
+        check_controller: Callable[[], None],
+        manager: RobotManager,
+        on_close: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._client = client
+        self._check_controller = check_controller
+        self._manager = manager
+        self._on_close = on_close
+        self._lock = Lock()
+        self._system: SystemInfo | None = None
+        self.is_open = False
+
+    def check(self) -> SystemInfo:
+        """Log in and see that the controller can be used, unless that has been done; which one it is.
+
+        Raises:
+            YumiError: there is no way to it, or it cannot be used; nothing is open.
+        """
+        if self._system is None:
+            try:
+                self._system = self._client.connect()
+                self._check_controller()
+            except YumiError:
+                self._system = None
+                self._client.close()
+                raise
+        return self._system
+
+    def connect(self) -> str:
+        """Open it, as :meth:`check`, and monitor the robot; which controller it is."""
+        with self._lock:
+            system = self.check()
+            if not self.is_open:
+                self._manager.start()
+                self.is_open = True
+        version = ".".join(map(str, system.robotware))
+        return f"Connected to {self._client.address}: {system.name}, RobotWare {version}."
+
+    def disconnect(self) -> str:
+        """End the monitoring and log out; nothing where that has been done."""
+        with self._lock:
+            if self.is_open:
+                self._manager.stop()
+                self._on_close()
+                self._client.close()
+            self._system, self.is_open = None, False
+        return f"Disconnected from {self._client.address}."

@@ -1,4 +1,4 @@
-"""The setting ``speed_scale``: what was asked for, what each arm's control loop uses, and the robot's own limit."""
+"""The setting ``speed_scale``: its value, what each arm's control loop gets of it, and the robot's own limit."""
 
 from __future__ import annotations
 
@@ -19,18 +19,15 @@ FIRST_CONTACT = 0.1
 
 
 class SpeedSetting:
-    """The factor on the speed of every controller of both arms.
+    """The factor on the speed of every controller of both arms; safe from any thread.
 
     The robot's own limit, EGM's MaxSpeedDeviation, is lowered with it when EGM starts, and cannot be changed before the
-    next start; until then an arm gets no more than what it was started with. Safe from any thread.
+    next start; until then an arm gets no more than it was started with.
 
     Args:
         value: to begin with.
-        buffers: where each arm's control loop looks for it.
-        is_guided: whether EGM runs on an arm.
-
-    Attributes:
-        is_guided: as above.
+        buffers: from which each arm's control loop reads it.
+        is_in_egm: whether EGM runs on an arm.
 
     Raises:
         CommandRefused: the value is out of range.
@@ -40,14 +37,14 @@ class SpeedSetting:
         self,
         value: float = FULL,
         buffers: Mapping[Side, Buffer[Factor]] | None = None,
-        is_guided: Callable[[Side], bool] = lambda side: False,
+        is_in_egm: Callable[[Side], bool] = lambda side: False,
     ) -> None:
         self._lock = Lock()
         self._buffers = buffers or {}
-        self.is_guided = is_guided
+        self.is_in_egm = is_in_egm
         self._started_with = dict.fromkeys(Side, FULL)
         self._value = checked(value)
-        self._tell_arms()
+        self._write()
 
     @property
     def value(self) -> float:
@@ -67,14 +64,14 @@ class SpeedSetting:
         """
         with self._lock:
             self._value = checked(value)
-            self._tell_arms()
+            self._write()
         return str(self)
 
     def note_start(self, arms: Iterable[Side], value: float) -> None:
         """EGM has started on ``arms`` with the robot's own limit lowered to ``value``."""
         with self._lock:
             self._started_with.update(dict.fromkeys(arms, value))
-            self._tell_arms()
+            self._write()
 
     def __str__(self) -> str:
         """In a sentence."""
@@ -86,19 +83,15 @@ class SpeedSetting:
         return f"speed_scale is {self._value:g}: every controller moves with at most {self._value:.0%} of its speeds."
 
     def _of_arm(self, side: Side) -> float:
-        return min(self._value, self._started_with[side]) if self.is_guided(side) else self._value
+        return min(self._value, self._started_with[side]) if self.is_in_egm(side) else self._value
 
-    def _tell_arms(self) -> None:
+    def _write(self) -> None:
         for side, buffer in self._buffers.items():
             buffer.write(Factor(self._of_arm(side)))
 
 
 def checked(value: float) -> float:
-    """``value`` as a plain number.
-
-    Raises:
-        CommandRefused: it is none, or out of range.
-    """
+    """``value`` as a plain number; raises CommandRefused when it is none, or out of range."""
     try:
         number = float(value)
     except (TypeError, ValueError) as error:

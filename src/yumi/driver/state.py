@@ -1,4 +1,4 @@
-"""What the robot manager knows of the robot, and the states it can bring it to."""
+"""The robot's state as the robot manager knows it, and the modes it can bring the robot to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from yumi.rws.replies import Event
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 Report = Callable[[str], None]
-"""Told what is being done, one short sentence a step."""
+"""Takes one short sentence a step: what is done next."""
 
 
 class Mode(Enum):
@@ -26,7 +26,7 @@ class Mode(Enum):
 
     @property
     def arms(self) -> tuple[Side, ...]:
-        """The arms that EGM guides in this state."""
+        """The arms on which EGM runs in this mode."""
         return _ARMS.get(self, ())
 
 
@@ -41,9 +41,14 @@ EGM_STREAMING = "streaming"
 EGM_RUNNING = "running"
 
 
+def arms_in_words(arms: tuple[Side, ...]) -> str:
+    """``both arms``, or ``the right arm``."""
+    return "both arms" if len(arms) > 1 else f"the {arms[0].word} arm"
+
+
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """The robot at one moment; what is not known is None.
+    """The robot at one moment; what is unknown is None.
 
     Attributes:
         is_connected: whether the controller answers.
@@ -51,11 +56,11 @@ class RobotState:
         controller_state: motors, or the stop that keeps them off.
         execution: whether RAPID runs.
         machines: the state machine of each arm.
-        egm: ``off``, ``streaming`` (datagrams come) or ``running`` (the robot follows), of each arm.
+        egm: ``off``, ``streaming`` (datagrams arrive) or ``running`` (the robot follows references), of each arm.
         speed_ratio: override of the speeds of RAPID motions [%].
         last_event: the newest message of the event log.
         speed_scale: the factor on the speed of every controller, above 0 up to 1.
-        reason: why EGM can neither be started nor runs, in words that follow "not ready:"; empty when it can or does.
+        reason: why EGM can neither be started nor runs (:mod:`yumi.driver.readiness`); empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
     """
@@ -75,14 +80,15 @@ class RobotState:
 
     def __str__(self) -> str:
         """In one line."""
+        arms = "; ".join(f"{side.word} arm {machine_name(self, side)}, EGM {self.egm[side]}" for side in Side)
         if not self.is_connected:
-            return f"{self.reason}; {self._arms()}"
+            return f"{self.reason}; {arms}"
+        mode, controller, rapid = (
+            "unknown" if value is None else value.value for value in (self.mode, self.controller_state, self.execution)
+        )
         cause = f"; cause: {self.cause}" if self.cause else ""
         stop = f"; waits for a person to confirm the stop {self.stop}" if self.stop else ""
-        return (
-            f"mode {_word(self.mode)}; controller {_word(self.controller_state)}; RAPID {_word(self.execution)}; "
-            f"{self._arms()}{cause}{stop}"
-        )
+        return f"mode {mode}; controller {controller}; RAPID {rapid}; {arms}{cause}{stop}"
 
     @property
     def is_stopped(self) -> bool:
@@ -94,40 +100,8 @@ class RobotState:
             or self.execution is not ExecutionState.RUNNING
         )
 
-    def _arms(self) -> str:
-        return "; ".join(f"{side.word} arm {_name(self.machines[side])}, EGM {self.egm[side]}" for side in Side)
 
-
-def why_not_ready(state: RobotState) -> str:
-    """What keeps the robot from starting EGM, in words that follow "not ready:"; empty when nothing does."""
-    if not state.is_connected:
-        return "the controller does not answer"
-    if state.mode is not OperatingMode.AUTO:
-        return "the controller is not in AUTO"
-    if state.controller_state is not ControllerState.MOTORS_ON:
-        return _MOTORS.get(state.controller_state, "the motors are off")
-    if state.execution is not ExecutionState.RUNNING:
-        return "the RAPID program is stopped"
-    busy = [f"{side.word} arm: {_name(state.machines[side])}" for side in Side if not _is_fit(state, side)]
-    return f"the state machines are not idle ({', '.join(busy)})" if busy else ""
-
-
-_MOTORS: Mapping[ControllerState | None, str] = {
-    ControllerState.GUARD_STOP: "a guard stop keeps the motors off",
-    ControllerState.EMERGENCY_STOP: "the emergency stop is pressed",
-    ControllerState.EMERGENCY_STOP_RESET: "the motors are off after an emergency stop",
-    ControllerState.SYSTEM_FAILURE: "the controller is in system failure",
-}
-
-
-def _is_fit(state: RobotState, side: Side) -> bool:
+def machine_name(state: RobotState, side: Side) -> str:
+    """The state of an arm's state machine in a word."""
     machine = state.machines[side]
-    return machine is MachineState.IDLE or state.egm[side] == EGM_RUNNING
-
-
-def _word(state: Enum | None) -> str:
-    return "unknown" if state is None else str(state.value)
-
-
-def _name(machine: MachineState | None) -> str:
     return "no state machine" if machine is None else machine.name

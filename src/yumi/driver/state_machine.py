@@ -1,20 +1,15 @@
-"""The state machine on the robot as a client sees it: its symbols, signals, states and EGM settings.
+"""The state machine on the robot as a client sees it: symbols, signals, states, EGM settings, EGM's start and stop.
 
 The interface is that of ABB's StateMachine Add-In 1.1 (reference/statemachine.md); the RAPID modules in
-``controller_files`` offer the same.
-
-The state machines of both arms: what state they are in, and EGM's begin and end on them.
-
-The state machine's gripper routine: the one door through which RAPID commands both hands.
+``controller_files`` have the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import hypot, isclose
-from threading import Lock
 from typing import cast
 
 from yumi.clock import Clock, wait_until
@@ -85,7 +80,7 @@ _LAYOUTS: Mapping[str, tuple[str, RapidValue]] = {
 class EgmMotionSettings:
     """What a task starts an EGM motion with; the defaults are the thesis's "fullspeed" (table 4.3).
 
-    Tool, work object and frames are RAPID values [mm, kg]; an empty text keeps what the robot has.
+    Tool, work object and frames are RAPID values [mm, kg]; an empty text keeps those of the robot.
 
     Attributes:
         use_presync: whether both arms wait for each other before they begin.
@@ -106,7 +101,7 @@ class EgmMotionSettings:
         offset: pose, for poses.
 
     Raises:
-        SettingsError: a text is no RAPID value of its type.
+        SettingsError: a text is not a RAPID value of its type.
     """
 
     use_filtering: bool = False
@@ -128,7 +123,10 @@ class EgmMotionSettings:
 
     def __post_init__(self) -> None:
         for name, (kind, layout) in _LAYOUTS.items():
-            _check_text(name, kind, layout, getattr(self, name))
+            text = getattr(self, name)
+            if text and not _is_value(text, layout):  # the controller would refuse it in the middle of a start
+                example = rapid_values.encode(layout)
+                raise SettingsError(f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {example}.")
 
     def value(self, name: str, current: RapidValue) -> RapidValue:
         """The RAPID value of the text ``name``, or ``current`` where it is empty."""
@@ -136,16 +134,11 @@ class EgmMotionSettings:
         return rapid_values.decode(text) if text else current
 
 
-def _check_text(name: str, kind: str, layout: RapidValue, text: str) -> None:
-    """Refuse a text that RAPID would not take: the controller would do so in the middle of a start."""
-    if not text:
-        return
+def _is_value(text: str, layout: RapidValue) -> bool:
     try:
-        is_fitting = _has_layout(rapid_values.decode(text), layout)
+        return _has_layout(rapid_values.decode(text), layout)
     except ProtocolError:
-        is_fitting = False
-    if not is_fitting:
-        raise SettingsError(f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {_literal(layout)}.")
+        return False
 
 
 def _has_layout(value: RapidValue, layout: RapidValue) -> bool:
@@ -157,17 +150,8 @@ def _has_layout(value: RapidValue, layout: RapidValue) -> bool:
     return type(value) is type(layout)
 
 
-def _literal(layout: RapidValue) -> str:
-    return rapid_values.encode(layout)
-
-
 def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
-    """The RAPID record ``EGMSettings`` with the values of ``motion``; what it leaves open is kept.
-
-    Args:
-        record: as it is on the robot.
-        motion: what EGM shall be started with.
-        is_allowed: whether EGM may guide this arm.
+    """The RAPID record ``EGMSettings`` of the robot with the values of ``motion``; what it leaves open is kept.
 
     Raises:
         ProtocolError: ``record`` is not laid out as version 1.1 of the state machine lays it out.
@@ -203,17 +187,16 @@ def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allo
 
 _START_DEADLINE = 1.0
 _STOP_DEADLINE = 5.0
-_LOOK_AT_LOG = "look at the event log on the pendant"
 
 
 class StateMachines:
-    """The state machines of one controller.
+    """The state machines of both arms on one controller.
 
     Args:
         client: a connected client.
         motion: what EGM motions start with.
-        clock: where waiting time comes from.
-        speed: what the robot's own limit is lowered with.
+        clock: for waiting.
+        speed: the robot's own limit is lowered with it.
     """
 
     def __init__(
@@ -228,7 +211,7 @@ class StateMachines:
         """The state of one arm's machine.
 
         Raises:
-            RobotNotReady: what the robot says is none.
+            RobotNotReady: the robot reports an unknown state.
         """
         literal = self._client.symbol(side.task, MAIN, "current_state")
         try:
@@ -239,7 +222,6 @@ class StateMachines:
             ) from error
 
     def states(self) -> Mapping[Side, MachineState]:
-        """The states of both arms' machines."""
         return {side: self.state(side) for side in Side}
 
     @property
@@ -247,19 +229,19 @@ class StateMachines:
         return all(self.state(side) is MachineState.IDLE for side in Side)
 
     def start_egm(self, arms: Sequence[Side]) -> None:
-        """Write the EGM settings and start EGM joint motion on ``arms``; an arm that EGM guides already goes on.
+        """Write the EGM settings and start EGM joint motion on ``arms``; where EGM runs already it goes on.
 
         Raises:
-            RobotNotReady: an arm did not begin, or did not take its settings.
+            RobotNotReady: an arm did not start, or did not take its settings.
         """
         scale = self._speed.value
-        beginning = [side for side in arms if not self._speed.is_guided(side)]
+        starting = [side for side in arms if not self._speed.is_in_egm(side)]
         for side in Side:
             self._write_settings(side, scale, is_allowed=side in arms)
         self._client.pulse_signal(START_JOINT)
         remedy = "see that the RAPID program runs and EGM motions are allowed"
-        self.wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
-        self._speed.note_start(beginning, scale)
+        self._wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
+        self._speed.note_start(starting, scale)
 
     def stop_egm(self) -> None:
         """Stop EGM; both arms come to rest.
@@ -270,50 +252,34 @@ class StateMachines:
         self._client.pulse_signal(STOP)
         self.wait_for_idle(_STOP_DEADLINE + self._motion.ramp_out_time)
 
-    def wait_for_idle(self, deadline: float) -> None:
-        """Wait until both machines are idle, at most ``deadline`` [s]; raises RobotNotReady."""
-        self.wait_for(MachineState.IDLE, tuple(Side), deadline, _LOOK_AT_LOG)
+    def wait_for_idle(self, timeout: float) -> None:
+        """Wait until both machines are idle, at most ``timeout`` [s]; raises RobotNotReady."""
+        self._wait_for(MachineState.IDLE, tuple(Side), timeout, "look at the event log on the FlexPendant")
 
-    def wait_for(self, wanted: MachineState, arms: Sequence[Side], deadline: float, remedy: str) -> None:
-        """Wait until the machines of ``arms`` are in a state.
-
-        Args:
-            wanted: the state.
-            arms: whose machines.
-            deadline: longest wait [s].
-            remedy: what to do when it does not come about, for the sentence.
-
-        Raises:
-            RobotNotReady: it did not come about.
-        """
-
+    def _wait_for(self, state: MachineState, arms: Sequence[Side], timeout: float, remedy: str) -> None:
         def sentence() -> str:
             states = ", ".join(f"{side.word} arm {self.state(side).name}" for side in arms)
-            return f"The state machines did not reach {wanted.name} within {deadline:g} s ({states}); {remedy}."
+            return f"The state machines did not reach {state.name} within {timeout:g} s ({states}); {remedy}."
 
-        wait_until(self._clock, lambda: all(self.state(side) is wanted for side in arms), deadline, sentence)
+        wait_until(self._clock, lambda: all(self.state(side) is state for side in arms), timeout, sentence)
 
     def _write_settings(self, side: Side, scale: float, *, is_allowed: bool) -> None:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-        wanted = merge_egm_settings(current, motion, is_allowed=is_allowed)
-        if _equal(current, wanted):
+        desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
+        if _equal(current, desired):
             return
-        self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(wanted))
+        self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(desired))
         written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-        if not _equal(written, wanted):
-            raise RobotNotReady(f"{side.task} did not take the EGM settings: wrote {wanted}, it holds {written}.")
+        if not _equal(written, desired):
+            raise RobotNotReady(f"{side.task} did not take the EGM settings: wrote {desired}, it holds {written}.")
 
 
 def read_machine_state(literal: str) -> MachineState:
-    """The state that ``TRobMain/current_state`` tells.
-
-    Raises:
-        ProtocolError: it is no state.
-    """
+    """The state of ``TRobMain/current_state``; raises ProtocolError when there is no such state."""
     value = rapid_values.decode(literal)
     if not isinstance(value, float) or value not in set(MachineState):
-        raise ProtocolError(f"{MAIN}/current_state is {literal}, which is no state of the state machine.")
+        raise ProtocolError(f"{MAIN}/current_state is {literal}, which is not a state of the state machine.")
     return MachineState(int(value))
 
 
@@ -324,116 +290,3 @@ def _equal(left: RapidValue, right: RapidValue) -> bool:
     if isinstance(left, float) and isinstance(right, float | int) and not isinstance(right, bool):
         return isclose(left, right, rel_tol=1e-5, abs_tol=1e-9)
     return left == right
-
-
-_GLANCE = 0.1  # [s] between two looks at whether a command was taken
-
-
-class GripperRoutines:
-    """The one signal the grippers share: its edge runs what each arm's task has been told.
-
-    Both tasks see every edge, so the next command waits until the task has taken this one: it would otherwise be
-    run twice, or be erased while the task reads it.
-
-    Args:
-        client: a connected client.
-        clock: where waiting time comes from.
-    """
-
-    def __init__(self, client: RwsClient, clock: Clock) -> None:
-        self._client = client
-        self._clock = clock
-        self._lock = Lock()
-        self._are_empty = False  # the tasks' slots, as far as we know
-
-    def run(
-        self,
-        side: Side,
-        command: SgCommand,
-        timeout: float,
-        *,
-        target: float | None = None,
-        force: float | None = None,
-    ) -> None:
-        """Have one arm's task run ``command``; returns when the task has issued it.
-
-        Args:
-            side: which arm.
-            command: what to do.
-            timeout: longest wait for the task [s].
-            target: finger position [m] for ``MOVE_TO``.
-            force: holding force [N] for ``GRIP_IN`` and ``GRIP_OUT``.
-
-        Raises:
-            RobotNotReady: the task did not take the command.
-        """
-        with self._lock:
-            if not self._are_empty:
-                for each in Side:
-                    self._write(each, "command_input", float(SgCommand.NONE))
-            self._are_empty = False
-            if target is not None:
-                self._write(side, "target_position_input", target * 1e3)
-            if force is not None:
-                self._write_force(side, force)
-            self._write(side, "command_input", float(command))
-            self._client.pulse_signal(RUN_GRIPPER)
-            self._wait_until_taken(side, timeout)
-            self._are_empty = True
-
-    def calibrate(self, sides: Sequence[Side], timeout: float, check: Callable[[], None] = lambda: None) -> None:
-        """Have the tasks of these arms calibrate their hands at the same time: one edge reaches both.
-
-        Args:
-            sides: which arms.
-            timeout: longest wait for the tasks, which take the command when they have carried it out [s].
-            check: raises when the hands may not move any more, or nobody waits any more.
-
-        Raises:
-            RobotNotReady: a task did not take the command, or its arm is guided or runs a routine.
-        """
-        with self._lock:
-            for side in sides:
-                self._check_idle(side)
-            for each in Side:
-                command = SgCommand.CALIBRATE if each in sides else SgCommand.NONE
-                self._write(each, "command_input", float(command))
-            self._are_empty = False
-            check()
-            self._client.pulse_signal(RUN_GRIPPER)
-            for side in sides:
-                self._wait_until_taken(side, timeout, check)
-            self._are_empty = True
-
-    def _check_idle(self, side: Side) -> None:
-        """The task calibrates in a trap, which would hold back every stop of an arm that moves."""
-        state = rapid_values.decode(self._client.symbol(side.task, MAIN, "current_state"))
-        if state != MachineState.IDLE:
-            raise RobotNotReady(
-                f"The {side.word} gripper is not calibrated while its arm is guided or runs a routine; stop that first."
-            )
-
-    def _wait_until_taken(self, side: Side, timeout: float, check: Callable[[], None] = lambda: None) -> None:
-        end = self._clock.now() + timeout
-        while not self._is_taken(side):
-            check()
-            if self._clock.now() >= end:
-                raise RobotNotReady(
-                    f"The {side.word} arm took no gripper command within {timeout:g} s; see that the RAPID program "
-                    "runs."
-                )
-            self._clock.wait(_GLANCE)
-
-    def _is_taken(self, side: Side) -> bool:
-        return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
-
-    def _write(self, side: Side, symbol: str, value: float) -> None:
-        self._client.set_symbol(side.task, GRIPPER, symbol, rapid_values.encode(value))
-
-    def _write_force(self, side: Side, force: float) -> None:
-        current = rapid_values.decode(self._client.symbol(side.task, GRIPPER, "settings"))
-        if not isinstance(current, tuple) or len(current) != 3:
-            raise RobotNotReady(f"{GRIPPER}/settings of {side.task} has an unknown layout: {current}.")
-        max_speed, set_force, limit = current
-        if set_force != force:
-            self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))

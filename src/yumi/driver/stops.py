@@ -1,13 +1,10 @@
 """Stops: what stopped the robot, and whether a person must confirm that before anything moves again.
 
-This is the one place that computes the cause; messages, exceptions, results and the log all carry its words. It reads
-the event log and the controller's state together.
-
-After an emergency stop, a guard stop or a collision a reset must not itself start motion (IEC 60204-1 section 9.2, ISO
-10218-1 section 5.5): such a stop stays open until a person confirms it by its id. The id has a random part, made when
-this program first saw the stop, so that no program can know it beforehand.
-
-What the controller's event numbers mean and what to do, in words of our own (reference/egm.md §7, yumi.md §4.6).
+This is the one place that computes the cause, from the event log and the controller's state together; exceptions,
+results, topics and the log carry its words. After an emergency stop, a guard stop or a collision a reset must not
+itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such a stop stays open until a person confirms
+it by its id. The id has a random part, made when this program first saw the stop, so that no program can know it
+beforehand.
 """
 
 from __future__ import annotations
@@ -24,7 +21,8 @@ from typing import Protocol
 from yumi.clock import Clock
 from yumi.control.events import Event as ArmEvent
 from yumi.control.events import RobotStoppedFollowing
-from yumi.driver.panel import STOPPED_FOR_GOOD
+from yumi.driver.readiness import NO_STOP, reason_of, unmet
+from yumi.driver.state import RobotState
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.rws.replies import Event
 from yumi.rws.types import ControllerState, EventType
@@ -32,18 +30,13 @@ from yumi.rws.types import ControllerState, EventType
 
 @dataclass(frozen=True, slots=True)
 class EventText:
-    """One event number explained.
-
-    Attributes:
-        cause: why it comes.
-        remedy: what to do, as an order.
-    """
+    """One event number explained, in our own words (reference/egm.md §7, yumi.md §4.6): cause, and what to do."""
 
     cause: str
     remedy: str
 
 
-def _gripper(cause: str, remedy: str = "look at the hand, then calibrate it again") -> EventText:
+def _gripper(cause: str, remedy: str = "look at the gripper, then calibrate it again") -> EventText:
     return EventText(f"a Smart Gripper {cause}", remedy)
 
 
@@ -52,12 +45,12 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     10012: EventText("a guard stop switched the motors off", "close the guard, then recover"),
     10013: EventText("an emergency stop was pressed", "release the button where it was pressed, then recover"),
     10014: EventText("the controller went into system failure", "restart the controller, then recover"),
-    10015: EventText("the mode switch was turned to manual", "turn it to AUTO on the pendant, then recover"),
-    10016: EventText("AUTO was chosen and waits to be confirmed", "confirm AUTO on the pendant, then recover"),
+    10015: EventText("the mode switch was turned to manual", "turn it to AUTO on the FlexPendant, then recover"),
+    10016: EventText("AUTO was chosen and waits to be confirmed", "confirm AUTO on the FlexPendant, then recover"),
     10045: EventText("the controller was restarted", "recover starts it again"),
-    10125: EventText("the RAPID program was stopped, on the pendant or by another client", "recover starts it"),
-    20192: EventText("the controller got an EGM reference that is no number", "restart the controller"),
-    20193: EventText("the controller got an EGM reference that is no number", "restart the controller"),
+    10125: EventText("the RAPID program was stopped, on the FlexPendant or by another client", "recover starts it"),
+    20192: EventText("the controller got an EGM reference that is not a number", "restart the controller"),
+    20193: EventText("the controller got an EGM reference that is not a number", "restart the controller"),
     40160: EventText("a RAPID instruction got an argument it does not know", "load the modules of this version"),
     40228: EventText("a RAPID error was not handled and stopped the program", "see the event before it"),
     41438: EventText("the tool's load is undefined", "define mass and centre of gravity of the tool in use"),
@@ -66,7 +59,7 @@ EVENT_TEXTS: Mapping[int, EventText] = {
         "check the network, the firewall and the UDPUC device's remote address; the driver must answer each cycle",
     ),
     41826: EventText(
-        "EGM was set up for joints and run for poses", "use joints: RobotWare 6 guides a YuMi by them only"
+        "EGM was set up for joints and run for poses", "use joints: RobotWare 6 moves a YuMi by them only"
     ),
     41828: EventText(
         "a task holds all of its EGM identities, after stops in the middle of EGM",
@@ -88,7 +81,7 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     50376: EventText("the references asked for more speed than a joint has", "lower the speed, then recover"),
     50446: EventText("the end of EGM took longer than ordered", "nothing is to be done"),
     50452: EventText("EGM met an error in a motion cycle", "recover; if it comes again, see the EGM configuration"),
-    50453: EventText("a move or a jog was ordered while EGM guides the arm", "end EGM first"),
+    50453: EventText("a move or a jog was ordered while EGM moves the arm", "end EGM first"),
     80001: EventText("the robot's program reported an error", "read its text, then recover"),
     80002: EventText("the robot's program gave a warning", "read its text"),
     112751: _gripper("was in the wrong state for a command"),
@@ -106,21 +99,21 @@ EVENT_TEXTS: Mapping[int, EventText] = {
 STARTED = (10150, 10151)
 """The program was started: what is older is history."""
 
-_LESS_AND_LESS_TELLING = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
+_BY_INFORMATION = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
 
-NOT_TELLING = (10010, 10125)
-"""Motors off, program stopped: they come with every other stop, and may come before what says more."""
+ACCOMPANYING = (10010, 10125)
+"""Motors off, program stopped: they accompany every other stop, and may come before the event that says more."""
 
 AUTO_CONFIRMED = 10017
-"""Somebody has confirmed AUTO at the FlexPendant."""
+"""AUTO was confirmed at the FlexPendant."""
 
 MOTORS_OFF, RESTARTED = 10010, 10045
 
 UNHANDLED = 40228
 """An error that the program does not handle: it follows the event of that error, EGM's time-out too."""
 
-_PERSONS_DEEDS = {10014, 10015, 10016, AUTO_CONFIRMED}
-"""Mode switch, and system failure, which somebody has to look at."""
+_BY_PERSON = {10014, 10015, 10016, AUTO_CONFIRMED}
+"""Mode switch, and system failure, which a person has to look at."""
 
 _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
@@ -150,14 +143,14 @@ def is_without_person(event: Event) -> bool:
 
 
 def are_without_person(events: Iterable[Event]) -> bool:
-    """Whether none of the events since the program was started tells of a person at the robot, or of another fault.
+    """Whether none of the events since the program was started shows a person at the robot, or another fault.
 
     Args:
         events: newest first, as the controller lists them.
     """
     recent = _since_start(events)
     codes = {event.code for event in recent}
-    if codes & _PERSONS_DEEDS or any(map(needs_person, codes)) or (MOTORS_OFF in codes and RESTARTED not in codes):
+    if codes & _BY_PERSON or any(map(needs_person, codes)) or (MOTORS_OFF in codes and RESTARTED not in codes):
         return False
     errors = [event for event in recent if event.type is EventType.ERROR and event.code != UNHANDLED]
     return all(map(is_without_person, errors)) and (bool(errors) or UNHANDLED not in codes)
@@ -174,7 +167,7 @@ def explain(event: Event) -> str:
 
 
 def cause_among(events: Iterable[Event]) -> Event | None:
-    """What stopped the robot: the first error since the program was started, or the stop that tells most.
+    """What stopped the robot: the first error since the program was started, or the stop that says most.
 
     Args:
         events: newest first, as the controller lists them.
@@ -183,12 +176,12 @@ def cause_among(events: Iterable[Event]) -> Event | None:
     errors = [event for event in recent if event.type is EventType.ERROR]
     if errors:
         return errors[-1]
-    stops = [event for event in recent if event.code in _LESS_AND_LESS_TELLING]
-    return min(stops, key=lambda event: _LESS_AND_LESS_TELLING.index(event.code), default=None)
+    stops = [event for event in recent if event.code in _BY_INFORMATION]
+    return min(stops, key=lambda event: _BY_INFORMATION.index(event.code), default=None)
 
 
 def _since_start(events: Iterable[Event]) -> list[Event]:
-    """Those after the program was last started; ``events`` are newest first."""
+    """Those after the program was last started, newest first: who started it took note of what was before."""
     return list(takewhile(lambda event: event.code not in STARTED, events))
 
 
@@ -209,13 +202,11 @@ _TITLES = {10013: "Emergency stop state", 10012: "Guard stop state"}
 
 
 class EventSource(Protocol):
-    """What is needed of a client."""
+    """What is needed of a client: state of the motors, and the event log, newest first."""
 
-    def controller_state(self) -> ControllerState:
-        """Motors, or the stop that keeps them off."""
+    def controller_state(self) -> ControllerState: ...
 
-    def events(self, domain: int = 0, count: int = 50) -> tuple[Event, ...]:
-        """The newest messages of the event log, newest first."""
+    def events(self, domain: int = 0, count: int = 50) -> tuple[Event, ...]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +230,9 @@ class Stop:
         first: dict[int, Event] = {}
         for event in events:
             first.setdefault(event.code, event)
-        texts = [explain(event) for event in first.values()] or [explain_state(code)]
+        texts = [explain(event) for event in first.values()] or [
+            explain(Event(0, EventType.INFORMATION, code, "", _TITLES[code], _TITLES[code]))
+        ]
         identity = f"{events[-1].code if events else code}-{number}-{secrets.token_hex(3)}"
         return cls(identity, "; then ".join(texts), tuple(first) or (code,))
 
@@ -280,7 +273,7 @@ class StopLog:
         self._clock = clock
         self._lock = RLock()  # reading and judging belong together: an older page must not be judged after a newer one
         self._known = _Known()
-        self._newest = -1  # number of the newest event that was looked at; -1 before the first look
+        self._newest = -1  # number of the newest event that was read; -1 before the first reading
         self._stop_events: tuple[Event, ...] = ()
         self._awaits_event_until = -inf  # the event of a stop that is known by the state alone comes by then [s]
         self._recent: deque[tuple[Event, float]] = deque(maxlen=PAGES[-1])  # newest first, and when it was seen
@@ -290,19 +283,29 @@ class StopLog:
 
     @property
     def stop(self) -> Stop | None:
-        """The stop that waits for a person's confirmation; as of the last look."""
+        """The stop that waits for a person's confirmation; as of the last reading."""
         return self._known.stop
 
     @property
     def cause(self) -> Event | None:
-        """The event that explains why the robot stands, if one does; as of the last look."""
+        """The event that explains why the robot stands, if one does; as of the last reading."""
         return self._known.cause
+
+    def check_none_open(self) -> None:
+        """Refuse motion while a stop is open, from what is known already.
+
+        Raises:
+            RobotNotReady: one is.
+        """
+        stop = self.stop
+        if stop is not None:
+            raise RobotNotReady(f"The robot was stopped by {stop.cause}.{demand_confirmation(stop.id)}", stop.id)
 
     @property
     def is_certain(self) -> bool:
         """Whether a better explanation is not to be expected: motors off and program stopped accompany every stop."""
         stop, cause = self._known.stop, self._known.cause
-        return stop is not None or (cause is not None and cause.code not in NOT_TELLING)
+        return stop is not None or (cause is not None and cause.code not in ACCOMPANYING)
 
     @property
     def is_without_person(self) -> bool:
@@ -315,7 +318,7 @@ class StopLog:
                 return False
             return known.cause is None or is_without_person(known.cause)
 
-    def look(self, client: EventSource) -> tuple[ControllerState, Event | None]:
+    def read(self, client: EventSource) -> tuple[ControllerState, Event | None]:
         """Read state and event log; returns the state and the newest event.
 
         Raises:
@@ -347,7 +350,7 @@ class StopLog:
         with self._lock:
             if self.stop is not None and confirmed == self.stop.id:
                 self._awaits_event_until = -inf  # what comes from now on is another stop than the confirmed one
-            state, _ = self.look(client)
+            state, _ = self.read(client)
             stop = self.stop
             if stop is None:
                 return
@@ -357,9 +360,9 @@ class StopLog:
                 raise StopNotConfirmed(
                     f"{confirmed!r} is not the stop that is open now. {_demand(stop, state)}", stop.id
                 )
-            if state in STOPPED_FOR_GOOD:
+            if active := _active_stop(state):
                 raise StopNotConfirmed(
-                    f"The stop {stop.id} cannot be confirmed yet: {STOPPED_FOR_GOOD[state]}, then confirm it again. "
+                    f"The stop {stop.id} cannot be confirmed yet: {active}, then confirm it again. "
                     f"The robot was stopped by {stop.cause}.",
                     stop.id,
                 )
@@ -396,7 +399,7 @@ class StopLog:
             self._known = replace(self._known, cause=cause_among(event for event, _ in self._recent))
 
     def take_news(self) -> tuple[Event, ...]:
-        """Events that came since the first look and were not taken yet, oldest first."""
+        """Events that came since the first reading and were not taken yet, oldest first."""
         with self._lock:
             news = tuple(self._news)
             self._news.clear()
@@ -413,7 +416,7 @@ class StopLog:
         is_first = self._newest < 0 or newest < self._newest  # a lower number: another controller, or they wrapped
         if is_first:
             self._recent.clear()
-            fresh = _stops_since_start(events)
+            fresh = tuple(_since_start(events))
         else:
             fresh = tuple(event for event in events if event.number > self._newest)
             if fresh and len(fresh) == len(events) and fresh[-1].number > self._newest + 1:
@@ -445,11 +448,6 @@ class StopLog:
         self._known = _Known(stop, cause_among(event for event, _ in self._recent))
 
 
-def explain_state(code: int) -> str:
-    """A stop of which only the state is known, in the words of its event."""
-    return explain(Event(0, EventType.INFORMATION, code, "", _TITLES[code], _TITLES[code]))
-
-
 def explained(event: ArmEvent, cause: Cause) -> str:
     """What happened to an arm, with its cause and what a person must do."""
     if not cause.text:
@@ -464,27 +462,17 @@ def demand_confirmation(stop: str) -> str:
     return f" Nothing moves until a person confirms the stop {stop} (recover)." if stop else ""
 
 
-def check_not_stopped(stop: Stop | None) -> None:
-    """Refuse motion that is ordered while a stop is open, from what is known already.
-
-    Raises:
-        RobotNotReady: it is.
-    """
-    if stop is not None:
-        raise RobotNotReady(f"The robot was stopped by {stop.cause}.{demand_confirmation(stop.id)}", stop.id)
-
-
-def _stops_since_start(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """Those after the program was last started, newest first: who started it took note of what was before."""
-    for index, event in enumerate(events):
-        if event.code in STARTED:
-            return events[:index]
-    return events
+def _active_stop(state: ControllerState) -> str:
+    """The stop that no request ends, and what does; empty where there is none."""
+    robot = RobotState(controller_state=state)
+    stop = unmet(NO_STOP, robot)
+    return f"{reason_of(stop, robot)}; {stop.remedy}" if stop else ""
 
 
 def _demand(stop: Stop, state: ControllerState) -> str:
-    first = f"Now {STOPPED_FOR_GOOD[state]}. " if state in STOPPED_FOR_GOOD else ""
+    active = _active_stop(state)
+    now = f"Now {active}. " if active else ""
     return (
-        f"The robot was stopped by {stop.cause}. {first}Nothing moves until a person has looked at the robot and "
+        f"The robot was stopped by {stop.cause}. {now}Nothing moves until a person has looked at the robot and "
         f"confirmed this stop: call recover with the id {stop.id}."
     )

@@ -43,11 +43,11 @@ from yumi.control.statistics import StageClock
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
-from yumi.driver.gripper import Gripper, HandIo, HandSignals
+from yumi.driver.gripper import Gripper
+from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, ControllerSettings, InitialState, Settings
 from yumi.driver.speed import FIRST_CONTACT, SpeedSetting
-from yumi.driver.state_machine import GripperRoutines
 from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
@@ -308,7 +308,7 @@ class DriverParts(NamedTuple):
     plan: EgmPlan
     control: ControlProcess
     manager: RobotManager
-    signals: HandSignals
+    signals: GripperSignals
     grippers: Mapping[Side, Gripper]
 
 
@@ -347,7 +347,7 @@ def make_parts(
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(bringup, control, clock, leading, arms, settings.watchdog, stops, settings.recovery)
-    signals = HandSignals(client, {side: settings.gripper.modules(side) for side in Side})
+    signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())
     return DriverParts(client, bringup, plan, control, manager, signals, grippers)
@@ -361,11 +361,11 @@ def only_at_robot(settings: Settings) -> Only:
 
 
 def build_grippers(
-    client: RwsClient, clock: Clock, settings: Settings, signals: HandSignals | None = None
+    client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
 ) -> dict[Side, Gripper]:
     """Both hands of a connected robot; without ``signals`` they ask for everything."""
     routines, own = GripperRoutines(client, clock), settings.gripper
     return {
-        side: Gripper(HandIo(side, client, signals, own.modules(side)), routines, clock, own.timeout, own.speed)
+        side: Gripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
         for side in Side
     }

@@ -1,7 +1,4 @@
-"""The Smart Gripper: its ranges and modules, what it says and hears by number, and how a command can end.
-
-What a hand tells of itself, and what it can be ordered to do; SI throughout.
-"""
+"""The Smart Gripper: its ranges and modules, its state, the goals it can get and how they can end; SI throughout."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ MAX_FORCE = 20.0
 """Largest holding force [N]."""
 
 ALLOWANCE = 0.001
-"""How far from where they were sent the fingers may end [m]; the hand's own (reference/yumi.md §2.1)."""
+"""How far from where they were sent the fingers may end [m]; the gripper's own (reference/yumi.md §2.1)."""
 
 THINNEST = 0.0005
 """Nothing fits between fingers that are nearer than this to the middle [m]."""
@@ -35,7 +32,7 @@ ATMOSPHERE = 100_000.0
 
 
 class GripperModules(Enum):
-    """What a hand is made of: each has the servo with its fingers; the value is the word in the settings."""
+    """What a gripper is made of: each has the servo with its fingers; the value is the word in the settings."""
 
     SERVO = "servo"
     VISION = "servo+vision"
@@ -60,7 +57,7 @@ class Direction(Enum):
     OUTWARDS = "outwards"
 
 
-class HandCommand(IntEnum):
+class ServoCommand(IntEnum):
     """``hand_CmdGripper`` (reference/statemachine.md §5.3)."""
 
     NONE = 0
@@ -75,7 +72,7 @@ class HandCommand(IntEnum):
     AGILE_GRIP_OUTWARD = 16
 
 
-class HandState(IntEnum):
+class ServoState(IntEnum):
     """``hand_SysState`` (reference/statemachine.md §5.3)."""
 
     READY = 0
@@ -98,17 +95,17 @@ class HandState(IntEnum):
 
 _CLOSING = frozenset(
     {
-        HandState.FREE_MOVE_TO_MIN_POS,
-        HandState.GRIP_OUTWARD_IN,
-        HandState.FORCING_OUTWARD_IN,
-        HandState.JOG_CLOSE,
-        HandState.AGILE_GRIP_INWARD,
+        ServoState.FREE_MOVE_TO_MIN_POS,
+        ServoState.GRIP_OUTWARD_IN,
+        ServoState.FORCING_OUTWARD_IN,
+        ServoState.JOG_CLOSE,
+        ServoState.AGILE_GRIP_INWARD,
     }
 )
 
 
-def signed_speed(speed: float, state: HandState) -> float:
-    """Speed of each finger, positive when opening [m/s]; the hand itself tells only how fast."""
+def signed_speed(speed: float, state: ServoState) -> float:
+    """Speed of each finger, positive when opening [m/s]; the gripper itself reports only how fast."""
     return -speed if state in _CLOSING else speed
 
 
@@ -155,8 +152,8 @@ _SERVO_SIGNALS = (
 
 
 @dataclass(frozen=True, slots=True)
-class CupReading:
-    """One vacuum module as the hand shows it.
+class VacuumState:
+    """One vacuum module as the gripper shows it.
 
     Attributes:
         sucks: whether its vacuum is on.
@@ -174,8 +171,8 @@ class CupReading:
 
 
 @dataclass(frozen=True, slots=True)
-class HandReading:
-    """A hand as its signals show it.
+class GripperState:
+    """A gripper as its signals show it.
 
     Attributes:
         state: what it is doing.
@@ -184,27 +181,27 @@ class HandReading:
         position: of each finger from the middle [m].
         speed: of each finger, positive when opening [m/s].
         force: what it holds an object with; 0 while it holds none [N].
-        is_camera_linked: whether it sees its camera; False where it shall have none.
+        is_camera_linked: whether its camera is connected; False where it has none.
         cups: its vacuum modules by number.
     """
 
-    state: HandState
+    state: ServoState
     error: int
     is_calibrated: bool
     position: float
     speed: float
     force: float
     is_camera_linked: bool = False
-    cups: Mapping[int, CupReading] = field(default_factory=dict)
+    cups: Mapping[int, VacuumState] = field(default_factory=dict)
 
     @property
     def is_holding(self) -> bool:
         """Whether the fingers press on something; closed ones press on each other."""
-        return self.state is HandState.KEEP_OBJECT and self.position > THINNEST
+        return self.state is ServoState.KEEP_OBJECT and self.position > THINNEST
 
 
 def signal_names(modules: GripperModules) -> tuple[str, ...]:
-    """The signals a reading of a hand needs, without the arm's suffix (reference/statemachine.md §5.4)."""
+    """The signals a state of a gripper needs, without the arm's suffix (reference/statemachine.md §5.4)."""
     names = list(_SERVO_SIGNALS)
     if modules.has_camera:
         names.append("hand_StatusCamLinked")
@@ -213,14 +210,14 @@ def signal_names(modules: GripperModules) -> tuple[str, ...]:
     return tuple(names)
 
 
-def hand_state(value: float) -> HandState:
+def servo_state(value: float) -> ServoState:
     """The state of ``hand_SysState``.
 
     Raises:
         ProtocolError: no Smart Gripper has it.
     """
     try:
-        return HandState(int(value))
+        return ServoState(int(value))
     except ValueError as error:
         raise ProtocolError(
             f"The gripper reports state {value:g}, which no Smart Gripper has; check its firmware and its fieldbus "
@@ -243,31 +240,32 @@ def speed_count(speed: float) -> int:
     return round(speed / _M_PER_COUNT)
 
 
-def read_hand(value: Callable[[str], float], modules: GripperModules) -> HandReading:
-    """The reading that signals make up.
+def read_gripper(value: Callable[[str], float], modules: GripperModules) -> GripperState:
+    """The state that signals make up.
 
     Args:
         value: of a signal by its name without the arm's suffix.
-        modules: what the hand is made of.
+        modules: what the gripper is made of.
 
     Raises:
         ProtocolError: it reports a state that no Smart Gripper has.
     """
-    state = hand_state(value("hand_SysState"))
-    return HandReading(
+    state = servo_state(value("hand_SysState"))
+    return GripperState(
         state=state,
         error=int(value("hand_SysError")),
         is_calibrated=value("hand_StatusCalibrated") != 0,
         position=position_of(value("hand_ActualPosition")),
         speed=signed_speed(value("hand_ActualSpeed") * _M_PER_COUNT, state),
-        force=value("hand_HoldForce") * _N_PER_COUNT if state is HandState.KEEP_OBJECT else 0.0,
+        force=value("hand_HoldForce") * _N_PER_COUNT if state is ServoState.KEEP_OBJECT else 0.0,
         is_camera_linked=modules.has_camera and value("hand_StatusCamLinked") != 0,
-        cups={channel: _read_cup(value, channel) for channel in modules.vacuum_channels},
+        cups={channel: read_vacuum(value, channel) for channel in modules.vacuum_channels},
     )
 
 
-def _read_cup(value: Callable[[str], float], channel: int) -> CupReading:
-    return CupReading(
+def read_vacuum(value: Callable[[str], float], channel: int) -> VacuumState:
+    """The state of a vacuum module that signals make up; ``value`` gives a signal by its name."""
+    return VacuumState(
         sucks=value(f"hand_StatusVacuum{channel}") != 0,
         blows=value(f"hand_StatusBlowoff{channel}") != 0,
         pressure=pressure_of(value(f"hand_ActualPressure{channel}")),
@@ -275,8 +273,8 @@ def _read_cup(value: Callable[[str], float], channel: int) -> CupReading:
 
 
 @dataclass(frozen=True, slots=True)
-class HandOrder:
-    """What the fingers shall do: go to a position, or grip in a direction.
+class GripperGoal:
+    """What the fingers are to do: go to a position, or grip in a direction.
 
     Attributes:
         position: where they go, at most [m].
@@ -293,10 +291,10 @@ class HandOrder:
     force: float = 0.0
     speed: float | None = None
 
-    def is_held(self, state: HandState, position: float) -> bool:
-        """Whether a hand that came to rest in ``state`` at ``position`` [m] holds something as ordered."""
+    def is_held(self, state: ServoState, position: float) -> bool:
+        """Whether a gripper that came to rest in ``state`` at ``position`` [m] holds something as ordered."""
         is_free = position <= THINNEST if self.direction is Direction.INWARDS else position >= TRAVEL - THINNEST
-        return self.direction is not None and state is HandState.KEEP_OBJECT and not is_free
+        return self.direction is not None and state is ServoState.KEEP_OBJECT and not is_free
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.position <= TRAVEL:  # NaN too
@@ -314,17 +312,17 @@ class HandOrder:
             )
 
 
-def go_to(position: float, speed: float | None = None) -> HandOrder:
+def go_to(position: float, speed: float | None = None) -> GripperGoal:
     """Go to ``position`` [m]; what is in the way stops the fingers."""
-    return HandOrder(position, speed=speed)
+    return GripperGoal(position, speed=speed)
 
 
-def grip(direction: Direction, force: float, speed: float | None = None) -> HandOrder:
+def grip(direction: Direction, force: float, speed: float | None = None) -> GripperGoal:
     """Close, or open, until something is held with ``force`` [N]."""
-    return HandOrder(0.0 if direction is Direction.INWARDS else TRAVEL, direction, force, speed)
+    return GripperGoal(0.0 if direction is Direction.INWARDS else TRAVEL, direction, force, speed)
 
 
-def order_of(position: float, effort: float, usual_force: float, speed: float | None = None) -> HandOrder:
+def gripper_goal(position: float, effort: float, usual_force: float, speed: float | None = None) -> GripperGoal:
     """What ROS's gripper actions ask for with a position and an effort.
 
     Closed (0) grips inwards, with the usual force when the effort is 0. Open (0.025) grips outwards when there is an

@@ -112,7 +112,7 @@ class RosDriver:
             clock,
             limits,
             self._timers,
-            manager.watch,
+            manager.monitor,
         )
         forwarding = forward_interfaces(self._streams, control, clock.now)
         interfaces = {**self._trajectories.interfaces, **forwarding}
@@ -134,9 +134,9 @@ class RosDriver:
         )
         self._gripper_setup = GripperSetup(
             grippers.grippers,
-            manager.report_step,
+            manager.step,
             log_error,
-            is_wanted=grippers.settings.calibrate is CalibrateWhen.AT_START,
+            is_allowed=grippers.settings.calibrate is CalibrateWhen.AT_START,
             is_confirmed=lambda: not manager.is_unattended,
         )
         manager.when_ready(self._gripper_setup.run)
@@ -147,7 +147,7 @@ class RosDriver:
             self._commands.append(JointCommandTopic(node, side, boxes.goals, snapshot, clock.now))
             self._commands.append(JointVelocityTopic(node, side, boxes.speeds, snapshot, clock.now))
         for topic in self._commands:
-            topic.why_stopped = manager.watch.cause
+            topic.why_stopped = manager.monitor.cause
 
         self._services = RobotManagerServices(self._node, manager, self._check_arms, self._update_activity)
         self._actions = RobotManagerActions(self._node, manager, self._check_arms, self._update_activity)
@@ -157,7 +157,7 @@ class RosDriver:
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", self._stream, *self._streams.values())
 
-        robot, boxes_of = manager.watch.state, control.buffers
+        robot, boxes_of = manager.monitor.state, control.buffers
         self._states = [JointStatePublisher(arm.node, side, boxes_of[side], clock) for side, arm in self._arms.items()]
         timers = (self._timers, *slow_timers.values())
         self._threads: tuple[Any, ...] = (*timers, *self._states, self._grippers, self._executors)
@@ -191,7 +191,7 @@ class RosDriver:
     def on_event(self, event: Event) -> None:
         """Log an event of the control of an arm, and publish what it changed."""
         is_end_of_egm = isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing)
-        self._arms[event.side].on_event(event, self._manager.watch.explain if is_end_of_egm else None)
+        self._arms[event.side].on_event(event, self._manager.monitor.explain if is_end_of_egm else None)
 
     def info(self, sentence: str) -> None:
         """Log one line of the robot manager."""
@@ -223,7 +223,7 @@ class RosDriver:
         log_error, settings = self._node.get_logger().error, self._gripper_parts.settings
         try:
             if is_reading_only:
-                self._manager.tell_remarks()
+                self._manager.report_remarks()
                 self.info("The robot is left as it is until start_egm, set_mode or recover is called.")
                 return ""
             steps = [

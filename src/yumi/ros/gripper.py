@@ -20,11 +20,12 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.driver.gripper import CHANNELS, Gripper, HandSignals
+from yumi.driver.gripper import CHANNELS, Gripper
+from yumi.driver.gripper_io import GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
-from yumi.robot.gripper import HandOrder, HandReading, HandState, Outcome, order_of
+from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import LATCHED, stamp
@@ -95,7 +96,7 @@ class GripperActionServer(ABC):
         self._server.destroy()
 
     @abstractmethod
-    def command(self, goal: Any) -> HandOrder:
+    def command(self, goal: Any) -> GripperGoal:
         """The command in a goal.
 
         Raises:
@@ -159,13 +160,13 @@ class GripperActionServer(ABC):
 
 
 class GripperAction(GripperActionServer):
-    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``order_of``."""
+    """``~/gripper_cmd``: the position of one finger joint [m], 0 is closed, 0.025 open; see ``gripper_goal``."""
 
     kind = GripperCommand
     name = "~/gripper_cmd"
 
-    def command(self, goal: Any) -> HandOrder:
-        return order_of(goal.command.position, goal.command.max_effort, self._force)
+    def command(self, goal: Any) -> GripperGoal:
+        return gripper_goal(goal.command.position, goal.command.max_effort, self._force)
 
     def feedback(self, position: float) -> Any:
         return GripperCommand.Feedback(position=position)
@@ -180,7 +181,7 @@ class ParallelGripperAction(GripperActionServer):
     kind = ParallelGripperCommand
     name = "~/parallel_gripper_cmd"
 
-    def command(self, goal: Any) -> HandOrder:
+    def command(self, goal: Any) -> GripperGoal:
         command, names = goal.command, finger_names(self._gripper.side)
         unknown = [name for name in command.name if name not in names]
         if unknown:
@@ -188,7 +189,7 @@ class ParallelGripperAction(GripperActionServer):
         if not command.position:
             raise CommandRefused("The goal has no position; give that of a finger [m].")
         position, speed = _one("position", command.position), _one("velocity", command.velocity)
-        return order_of(position, _one("effort", command.effort), self._force, speed or None)
+        return gripper_goal(position, _one("effort", command.effort), self._force, speed or None)
 
     def feedback(self, position: float) -> Any:
         return ParallelGripperCommand.Feedback(state=self._state(position, 0.0))
@@ -237,7 +238,7 @@ class GripperServices:
         self._group = group
         self._why_not = why_not
         self._lock = lock
-        jog, vacuum = partial(gripper.jog, check=self._check), gripper.vacuum
+        jog = partial(gripper.jog, check=self._check)
 
         self._serve_motion("calibrate", partial(calibrate, gripper), "The gripper is calibrated: closed is 0.")
         self._serve_motion("jog_open", partial(jog, opens=True), "The fingers open until stop is called.")
@@ -246,12 +247,13 @@ class GripperServices:
         self._serve(Trigger, "clear_error", lambda _: gripper.clear_error(), "The gripper reports no error.")
 
         def switch(channel: int, call: Callable[..., None], request: Any) -> None:
-            vacuum.check(channel)
+            gripper.check_vacuum(channel)
             self._check()
             call(channel, is_on=bool(request.data))
 
         for channel in CHANNELS:
-            for name, word, call in (("vacuum", "Vacuum", vacuum.switch), ("blow", "Blow-off", vacuum.blow)):
+            switches = (("vacuum", "Vacuum", gripper.switch_vacuum), ("blow", "Blow-off", gripper.switch_blow_off))
+            for name, word, call in switches:
                 is_now = f"{word} {channel} is {{}}."
                 self._serve(SetBool, f"{name}_{channel}", partial(switch, channel, call), is_now)
 
@@ -320,7 +322,7 @@ class GripperTopics:
         self,
         node: Any,
         side: Side,
-        reading: Callable[[], HandReading | None],
+        reading: Callable[[], GripperState | None],
         picked_pressure: float,
         channels: tuple[int, ...],
         timers: TimerThread,
@@ -341,7 +343,7 @@ class GripperTopics:
         self._last_picked: dict[int, bool] = {}
         self._lock = lock
         self._failures = lock.failures
-        self._last: HandState | None = None
+        self._last: ServoState | None = None
         self._count = 0
         timers.every(PERIOD, f"{side.value}/gripper", self._publish)
 
@@ -358,7 +360,7 @@ class GripperTopics:
             status.values = [*status.values, *added]
             self._status.publish(status)
 
-    def _publish_reading(self, reading: HandReading) -> None:
+    def _publish_reading(self, reading: GripperState) -> None:
         now, count = stamp(self._clock.now().nanoseconds), len(self._names)
         message = JointState(name=self._names)
         message.header.stamp = now
@@ -376,14 +378,14 @@ class GripperTopics:
                 self._picked[channel].publish(Bool(data=has_picked))
 
 
-def gripper_status(side: Side, reading: HandReading | None) -> DiagnosticStatus:
+def gripper_status(side: Side, reading: GripperState | None) -> DiagnosticStatus:
     """A gripper for ``gripper/state`` and ``/diagnostics``."""
     status = DiagnosticStatus(name=f"yumi: {side.word} gripper", hardware_id=f"Hand_{side.name[0]}")
     if reading is None:
         status.level, status.message = DiagnosticStatus.STALE, "the controller reports nothing of it"
         return status
     status.level = DiagnosticStatus.OK
-    if reading.state is HandState.ERROR:
+    if reading.state is ServoState.ERROR:
         status.level = DiagnosticStatus.ERROR
         status.message = f"error {reading.error}; look at the event log, then call clear_error"
     elif not reading.is_calibrated:
@@ -434,7 +436,7 @@ class GripperParts(NamedTuple):
     """
 
     grippers: Mapping[Side, Gripper]
-    signals: HandSignals
+    signals: GripperSignals
     settings: GripperSettings
 
 
@@ -502,9 +504,9 @@ class Grippers:
         """Both grippers for ``/diagnostics``."""
         return [gripper_status(side, self._reading(side)) for side in self._parts.grippers]
 
-    def _reading(self, side: Side) -> HandReading | None:
+    def _reading(self, side: Side) -> GripperState | None:
         try:
-            return self._parts.signals.reading(side)
+            return self._parts.signals.state(side)
         except YumiError as error:
             self._log_reason(str(error))
             return None

@@ -75,7 +75,7 @@ class RobotManagerServices:
             return f"Signal {request.name} is {request.value}"
 
         def write_variable(request: Any) -> str:
-            manager.write_variable(request.task, request.module, request.name, request.value)
+            manager.panel.write_variable(request.task, request.module, request.name, request.value)
             return f"{request.task}/{request.module}/{request.name} is {request.value}"
 
         triggers: dict[str, tuple[_Group, Callable[[], str]]] = {
@@ -110,13 +110,17 @@ class RobotManagerServices:
         self._serve(WriteSignal, "write_signal", _Group.CHANGE, write_signal)
         self._serve(WriteVariable, "write_variable", _Group.CHANGE, write_variable)
         self._serve(
-            ReadSignal, "read_signal", _Group.READ, lambda ask: manager.read_signal(ask.name), answer_field="value"
+            ReadSignal,
+            "read_signal",
+            _Group.READ,
+            lambda ask: manager.panel.read_signal(ask.name),
+            answer_field="value",
         )
         self._serve(
             ReadVariable,
             "read_variable",
             _Group.READ,
-            lambda ask: manager.read_variable(ask.task, ask.module, ask.name),
+            lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name),
             answer_field="value",
         )
 
@@ -163,7 +167,7 @@ class RobotManagerActions:
             return manager.go_to(mode, _report_steps(handle, SetMode, check))
 
         def recover(handle: Any, check: Callable[[str], None]) -> str:
-            check_arms(manager.wanted)
+            check_arms(manager.egm_arms)
             report = _report_steps(handle, Recover, check)
             confirmed = handle.request.confirm_stop.strip()
             return manager.recover(report, lambda: check("while the controller did not answer"), confirmed)
@@ -199,7 +203,7 @@ class RobotManagerActions:
             finally:
                 if is_alone:
                     self._busy.release()
-            result.state = robot_state(self._manager.watch.state(), self._clock.now().nanoseconds)
+            result.state = robot_state(self._manager.monitor.state(), self._clock.now().nanoseconds)
             self._on_change()
             return result
 

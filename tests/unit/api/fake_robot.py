@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, Guidance, MotionBook
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.clock import ManualClock
 from yumi.control.commands import MemoryBuffer
 from yumi.control.controller import ControllerInfo, State
@@ -73,13 +73,13 @@ class FakeControl:
 
 
 class FakeRobot:
-    """A guidance with a fake control process below."""
+    """An executor with a fake control process below."""
 
     def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
         self.control = FakeControl()
         self.goals = {side: MemoryBuffer() for side in Side}
-        self.book = MotionBook()
-        self.guidance = Guidance(self.control, self.goals, self.book, arms, YUMI_LIMITS, ManualClock(100.0))
+        self.motions = MotionRegistry()
+        self.executor = MotionExecutor(self.control, self.goals, self.motions, arms, YUMI_LIMITS, ManualClock(100.0))
 
     def rest(self, command: ControllerCommand) -> None:
         """For ``on_command``: an arm that is told to stop does."""
@@ -89,4 +89,4 @@ class FakeRobot:
     def end(self, command: ControllerCommand, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
         """The control process reports how a motion has ended."""
         identity = command.message.identity  # type: ignore[attr-defined]
-        self.book.tell(ControllerReport(command.side, command.controller, GoalEnded(identity, outcome, sentence)))
+        self.motions.note(ControllerReport(command.side, command.controller, GoalEnded(identity, outcome, sentence)))

@@ -25,18 +25,18 @@ def robot() -> FakeRobot:
 
 @pytest.fixture
 def arm(robot: FakeRobot) -> Arm:
-    return Arm(Side.RIGHT, lambda: robot.guidance, Gripper(Side.RIGHT, no_hand, 10.0))
+    return Arm(Side.RIGHT, lambda: robot.executor, Gripper(Side.RIGHT, no_gripper, 10.0))
 
 
-def no_hand() -> None:
-    raise AssertionError("the arm needs no hand")
+def no_gripper() -> None:
+    raise AssertionError("the arm needs no gripper")
 
 
 def show(robot: FakeRobot, **values: object) -> None:
     robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
 
 
-def test_arm_tells_what_is_measured(arm: Arm) -> None:
+def test_arm_reports_what_is_measured(arm: Arm) -> None:
     assert arm.position == RIGHT
     assert arm.velocity == ZERO
     assert arm.pose == tool0_to_body(Side.RIGHT, RIGHT)
@@ -52,15 +52,15 @@ def test_arm_tells_what_is_measured(arm: Arm) -> None:
         ({"velocity": (0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0)}, ArmMode.MOVING),
     ],
 )
-def test_arm_tells_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
+def test_arm_reports_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
     show(robot, **values)
     assert arm.state is mode
 
 
 def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot, arm: Arm) -> None:
-    robot.book.tell(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
+    robot.motions.note(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
     assert arm.state is ArmMode.FAULT
-    robot.book.clear_faults()
+    robot.motions.clear_faults()
     assert arm.state is ArmMode.HOLDING
 
 
@@ -77,7 +77,7 @@ def test_arm_stops_and_waits_until_it_stands(robot: FakeRobot, arm: Arm) -> None
     assert isinstance(robot.control.commands[0].message, StopMotion)
 
 
-def test_arm_waits_for_its_goal_unless_told_otherwise(robot: FakeRobot, arm: Arm) -> None:
+def test_arm_waits_for_its_goal_unless_reported_otherwise(robot: FakeRobot, arm: Arm) -> None:
     assert not arm.move_to(RIGHT, wait=False).is_done
     robot.control.on_command = robot.end
     assert arm.move_to(RIGHT).is_done

@@ -2,30 +2,31 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
+from inspect import iscoroutinefunction, signature
 from typing import cast
 
 import pytest
 from fake_robot import FakeRobot
 
-from yumi.api.asynchronous import AsyncArm, AsyncRobot
+from yumi.api.asynchronous import AsyncArm, AsyncGripper, AsyncRobot
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion
 from yumi.api.robot import Arm, Robot
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.driver.gripper import Gripper as Hand
+from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import HandOrder, Outcome
+from yumi.robot.gripper import GripperGoal, Outcome
 from yumi.robot.joints import Side, home
 
 RIGHT = home(Side.RIGHT)
 
 
-class FakeHand:
+class FakeGripper:
     last_position = 0.01
 
-    def begin(self, order: HandOrder) -> None: ...
+    def begin(self, order: GripperGoal) -> None: ...
 
-    def wait(self, order: HandOrder) -> Outcome:
+    def wait(self, order: GripperGoal) -> Outcome:
         return Outcome.HOLDING
 
 
@@ -34,10 +35,10 @@ class FakeConnected:
 
     def __init__(self) -> None:
         self.fake = FakeRobot()
-        self.guidance = self.fake.guidance
+        self.executor = self.fake.executor
         self.fake.control.on_command = self.fake.rest
-        gripper = Gripper(Side.RIGHT, lambda: cast("Hand", FakeHand()), 10.0)
-        self.arm = AsyncArm(cast("Robot", self), Arm(Side.RIGHT, lambda: self.guidance, gripper))
+        gripper = Gripper(Side.RIGHT, lambda: cast("driver.Gripper", FakeGripper()), 10.0)
+        self.arm = AsyncArm(Arm(Side.RIGHT, lambda: self.executor, gripper))
 
     @property
     def stops(self) -> int:
@@ -96,7 +97,7 @@ def test_motion_that_takes_too_long_is_stopped(robot: FakeConnected) -> None:
     assert robot.stops == 1
 
 
-def test_motion_that_nobody_awaits_goes_on(robot: FakeConnected) -> None:
+def test_motion_that_no_one_awaits_goes_on(robot: FakeConnected) -> None:
     async def script() -> Motion:
         return await robot.arm.move_to(RIGHT, wait=False)
 
@@ -143,7 +144,7 @@ class SlowRobot:
 
 
 def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda robot, arm: None)
+    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda arm: None)
 
     async def script() -> None:
         slow = SlowRobot(asyncio.get_running_loop())
@@ -155,3 +156,13 @@ def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -
         assert slow.is_closed
 
     run(script())
+
+
+@pytest.mark.parametrize(("twin", "original"), [(AsyncRobot, Robot), (AsyncArm, Arm), (AsyncGripper, Gripper)])
+def test_twin_has_all_methods_of_the_original_with_their_arguments(twin: type, original: type) -> None:
+    for name in (each for each in vars(original) if not each.startswith("_") and each != "executor"):
+        method = getattr(original, name)
+        assert hasattr(twin, name), name
+        if callable(method) and name != "stream":  # which returns at once
+            assert list(signature(getattr(twin, name)).parameters) == list(signature(method).parameters)
+            assert iscoroutinefunction(getattr(twin, name))

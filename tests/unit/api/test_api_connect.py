@@ -35,8 +35,8 @@ def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, w
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"address": ""}, "'' is no address; give a host name or IPv4 address"),
-        ({"address": "robot:http"}, "'robot:http' is no address; give a host name or IPv4 address"),
+        ({"address": ""}, "'' is not an address; give a host name or IPv4 address"),
+        ({"address": "robot:http"}, "'robot:http' is not an address; give a host name or IPv4 address"),
         ({"speed": 0.0}, "connect: speed is 0.0; allowed is above 0 up to 1"),
         ({"speed": nan}, "connect: speed is nan; allowed is above 0 up to 1"),
         ({"acceleration": 1.1}, "connect: acceleration is 1.1; allowed is above 0 up to 1"),

@@ -33,42 +33,42 @@ def robot() -> ObedientRobot:
 
 
 def test_wait_ends_when_all_motions_have(robot: ObedientRobot) -> None:
-    motions = robot.guidance.move(BOTH, None, None)
+    motions = robot.executor.move(BOTH, None, None)
     for order in list(robot.control.commands):
         robot.end(order)
-    wait_for(motions, None, robot.guidance)
+    wait_for(motions, None, robot.executor)
     assert robot.stopped == []
 
 
 def test_wait_whose_time_is_up_stops_the_arms_that_still_move(robot: ObedientRobot) -> None:
-    motions = robot.guidance.move(BOTH, None, None)
+    motions = robot.executor.move(BOTH, None, None)
     robot.end(robot.control.commands[0])
     with pytest.raises(GoalNotReached, match=r"The left arm did not arrive within 0\.01 s and was stopped\."):
-        wait_for(motions, 0.01, robot.guidance)
+        wait_for(motions, 0.01, robot.executor)
     assert robot.stopped == [Side.LEFT]
 
 
 def test_arm_that_fails_stops_the_other(robot: ObedientRobot) -> None:
-    motions = robot.guidance.move(BOTH, None, None)
+    motions = robot.executor.move(BOTH, None, None)
     robot.end(robot.control.commands[1], GoalOutcome.ABORTED, "axis 2 was held")
     with pytest.raises(GoalNotReached, match="The left arm did not reach its goal: axis 2 was held"):
-        wait_for(motions, None, robot.guidance)
+        wait_for(motions, None, robot.executor)
     assert robot.stopped == [Side.RIGHT]
 
 
 def test_ctrl_c_during_a_wait_stops_the_arms(robot: ObedientRobot) -> None:
-    motions = robot.guidance.move(BOTH, None, None)
+    motions = robot.executor.move(BOTH, None, None)
     with (
         patch.object(waiting, "wait_for_futures", side_effect=KeyboardInterrupt),
         pytest.raises(KeyboardInterrupt),
     ):
-        wait_for(motions, None, robot.guidance)
+        wait_for(motions, None, robot.executor)
     assert robot.stopped == list(BOTH)
 
 
 def test_wait_in_one_thread_ends_by_a_notice_in_another(robot: ObedientRobot) -> None:
-    motions = robot.guidance.move({Side.LEFT: BOTH[Side.LEFT]}, None, None)
+    motions = robot.executor.move({Side.LEFT: BOTH[Side.LEFT]}, None, None)
     notice = Timer(0.01, robot.end, robot.control.commands)
     notice.start()
-    wait_for(motions, 30.0, robot.guidance)
+    wait_for(motions, 30.0, robot.executor)
     notice.join()

@@ -29,7 +29,7 @@ def log(*codes: tuple[int, EventType]) -> list[Event]:
         ([(10125, INFORMATION)], 10125),
     ],
 )
-def test_cause_is_the_first_error_or_the_stop_that_tells_most(codes: list[tuple[int, EventType]], cause: int) -> None:
+def test_cause_is_the_first_error_or_the_stop_that_reports_most(codes: list[tuple[int, EventType]], cause: int) -> None:
     found = cause_among(log(*codes))
     assert found is not None
     assert found.code == cause
@@ -39,7 +39,7 @@ def test_nothing_before_the_start_of_the_program_is_a_cause() -> None:
     assert cause_among(log((50204, ERROR), (10150, INFORMATION), (10140, INFORMATION))) is None
 
 
-def test_known_event_is_told_with_cause_and_remedy() -> None:
+def test_known_event_is_reported_with_cause_and_remedy() -> None:
     (event,) = log((50204, ERROR))
     assert explain(event) == (
         "50204 title 50204: an arm has collided, or moves against a force (Text 50204); see what it touched and "
@@ -47,7 +47,7 @@ def test_known_event_is_told_with_cause_and_remedy() -> None:
     )
 
 
-def test_unknown_event_is_told_in_the_controllers_words() -> None:
+def test_unknown_event_is_reported_in_the_controllers_words() -> None:
     (event,) = log((71058, ERROR))
     assert explain(event) == "71058 title 71058: Text 71058"
 

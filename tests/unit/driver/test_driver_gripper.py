@@ -8,10 +8,11 @@ from threading import Thread
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.driver.gripper import Gripper, GripperSetup, HandIo, HandSignals
-from yumi.driver.state_machine import GripperRoutines, SgCommand
+from yumi.driver.gripper import Gripper, GripperSetup
+from yumi.driver.gripper_io import GripperRoutines, GripperSignals
+from yumi.driver.state_machine import SgCommand
 from yumi.errors import ControllerRefused, RobotNotReady
-from yumi.robot.gripper import TRAVEL, Direction, GripperModules, HandOrder, HandState, Outcome, go_to, grip
+from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
 from yumi.robot.joints import Side
 from yumi.rws.replies import Signal
 from yumi.rws.types import SignalType
@@ -77,21 +78,21 @@ def robot() -> Robot:
 
 
 def gripper_of(robot: Robot, side: Side, clock: ManualClock) -> Gripper:
-    return Gripper(HandIo(side, robot), GripperRoutines(robot, clock), clock, 10.0)
+    return Gripper(side, robot, GripperRoutines(robot, clock), clock, 10.0)
 
 
 CLOSE = grip(Direction.INWARDS, 20.0)
 SPREAD = grip(Direction.OUTWARDS, 20.0)
 
 
-class Told(HandSignals):
+class Told(GripperSignals):
     """Signals as they were told some time ago."""
 
-    def __init__(self, state: HandState, position: float) -> None:
+    def __init__(self, state: ServoState, position: float) -> None:
         super().__init__(Robot(), dict.fromkeys(Side, GripperModules.SERVO))
         self.show(state, position)
 
-    def show(self, state: HandState, position: float) -> None:
+    def show(self, state: ServoState, position: float) -> None:
         self._values = {
             (Side.LEFT, "hand_SysState"): float(state),
             (Side.LEFT, "hand_ActualPosition"): position * 1e4,
@@ -99,20 +100,20 @@ class Told(HandSignals):
         }
 
 
-def test_fingers_that_are_told_of_late_are_not_stalled(robot: Robot) -> None:
+def test_fingers_that_are_reported_of_late_are_not_stalled(robot: Robot) -> None:
     def move_on() -> None:
-        robot.show(Side.LEFT, HandState.FREE_MOVE_TO_MAX_POS, min(TRAVEL, clock.now() * 0.01))
+        robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, min(TRAVEL, clock.now() * 0.01))
         if clock.now() > 2.0:
-            robot.show(Side.LEFT, HandState.ACTION_COMPLETED, TRAVEL)
-            told.show(HandState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
+            told.show(ServoState.ACTION_COMPLETED, TRAVEL)
 
     clock = TellingClock(move_on)
-    told = Told(HandState.FREE_MOVE_TO_MAX_POS, 0.005)
-    gripper = Gripper(HandIo(Side.LEFT, robot, told), GripperRoutines(robot, clock), clock, 10.0)
+    told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.005)
+    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     assert gripper.wait(go_to(TRAVEL)) is Outcome.OPEN
 
 
-def test_other_hand_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
+def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) -> None:
     robot.looks = 1
 
     def run_the_other() -> None:
@@ -133,7 +134,7 @@ def test_command_that_is_not_taken_fails_after_its_time(robot: Robot, clock: Man
     assert clock.now() == pytest.approx(10.0, abs=0.2)
 
 
-def test_slots_are_emptied_only_while_nobody_knows_what_is_in_them(robot: Robot, clock: ManualClock) -> None:
+def test_slots_are_emptied_only_while_no_one_knows_what_is_in_them(robot: Robot, clock: ManualClock) -> None:
     routines = GripperRoutines(robot, clock)
     for _ in range(2):
         routines.run(Side.RIGHT, SgCommand.GRIP_IN, 1.0)
@@ -154,46 +155,47 @@ def test_force_that_is_already_set_is_not_written(robot: Robot, clock: ManualClo
     assert "T_ROB_R settings=[25,12,25]" in robot.log
 
 
-def test_wait_needs_few_requests_while_nothing_is_told(robot: Robot) -> None:
+def test_wait_needs_few_requests_while_nothing_is_reported(robot: Robot) -> None:
     def stop_after_two_seconds() -> None:
-        robot.show(Side.LEFT, HandState.FREE_MOVE_TO_MAX_POS, clock.now() * 0.01)
+        robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, clock.now() * 0.01)
         if clock.now() > 1.99:
-            robot.show(Side.LEFT, HandState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
 
     clock = TellingClock(stop_after_two_seconds)
-    robot.show(Side.LEFT, HandState.FREE_MOVE_TO_MAX_POS, 0.0)
+    robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.0)
     told: list[float] = []
     assert gripper_of(robot, Side.LEFT, clock).wait(go_to(TRAVEL), told.append) is Outcome.OPEN
     assert told == pytest.approx([0.0, 0.002, 0.004, 0.006, 0.008, 0.010, 0.012, 0.014, 0.016, 0.018])
     assert len(robot.log) == 11 * 2 + 1
 
 
-def test_wait_asks_nothing_of_the_robot_while_it_tells_by_itself(robot: Robot) -> None:
+def test_wait_asks_nothing_of_the_robot_while_it_reports_by_itself(robot: Robot) -> None:
     def stop_after_one_second() -> None:
         if clock.now() > 0.99:
-            robot.show(Side.LEFT, HandState.ACTION_COMPLETED, TRAVEL)
-            told.show(HandState.ACTION_COMPLETED, TRAVEL)
+            robot.show(Side.LEFT, ServoState.ACTION_COMPLETED, TRAVEL)
+            told.show(ServoState.ACTION_COMPLETED, TRAVEL)
 
     clock = TellingClock(stop_after_one_second)
-    told = Told(HandState.FREE_MOVE_TO_MAX_POS, 0.01)
-    gripper = Gripper(HandIo(Side.LEFT, robot, told), GripperRoutines(robot, clock), clock, 10.0)
+    told = Told(ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
+    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     positions: list[float] = []
     assert gripper.wait(go_to(TRAVEL), positions.append) is Outcome.OPEN
     assert len(positions) == pytest.approx(20, abs=1)
     assert robot.log == ["hand_SysState_L", "hand_ActualPosition_L"]
 
 
-def test_end_that_was_told_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
-    told = Told(HandState.ACTION_COMPLETED, TRAVEL)
-    robot.show(Side.LEFT, HandState.AGILE_GRIP_INWARD, 0.02)
-    gripper = Gripper(HandIo(Side.LEFT, robot, told), GripperRoutines(robot, clock), clock, 10.0)
+def test_end_that_was_reported_before_the_order_began_does_not_count(robot: Robot, clock: ManualClock) -> None:
+    told = Told(ServoState.ACTION_COMPLETED, TRAVEL)
+    robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.02)
+    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     gripper.begin(CLOSE)
     assert gripper.outcome(CLOSE) is None
 
 
-def test_error_that_has_been_cleared_since_it_was_told_does_not_count(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.READY)
-    gripper = Gripper(HandIo(Side.LEFT, robot, Told(HandState.ERROR, 0.01)), GripperRoutines(robot, clock), clock, 10.0)
+def test_error_that_has_been_cleared_since_it_was_reported_does_not_count(robot: Robot, clock: ManualClock) -> None:
+    robot.show(Side.LEFT, ServoState.READY)
+    told = Told(ServoState.ERROR, 0.01)
+    gripper = Gripper(Side.LEFT, robot, GripperRoutines(robot, clock), clock, 10.0, signals=told)
     gripper.begin(CLOSE)
     assert "RUN_SG_ROUTINE" in robot.log
 
@@ -201,24 +203,24 @@ def test_error_that_has_been_cleared_since_it_was_told_does_not_count(robot: Rob
 def test_fingers_that_stand_still_on_their_way_are_stalled_and_let_go(robot: Robot) -> None:
     def obey() -> None:
         if "hand_CmdGripper_L=10" in robot.log:
-            robot.show(Side.LEFT, HandState.READY, 0.01)
+            robot.show(Side.LEFT, ServoState.READY, 0.01)
 
     clock = TellingClock(obey)
-    robot.show(Side.LEFT, HandState.FREE_MOVE_TO_MAX_POS, 0.01)
+    robot.show(Side.LEFT, ServoState.FREE_MOVE_TO_MAX_POS, 0.01)
     gripper = gripper_of(robot, Side.LEFT, clock)
     gripper.begin(go_to(TRAVEL))
     assert gripper.wait(go_to(TRAVEL)) is Outcome.STALLED
     assert 1.0 <= clock.now() < 2.0
 
 
-def test_hand_that_does_not_stop_is_told(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.JOG_OPEN)
+def test_gripper_that_does_not_stop_is_reported(robot: Robot, clock: ManualClock) -> None:
+    robot.show(Side.LEFT, ServoState.JOG_OPEN)
     with pytest.raises(RobotNotReady, match="The left gripper does not stop; clear its error, or look at the event"):
         gripper_of(robot, Side.LEFT, clock).stop()
 
 
-def test_error_that_does_not_go_is_told(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.ERROR)
+def test_error_that_does_not_go_is_reported(robot: Robot, clock: ManualClock) -> None:
+    robot.show(Side.LEFT, ServoState.ERROR)
     with pytest.raises(RobotNotReady, match="The left gripper still reports an error; check its 24 V supply"):
         gripper_of(robot, Side.LEFT, clock).clear_error()
     assert robot.log[:2] == ["hand_CmdClearErr_L=1", "hand_CmdClearErr_L=0"]
@@ -228,9 +230,9 @@ def may_not() -> None:
     raise RobotNotReady("The right gripper is inactive; activate it first.")
 
 
-def test_hand_that_may_not_move_any_more_is_told_nothing(robot: Robot, clock: ManualClock) -> None:
+def test_gripper_that_may_not_move_any_more_is_reported_nothing(robot: Robot, clock: ManualClock) -> None:
     gripper = gripper_of(robot, Side.RIGHT, clock)
-    robot.show(Side.RIGHT, HandState.READY)
+    robot.show(Side.RIGHT, ServoState.READY)
     for move in (lambda: gripper.begin(go_to(0.01), may_not), lambda: gripper.jog(opens=True, check=may_not)):
         robot.log.clear()
         with pytest.raises(RobotNotReady, match="is inactive"):
@@ -239,7 +241,7 @@ def test_hand_that_may_not_move_any_more_is_told_nothing(robot: Robot, clock: Ma
 
 
 def test_speed_is_that_of_the_order_or_the_usual_one(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.READY)
+    robot.show(Side.LEFT, ServoState.READY)
     gripper = gripper_of(robot, Side.LEFT, clock)
     for speed in (None, 0.01, None):
         gripper.begin(go_to(0.01, speed))
@@ -248,7 +250,7 @@ def test_speed_is_that_of_the_order_or_the_usual_one(robot: Robot, clock: Manual
 
 
 def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.AGILE_GRIP_INWARD, 0.01)
+    robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.01)
     with pytest.raises(RobotNotReady, match="The left gripper still moves after 10 s; look at it"):
         gripper_of(robot, Side.LEFT, clock).wait(CLOSE)
 
@@ -256,36 +258,36 @@ def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock:
 @pytest.mark.parametrize(
     ("state", "position", "goal", "outcome"),
     [
-        (HandState.AGILE_GRIP_INWARD, 0.01, CLOSE, None),
-        (HandState.KEEP_OBJECT, 0.0006, CLOSE, Outcome.HOLDING),
-        (HandState.KEEP_OBJECT, 0.0248, CLOSE, Outcome.HOLDING),
-        (HandState.KEEP_OBJECT, 0.0005, CLOSE, Outcome.CLOSED),
-        (HandState.ACTION_COMPLETED, 0.0011, CLOSE, Outcome.STALLED),
-        (HandState.ACTION_COMPLETED, 0.012, go_to(0.0125), Outcome.IN_PLACE),
-        (HandState.ACTION_COMPLETED, 0.0242, go_to(TRAVEL), Outcome.OPEN),
-        (HandState.AGILE_GRIP_OUTWARD, 0.01, SPREAD, None),
-        (HandState.KEEP_OBJECT, 0.0244, SPREAD, Outcome.HOLDING),
-        (HandState.KEEP_OBJECT, 0.0245, SPREAD, Outcome.OPEN),
+        (ServoState.AGILE_GRIP_INWARD, 0.01, CLOSE, None),
+        (ServoState.KEEP_OBJECT, 0.0006, CLOSE, Outcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0248, CLOSE, Outcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0005, CLOSE, Outcome.CLOSED),
+        (ServoState.ACTION_COMPLETED, 0.0011, CLOSE, Outcome.STALLED),
+        (ServoState.ACTION_COMPLETED, 0.012, go_to(0.0125), Outcome.IN_PLACE),
+        (ServoState.ACTION_COMPLETED, 0.0242, go_to(TRAVEL), Outcome.OPEN),
+        (ServoState.AGILE_GRIP_OUTWARD, 0.01, SPREAD, None),
+        (ServoState.KEEP_OBJECT, 0.0244, SPREAD, Outcome.HOLDING),
+        (ServoState.KEEP_OBJECT, 0.0245, SPREAD, Outcome.OPEN),
     ],
 )
-def test_outcome_is_what_the_hand_measures(
-    robot: Robot, clock: ManualClock, state: HandState, position: float, goal: HandOrder, outcome: Outcome | None
+def test_outcome_is_what_the_gripper_measures(
+    robot: Robot, clock: ManualClock, state: ServoState, position: float, goal: GripperGoal, outcome: Outcome | None
 ) -> None:
     gripper = gripper_of(robot, Side.LEFT, clock)
-    robot.show(Side.LEFT, HandState.READY)
+    robot.show(Side.LEFT, ServoState.READY)
     gripper.begin(goal)
     robot.show(Side.LEFT, state, position)
     assert gripper.outcome(goal) is outcome
 
 
-def test_error_of_the_gripper_is_told(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.LEFT, HandState.ERROR)
+def test_error_of_the_gripper_is_reported(robot: Robot, clock: ManualClock) -> None:
+    robot.show(Side.LEFT, ServoState.ERROR)
     with pytest.raises(RobotNotReady, match="The left gripper reports error 0; look at the event log, then clear it"):
         gripper_of(robot, Side.LEFT, clock).begin(CLOSE)
 
 
-def test_robot_without_grippers_is_told_and_left(robot: Robot, clock: ManualClock) -> None:
-    robot.show(Side.RIGHT, HandState.READY)
+def test_robot_without_grippers_is_reported_and_left(robot: Robot, clock: ManualClock) -> None:
+    robot.show(Side.RIGHT, ServoState.READY)
     complaints: list[str] = []
     setup = GripperSetup({side: gripper_of(robot, side, clock) for side in Side}, complaints.append, complaints.append)
     for _ in range(3):  # it is reported once

@@ -9,6 +9,7 @@ import pytest
 
 from yumi.control.commands import MemoryBuffer
 from yumi.control.limiter import SpeedScale
+from yumi.control.shared_state import Factor
 from yumi.driver.settings import RobotSettings, Settings
 from yumi.driver.speed import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
@@ -17,12 +18,12 @@ from yumi.robot.joints import CYCLE, Side
 
 
 class Arms:
-    """What a setting tells the arms; EGM runs on those in ``guided``."""
+    """What a setting tells the arms; EGM runs on those in ``in_egm``."""
 
     def __init__(self, value: float = 1.0) -> None:
         self.buffers = {side: MemoryBuffer() for side in Side}
-        self.guided: set[Side] = set()
-        self.setting = SpeedSetting(value, self.buffers, self.guided.__contains__)
+        self.in_egm: set[Side] = set()
+        self.setting = SpeedSetting(value, self.buffers, self.in_egm.__contains__)
 
     def told(self) -> list[float]:
         letters = [box.read() for box in self.buffers.values()]
@@ -54,7 +55,7 @@ def test_value_that_is_no_number_is_refused(value: Any) -> None:
 def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_started() -> None:
     arms = Arms(0.1)
     arms.setting.note_start([Side.RIGHT], 0.1)
-    arms.guided.add(Side.RIGHT)
+    arms.in_egm.add(Side.RIGHT)
     assert arms.setting.set(1.0) == (
         "speed_scale is 1, but EGM was started with 0.1, which the robot's own limit (MaxSpeedDeviation) keeps until "
         "EGM is started again: stop_egm, then start_egm."
@@ -69,7 +70,7 @@ def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_s
 
 def test_lower_value_holds_at_once_while_egm_runs() -> None:
     arms = Arms()
-    arms.guided.update(Side)
+    arms.in_egm.update(Side)
     arms.setting.note_start(Side, 1.0)
     arms.setting.set(0.2)
     assert (arms.told(), arms.setting.in_force) == ([0.2, 0.2], 0.2)

@@ -9,7 +9,7 @@ from functools import partial
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, HandState
+from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
 from yumi.virtual.controller.events import EventLog, EventType
 from yumi.virtual.mechanics.gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 
@@ -153,7 +153,7 @@ class GripperInstructions:
             if call.task.now >= deadline:
                 self._fail(failure, f"The fingers have been moving for {DEADLINE:g} s.")
             yield None
-        if self._gripper.state is HandState.ERROR:
+        if self._gripper.state is ServoState.ERROR:
             self._fail(failure, "The gripper reports an error.")
 
     def _do(self, action: Callable[[], None]) -> None:

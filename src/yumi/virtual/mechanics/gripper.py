@@ -18,8 +18,8 @@ from yumi.robot.gripper import (
     TOP_SPEED,
     TRAVEL,
     GripperModules,
-    HandCommand,
-    HandState,
+    ServoCommand,
+    ServoState,
 )
 
 FORCE_RATE = 100.0
@@ -134,11 +134,11 @@ class Action:
         is_over: whether the next action may begin.
     """
 
-    def __init__(self, state: HandState) -> None:
+    def __init__(self, state: ServoState) -> None:
         self.state = state
         self.is_over = False
 
-    def end(self, state: HandState) -> None:
+    def end(self, state: ServoState) -> None:
         """The action is over, in a state."""
         self.state, self.is_over = state, True
 
@@ -150,7 +150,7 @@ class Action:
 class FreeMove(Action):
     """Go to a position; an obstacle is an error."""
 
-    def __init__(self, state: HandState, target: float, speed: float) -> None:
+    def __init__(self, state: ServoState, target: float, speed: float) -> None:
         super().__init__(state)
         self._target, self._speed = target, speed
         self._stalled = 0.0
@@ -158,18 +158,18 @@ class FreeMove(Action):
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, MAX_FORCE, dt)
         if fingers.opening == self._target:
-            self.end(HandState.ACTION_COMPLETED)
+            self.end(ServoState.ACTION_COMPLETED)
             return left
         self._stalled += left
         if self._stalled >= STALL_TIME:
-            self.end(HandState.ERROR)
+            self.end(ServoState.ERROR)
         return 0.0
 
 
 class Grip(Action):
     """Close in on something and hold it; to reach the end of the travel means that there was nothing."""
 
-    def __init__(self, state: HandState, target: float, speed: float, force: float) -> None:
+    def __init__(self, state: ServoState, target: float, speed: float, force: float) -> None:
         super().__init__(state)
         self._gripping = state
         self._target, self._speed, self._force = target, speed, force
@@ -177,10 +177,10 @@ class Grip(Action):
     def advance(self, fingers: Fingers, dt: float) -> float:
         left = fingers.drive(self._target, self._speed, self._force, dt)
         if fingers.opening == self._target:
-            self.end(HandState.ACTION_COMPLETED)
+            self.end(ServoState.ACTION_COMPLETED)
             return left
         stands_with_force = fingers.speed == 0.0 and fingers.force >= self._force
-        self.state = HandState.KEEP_OBJECT if stands_with_force else self._gripping
+        self.state = ServoState.KEEP_OBJECT if stands_with_force else self._gripping
         return 0.0
 
 
@@ -188,7 +188,7 @@ class Jog(Action):
     """Open or close, calibrated or not, until stopped or, if asked, until the fingers stand."""
 
     def __init__(self, *, opens: bool, ends_at_standstill: bool = False) -> None:
-        super().__init__(HandState.JOG_OPEN if opens else HandState.JOG_CLOSE)
+        super().__init__(ServoState.JOG_OPEN if opens else ServoState.JOG_CLOSE)
         self._target = TRAVEL if opens else 0.0
         self._ends_at_standstill = ends_at_standstill
 
@@ -205,10 +205,10 @@ class Pause(Action):
 
     def __init__(
         self,
-        state: HandState,
+        state: ServoState,
         duration: float,
         *,
-        state_after: HandState,
+        state_after: ServoState,
         at_end: Callable[[], None] = lambda: None,
     ) -> None:
         super().__init__(state)
@@ -328,13 +328,13 @@ class VirtualGripper:
         self._fingers = Fingers(workpiece)
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
-        self._state = HandState.READY
-        self._command_shown = HandCommand.NONE
+        self._state = ServoState.READY
+        self._command_shown = ServoCommand.NONE
         self._error = 0
         self._actions: deque[Action] = deque()
 
     @property
-    def state(self) -> HandState:
+    def state(self) -> ServoState:
         """``hand_SysState``."""
         return self._state
 
@@ -361,7 +361,7 @@ class VirtualGripper:
     @property
     def is_holding(self) -> bool:
         """Whether the fingers hold an object with the hold force."""
-        return self._state is HandState.KEEP_OBJECT
+        return self._state is ServoState.KEEP_OBJECT
 
     @property
     def workpiece(self) -> Workpiece | None:
@@ -383,7 +383,7 @@ class VirtualGripper:
                 self._actions.popleft()
                 self._fingers.rest()
             self._state = self._actions[0].state if action.is_over and self._actions else action.state
-        if self._state is not HandState.ERROR:
+        if self._state is not ServoState.ERROR:
             self._error = 0
         elif self._error == 0:
             self._error = STALL_ERROR
@@ -392,7 +392,7 @@ class VirtualGripper:
 
     def fail(self, error: int) -> None:
         """The gripper reports the internal ``error``, 1 to 255, until it is cleared."""
-        self._execute(HandCommand.GO_TO_ERROR)
+        self._execute(ServoCommand.GO_TO_ERROR)
         self._error = error
 
     def cut_power(self) -> None:
@@ -432,10 +432,10 @@ class VirtualGripper:
         """g_Calibrate: with ``jog`` the fingers close first; where they are then becomes 0. It takes seconds."""
         closing: tuple[Action, ...] = (
             Jog(opens=False, ends_at_standstill=True),
-            Pause(HandState.READY, SETTLING_TIME, state_after=HandState.READY),
+            Pause(ServoState.READY, SETTLING_TIME, state_after=ServoState.READY),
         )
-        self._begin(*(closing if jog else ()), self._zeroing(HandState.READY))
-        self._command_shown = HandCommand.GO_TO_READY
+        self._begin(*(closing if jog else ()), self._zeroing(ServoState.READY))
+        self._command_shown = ServoCommand.GO_TO_READY
 
     # The next three raise RobotNotReady without calibration, CommandRefused for a position outside 0 to physical_limit.
 
@@ -444,36 +444,36 @@ class VirtualGripper:
         self._check_target(position)
         if self.position >= position:
             self._min_position = position
-            self._execute(HandCommand.FREE_MOVE_TO_MIN_POS)
+            self._execute(ServoCommand.FREE_MOVE_TO_MIN_POS)
         else:
             self._max_position = position
-            self._execute(HandCommand.FREE_MOVE_TO_MAX_POS)
+            self._execute(ServoCommand.FREE_MOVE_TO_MAX_POS)
 
     def grip_in(self, hold_force: float | None = None, position: float = 0.0) -> None:
         """g_GripIn: close until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
         self._check_target(position)
         self._min_position = position
-        self._grip(HandCommand.AGILE_GRIP_INWARD, hold_force)
+        self._grip(ServoCommand.AGILE_GRIP_INWARD, hold_force)
 
     def grip_out(self, hold_force: float | None = None, position: float | None = None) -> None:
         """g_GripOut: open until something is held with ``hold_force`` [N], or nothing was found at ``position`` [m]."""
         widest = self.physical_limit if position is None else position
         self._check_target(widest)
         self._max_position = widest
-        self._grip(HandCommand.AGILE_GRIP_OUTWARD, hold_force)
+        self._grip(ServoCommand.AGILE_GRIP_OUTWARD, hold_force)
 
-    def _grip(self, command: HandCommand, hold_force: float | None) -> None:
+    def _grip(self, command: ServoCommand, hold_force: float | None) -> None:
         if hold_force is not None:
             self.set_hold_force(hold_force)
         self._execute(command)
 
     def stop(self) -> None:
         """g_Stop: the motor is switched off; the gripper is ready for the next command."""
-        self._execute(HandCommand.GO_TO_READY)
+        self._execute(ServoCommand.GO_TO_READY)
 
     def jog(self, *, opens: bool) -> None:
         """g_JogOut, g_JogIn: open or close at low speed until stopped, calibrated or not."""
-        self._execute(HandCommand.JOG_OPEN if opens else HandCommand.JOG_CLOSE)
+        self._execute(ServoCommand.JOG_OPEN if opens else ServoCommand.JOG_CLOSE)
 
     def set_vacuum(self, channel: int, *, is_on: bool) -> None:
         """g_VacuumOn, g_VacuumOff of channel 1 or 2; where there is no such module nothing happens."""
@@ -519,12 +519,12 @@ class VirtualGripper:
         A command counts in state READY only, but for the one that leads there; unknown ones do nothing.
         """
         is_on = bool(value)
-        may_execute = value == HandCommand.GO_TO_READY or self._state is HandState.READY
+        may_execute = value == ServoCommand.GO_TO_READY or self._state is ServoState.READY
         if signal == "hand_CmdGripper":
-            if may_execute and value in set(HandCommand):
-                self._execute(HandCommand(value))
+            if may_execute and value in set(ServoCommand):
+                self._execute(ServoCommand(value))
         elif signal == "hand_CmdClearErr":
-            if is_on and self._state is HandState.ERROR:
+            if is_on and self._state is ServoState.ERROR:
                 self.stop()
         elif signal == "hand_MinPosition":
             self._min_position = value * 1e-4
@@ -543,26 +543,26 @@ class VirtualGripper:
             raise RobotNotReady("The gripper is not calibrated: calibrate it first.")
         _check_position(position, self.physical_limit)
 
-    def _execute(self, command: HandCommand) -> None:
+    def _execute(self, command: ServoCommand) -> None:
         self._command_shown = command
         narrow, wide = (
             max(0.0, min(TRAVEL, position + self._zero)) for position in (self._min_position, self._max_position)
         )
         speed, force = self.max_speed, self.hold_force
-        actions: dict[HandCommand, Action] = {
-            HandCommand.JOG_OPEN: Jog(opens=True),
-            HandCommand.JOG_CLOSE: Jog(opens=False),
-            HandCommand.FREE_MOVE_TO_MAX_POS: FreeMove(HandState.FREE_MOVE_TO_MAX_POS, wide, speed),
-            HandCommand.FREE_MOVE_TO_MIN_POS: FreeMove(HandState.FREE_MOVE_TO_MIN_POS, narrow, speed),
-            HandCommand.AGILE_GRIP_INWARD: Grip(HandState.AGILE_GRIP_INWARD, narrow, speed, force),
-            HandCommand.AGILE_GRIP_OUTWARD: Grip(HandState.AGILE_GRIP_OUTWARD, wide, speed, force),
-            HandCommand.GO_TO_CALIBRATION: self._zeroing(HandState.ACTION_COMPLETED),
+        actions: dict[ServoCommand, Action] = {
+            ServoCommand.JOG_OPEN: Jog(opens=True),
+            ServoCommand.JOG_CLOSE: Jog(opens=False),
+            ServoCommand.FREE_MOVE_TO_MAX_POS: FreeMove(ServoState.FREE_MOVE_TO_MAX_POS, wide, speed),
+            ServoCommand.FREE_MOVE_TO_MIN_POS: FreeMove(ServoState.FREE_MOVE_TO_MIN_POS, narrow, speed),
+            ServoCommand.AGILE_GRIP_INWARD: Grip(ServoState.AGILE_GRIP_INWARD, narrow, speed, force),
+            ServoCommand.AGILE_GRIP_OUTWARD: Grip(ServoState.AGILE_GRIP_OUTWARD, wide, speed, force),
+            ServoCommand.GO_TO_CALIBRATION: self._zeroing(ServoState.ACTION_COMPLETED),
         }
         if command in actions:
             self._begin(actions[command])
-        elif command is not HandCommand.NONE:
+        elif command is not ServoCommand.NONE:
             self._begin()
-            self._state = HandState.ERROR if command is HandCommand.GO_TO_ERROR else HandState.READY
+            self._state = ServoState.ERROR if command is ServoCommand.GO_TO_ERROR else ServoState.READY
 
     def _begin(self, *actions: Action) -> None:
         self._actions = deque(actions)
@@ -570,14 +570,14 @@ class VirtualGripper:
         if actions:
             self._state = actions[0].state
 
-    def _zeroing(self, state_after: HandState) -> Pause:
+    def _zeroing(self, state_after: ServoState) -> Pause:
         """Take the position for 0 after a while: calibrated, correctly if the fingers are closed."""
 
         def take_zero() -> None:
             self._zero = self._fingers.opening
             self.is_calibrated = True
 
-        return Pause(HandState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
+        return Pause(ServoState.CALIBRATION, CALIBRATION_TIME, state_after=state_after, at_end=take_zero)
 
 
 def _check_position(position: float, limit: float) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.robot.gripper import HandState
+from yumi.robot.gripper import ServoState
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 
@@ -94,7 +94,7 @@ def test_vacuum_and_blow_exclude_each_other(bench: InstructionBench, channel: in
 def test_jog_waits_until_the_fingers_stand_and_lets_go(bench: InstructionBench) -> None:
     assert bench.run("g_JogOut; number:=g_GetPos();") == pytest.approx(2.5, abs=0.1)
     assert float(bench.read("number")) == pytest.approx(25.0)
-    assert bench.unit.gripper.state is HandState.READY
+    assert bench.unit.gripper.state is ServoState.READY
 
 
 def test_vacuum_with_a_threshold_waits_for_the_pressure(bench: InstructionBench) -> None:

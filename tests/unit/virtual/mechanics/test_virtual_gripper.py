@@ -7,7 +7,7 @@ from math import nan
 import pytest
 
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.gripper import GripperModules, HandCommand, HandState
+from yumi.robot.gripper import GripperModules, ServoCommand, ServoState
 from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
 
 CUBE = Workpiece(0.020)
@@ -37,17 +37,17 @@ def finish(gripper: VirtualGripper, dt: float = 0.004032, longest: float = 10.0)
 
 def test_fingers_take_a_second_for_the_whole_way(gripper):
     gripper.move_to(0.025)
-    assert gripper.state is HandState.FREE_MOVE_TO_MAX_POS
+    assert gripper.state is ServoState.FREE_MOVE_TO_MAX_POS
     assert finish(gripper) == pytest.approx(1.0, abs=0.005)
     assert gripper.position == 0.025
-    assert gripper.state is HandState.ACTION_COMPLETED
+    assert gripper.state is ServoState.ACTION_COMPLETED
 
 
 def test_fingers_close_with_the_set_speed():
     gripper = opened()
     gripper.initialize(max_speed=0.010)
     gripper.move_to(0.005)
-    assert gripper.state is HandState.FREE_MOVE_TO_MIN_POS
+    assert gripper.state is ServoState.FREE_MOVE_TO_MIN_POS
     gripper.advance(0.5)
     assert gripper.position == pytest.approx(0.020)
     assert gripper.speed == -0.010
@@ -58,7 +58,7 @@ def test_grip_on_an_object_holds_it_with_the_set_force():
     gripper.grip_in(hold_force=12.0)
     finish(gripper)
     assert gripper.is_holding
-    assert gripper.state is HandState.KEEP_OBJECT
+    assert gripper.state is ServoState.KEEP_OBJECT
     assert (gripper.position, gripper.force) == (0.010, 12.0)
 
 
@@ -68,7 +68,7 @@ def test_force_builds_up_before_the_object_counts_as_held():
     gripper.advance(0.6)  # contact
     gripper.advance(0.1)
     assert gripper.force == pytest.approx(10.0)
-    assert gripper.state is HandState.AGILE_GRIP_INWARD
+    assert gripper.state is ServoState.AGILE_GRIP_INWARD
     gripper.advance(0.11)
     assert gripper.is_holding
 
@@ -78,7 +78,7 @@ def test_grip_on_nothing_closes_and_does_not_hold():
     gripper.grip_in()
     assert finish(gripper) == pytest.approx(1.0, abs=0.005)
     assert not gripper.is_holding
-    assert gripper.state is HandState.ACTION_COMPLETED
+    assert gripper.state is ServoState.ACTION_COMPLETED
     assert (gripper.position, gripper.force) == (0.0, 0.0)
 
 
@@ -88,7 +88,7 @@ def test_object_that_is_taken_away_lets_the_fingers_close():
     finish(gripper)
     gripper.workpiece = None
     gripper.advance(0.1)
-    assert gripper.state is HandState.AGILE_GRIP_INWARD
+    assert gripper.state is ServoState.AGILE_GRIP_INWARD
     finish(gripper)
     assert gripper.position == 0.0
 
@@ -111,7 +111,7 @@ def test_grip_to_a_position_ends_there(gripper):
     gripper = opened()
     gripper.grip_in(position=0.010)
     finish(gripper)
-    assert (gripper.position, gripper.state) == (0.010, HandState.ACTION_COMPLETED)
+    assert (gripper.position, gripper.state) == (0.010, ServoState.ACTION_COMPLETED)
 
 
 def test_stop_lets_go():
@@ -119,17 +119,17 @@ def test_stop_lets_go():
     gripper.grip_in()
     finish(gripper)
     gripper.stop()
-    assert (gripper.force, gripper.state) == (0.0, HandState.READY)
+    assert (gripper.force, gripper.state) == (0.0, ServoState.READY)
 
 
 def test_free_move_against_an_object_is_an_error_until_it_is_cleared():
     gripper = opened(CUBE)
     gripper.move_to(0.0)
     finish(gripper)
-    assert gripper.state is HandState.ERROR
+    assert gripper.state is ServoState.ERROR
     assert gripper.signals()["hand_SysError"] == 1
     gripper.write("hand_CmdClearErr", 1)
-    assert gripper.state is HandState.READY
+    assert gripper.state is ServoState.READY
 
 
 def test_calibration_closes_the_fingers_and_takes_its_time():
@@ -137,12 +137,12 @@ def test_calibration_closes_the_fingers_and_takes_its_time():
     gripper.calibrate()
     assert 1.0 <= finish(gripper) < 1.1
     assert gripper.is_calibrated
-    assert (gripper.position, gripper.state) == (0.0, HandState.READY)
+    assert (gripper.position, gripper.state) == (0.0, ServoState.READY)
 
 
 def test_calibration_shows_its_states_in_order():
     gripper = VirtualGripper()
-    gripper.write("hand_CmdGripper", HandCommand.JOG_OPEN)
+    gripper.write("hand_CmdGripper", ServoCommand.JOG_OPEN)
     gripper.advance(1.0)
     gripper.calibrate()
     states = [gripper.state]
@@ -167,7 +167,7 @@ def test_commands_before_calibration_are_refused(command):
     gripper = VirtualGripper()
     with pytest.raises(RobotNotReady, match="not calibrated: calibrate it first"):
         command(gripper)
-    assert gripper.state is HandState.READY
+    assert gripper.state is ServoState.READY
 
 
 @pytest.mark.parametrize("position", [-0.001, 0.021, nan])
@@ -209,8 +209,8 @@ def test_signals_carry_tenths_of_millimetres(gripper):
 def test_signals_move_the_fingers_as_the_hand_driver_does(gripper):
     gripper.write("hand_MaxPosition", 200)
     gripper.write("hand_MaxSpeed", 100)
-    gripper.write("hand_CmdGripper", HandCommand.GO_TO_READY)
-    gripper.write("hand_CmdGripper", HandCommand.FREE_MOVE_TO_MAX_POS)
+    gripper.write("hand_CmdGripper", ServoCommand.GO_TO_READY)
+    gripper.write("hand_CmdGripper", ServoCommand.FREE_MOVE_TO_MAX_POS)
     assert finish(gripper) == pytest.approx(2.0, abs=0.005)
     assert gripper.signals()["hand_ActualPosition"] == 200
 
@@ -219,8 +219,8 @@ def test_signals_grip_with_the_force_they_carry():
     gripper = opened(CUBE)
     gripper.write("hand_HoldForce", 55)
     gripper.write("hand_MinPosition", 0)
-    gripper.write("hand_CmdGripper", HandCommand.GO_TO_READY)
-    gripper.write("hand_CmdGripper", HandCommand.AGILE_GRIP_INWARD)
+    gripper.write("hand_CmdGripper", ServoCommand.GO_TO_READY)
+    gripper.write("hand_CmdGripper", ServoCommand.AGILE_GRIP_INWARD)
     finish(gripper)
     assert gripper.force == pytest.approx(5.5)
     assert gripper.signals()["hand_SysState"] == 9
@@ -231,19 +231,19 @@ def test_command_signal_is_ignored_when_not_ready_or_unknown(gripper, value):
     gripper.move_to(0.02)
     gripper.advance(0.1)
     gripper.write("hand_CmdGripper", value)
-    assert gripper.state is HandState.FREE_MOVE_TO_MAX_POS
+    assert gripper.state is ServoState.FREE_MOVE_TO_MAX_POS
 
 
 def test_error_can_be_provoked_by_its_command(gripper):
-    gripper.write("hand_CmdGripper", HandCommand.GO_TO_ERROR)
+    gripper.write("hand_CmdGripper", ServoCommand.GO_TO_ERROR)
     assert gripper.signals()["hand_SysState"] == 1
 
 
 def test_calibration_by_command_ends_completed():
     gripper = VirtualGripper()
-    gripper.write("hand_CmdGripper", HandCommand.GO_TO_CALIBRATION)
+    gripper.write("hand_CmdGripper", ServoCommand.GO_TO_CALIBRATION)
     finish(gripper)
-    assert (gripper.is_calibrated, gripper.state) == (True, HandState.ACTION_COMPLETED)
+    assert (gripper.is_calibrated, gripper.state) == (True, ServoState.ACTION_COMPLETED)
 
 
 @pytest.mark.parametrize("channel", [1, 2])
@@ -280,7 +280,7 @@ def test_object_too_heavy_for_the_force_slips_out_and_the_fingers_close():
     assert gripper.is_holding
     for _ in range(200):
         gripper.advance(0.004)
-    assert (gripper.position, gripper.state, gripper.workpiece) == (0.0, HandState.ACTION_COMPLETED, None)
+    assert (gripper.position, gripper.state, gripper.workpiece) == (0.0, ServoState.ACTION_COMPLETED, None)
 
 
 def test_same_object_is_held_with_enough_force():
@@ -317,9 +317,9 @@ def test_jog_goes_on_until_it_is_told_to_stop():
     gripper = VirtualGripper()
     gripper.jog(opens=True)
     gripper.advance(1.0)
-    assert (gripper.state, gripper.speed) == (HandState.JOG_OPEN, 0.010)
+    assert (gripper.state, gripper.speed) == (ServoState.JOG_OPEN, 0.010)
     gripper.stop()
-    assert (gripper.state, gripper.speed) == (HandState.READY, 0.0)
+    assert (gripper.state, gripper.speed) == (ServoState.READY, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -33,8 +33,8 @@ def robot() -> FakeRobot:
     return FakeRobot()
 
 
-def test_guidance_orders_both_arms_at_once(robot: FakeRobot) -> None:
-    motions = robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: list(LEFT)}, 0.3, None)
+def test_executor_orders_both_arms_at_once(robot: FakeRobot) -> None:
+    motions = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: list(LEFT)}, 0.3, None)
     assert [(order.side, order.message) for order in robot.control.commands] == [
         (Side.RIGHT, JointGoal(RIGHT, motions[0].identity, 0.3, None)),
         (Side.LEFT, JointGoal(LEFT, motions[1].identity, 0.3, None)),
@@ -44,26 +44,26 @@ def test_guidance_orders_both_arms_at_once(robot: FakeRobot) -> None:
 @pytest.mark.parametrize("names", [joint_names(Side.RIGHT), [f"joint_{axis}" for axis in CHAIN_AXES]])
 def test_joints_by_name_are_put_in_chain_order(robot: FakeRobot, names: Sequence[str]) -> None:
     backwards = dict(reversed(list(zip(names, RIGHT, strict=True))))
-    robot.guidance.move({Side.RIGHT: backwards}, None, None)
+    robot.executor.move({Side.RIGHT: backwards}, None, None)
     assert robot.control.commands[0].message.position == RIGHT  # type: ignore[attr-defined]
 
 
 def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    robot.guidance.follow({Side.RIGHT: [(1.0, BY_NAME, {f"j{axis}": 0.0 for axis in CHAIN_AXES})]})
+    robot.executor.follow({Side.RIGHT: [(1.0, BY_NAME, {f"j{axis}": 0.0 for axis in CHAIN_AXES})]})
     with pytest.raises(CommandRefused, match="'yumi_joint_1_r' is a joint of the right arm, and this is the left arm"):
-        robot.guidance.follow({Side.LEFT: [(1.0, BY_NAME)]})
+        robot.executor.follow({Side.LEFT: [(1.0, BY_NAME)]})
 
 
 def test_motion_says_what_it_is(robot: FakeRobot) -> None:
-    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: under way>"
     robot.end(robot.control.commands[0])
     assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: ended>"
 
 
 def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> None:
-    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert not motion.is_done
     robot.end(robot.control.commands[0])
     motion.wait(0.0)
@@ -72,14 +72,14 @@ def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> Non
 
 @pytest.mark.parametrize("outcome", [GoalOutcome.ABORTED, GoalOutcome.REPLACED, GoalOutcome.STOPPED])
 def test_motion_that_ends_elsewhere_says_why(robot: FakeRobot, outcome: GoalOutcome) -> None:
-    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.end(robot.control.commands[0], outcome, "something came between")
     with pytest.raises(GoalNotReached, match=r"The right arm did not reach its goal: something came between\."):
         motion.wait()
 
 
-def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
-    (motion,) = robot.guidance.move({Side.LEFT: LEFT}, None, None)
+def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
+    (motion,) = robot.executor.move({Side.LEFT: LEFT}, None, None)
     with pytest.raises(
         GoalNotReached, match="The left arm has not reached its goal within 0 s; it is still on its way"
     ):
@@ -109,10 +109,10 @@ def test_motion_goes_on_when_nobody_waits_any_longer(robot: FakeRobot) -> None:
         ({**BY_NAME, "yumi_joint_2_r": "up"}, "expected seven angles in radians, got {'yumi_joint_1_r'"),
     ],
 )
-def test_guidance_refuses_an_impossible_goal_and_asks_nobody(robot: FakeRobot, goal: object, sentence: str) -> None:
+def test_executor_refuses_an_impossible_goal_and_asks_no_one(robot: FakeRobot, goal: object, sentence: str) -> None:
     for ask in (
-        lambda: robot.guidance.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
-        lambda: robot.guidance.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
+        lambda: robot.executor.move({Side.LEFT: LEFT, Side.RIGHT: goal}, None, None),  # type: ignore[dict-item]
+        lambda: robot.executor.stream(Side.RIGHT, goal),  # type: ignore[arg-type]
     ):
         with pytest.raises(CommandRefused, match=sentence):
             ask()
@@ -122,26 +122,26 @@ def test_guidance_refuses_an_impossible_goal_and_asks_nobody(robot: FakeRobot, g
 def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> None:
     robot.control.refuses = True
     with pytest.raises(CommandRefused, match="Not now"):
-        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.tell(LOST)  # there is nothing to fail
+        robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    robot.motions.note(LOST)  # there is nothing to fail
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
     robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], is_running=False)
     with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
-        robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
+        robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
     assert robot.control.commands == []
 
 
-def test_arm_that_nobody_named_is_not_moved() -> None:
+def test_arm_that_no_one_named_is_not_moved() -> None:
     robot = FakeRobot((Side.RIGHT,))
-    with pytest.raises(RobotNotReady, match=r"The left arm is not guided; name it in connect\(arms=\.\.\.\)"):
-        robot.guidance.move({Side.LEFT: LEFT}, None, None)
+    with pytest.raises(RobotNotReady, match=r"EGM is not started on the left arm; name it in connect\(arms=\.\.\.\)"):
+        robot.executor.move({Side.LEFT: LEFT}, None, None)
 
 
 def test_fault_ends_the_motions_of_its_arm_only(robot: FakeRobot) -> None:
-    right, left = robot.guidance.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
-    robot.book.tell(LOST)
+    right, left = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
+    robot.motions.note(LOST)
     with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.*Call robot\.recover\(\) when"):
         right.wait()
     assert not left.is_done
@@ -149,9 +149,9 @@ def test_fault_ends_the_motions_of_its_arm_only(robot: FakeRobot) -> None:
 
 def test_motion_that_a_stop_has_ended_says_its_cause_and_what_to_confirm(robot: FakeRobot) -> None:
     waiting: list[Callable[[Cause], None]] = []
-    robot.book.explain = waiting.append
-    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.tell(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
+    robot.motions.explain = waiting.append
+    (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    robot.motions.note(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
     robot.end(robot.control.commands[0], GoalOutcome.ABORTED, "the controller was deactivated")
     assert not motion.is_done
     waiting[0](Cause("10013 Emergency stop: an emergency stop was pressed", "10013-7-a1b2c3"))
@@ -160,34 +160,34 @@ def test_motion_that_a_stop_has_ended_says_its_cause_and_what_to_confirm(robot: 
         motion.wait()
     assert end.value.stop == "10013-7-a1b2c3"
     with pytest.raises(RobotNotReady, match=sentence) as refusal:
-        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+        robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert refusal.value.stop == "10013-7-a1b2c3"
 
 
 def test_cause_that_comes_after_recovery_stops_nothing(robot: FakeRobot) -> None:
     waiting: list[Callable[[Cause], None]] = []
-    robot.book.explain = waiting.append
-    robot.book.tell(LOST)
-    robot.book.clear_faults()
+    robot.motions.explain = waiting.append
+    robot.motions.note(LOST)
+    robot.motions.clear_faults()
     waiting[0](Cause("10125 Program stopped"))
-    assert robot.guidance.fault(Side.RIGHT) is None
+    assert robot.executor.fault(Side.RIGHT) is None
 
 
 def test_end_of_egm_without_a_stop_is_not_called_one(robot: FakeRobot) -> None:
-    (motion,) = robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.tell(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
+    (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    robot.motions.note(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
     with pytest.raises(GoalNotReached, match="The controller reports no stop: its program has ended EGM, or another"):
         motion.wait()
 
 
 def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
-    robot.book.tell(LOST)
+    robot.motions.note(LOST)
     with pytest.raises(
         RobotNotReady, match=r"The right arm was stopped and waits for robot\.recover\(\)\. Right arm: EGM"
     ):
-        robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.book.clear_faults()
-    assert robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+        robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    robot.motions.clear_faults()
+    assert robot.executor.move({Side.RIGHT: RIGHT}, None, None)
 
 
 @pytest.mark.parametrize(
@@ -199,23 +199,23 @@ def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
     ],
 )
 def test_fault_concerns_its_arms(robot: FakeRobot, event: object, sides: list[Side]) -> None:
-    robot.book.tell(event)  # type: ignore[arg-type]
-    assert [side for side in Side if robot.guidance.fault(side)] == sides
+    robot.motions.note(event)  # type: ignore[arg-type]
+    assert [side for side in Side if robot.executor.fault(side)] == sides
 
 
 def test_stream_switches_once_and_then_only_puts_goals(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
     for _ in range(3):
-        robot.guidance.stream(Side.RIGHT, RIGHT)
+        robot.executor.stream(Side.RIGHT, RIGHT)
     assert robot.control.switches == [Switch(Side.RIGHT, activate=(STREAM_CONTROLLER,), deactivate=(GOAL_CONTROLLER,))]
     assert read_goal(robot.goals[Side.RIGHT], 1) == (3, Goal(RIGHT, UNKNOWN, pytest.approx(nan, nan_ok=True)))
 
 
 def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.guidance.stream(Side.RIGHT, RIGHT)
-    robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
-    robot.guidance.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream(Side.RIGHT, RIGHT)
+    robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    robot.executor.stream(Side.RIGHT, RIGHT)
     assert [switch.activate for switch in robot.control.switches] == [
         (STREAM_CONTROLLER,),
         (GOAL_CONTROLLER,),
@@ -224,24 +224,24 @@ def test_stream_takes_the_arm_back_after_a_goal(robot: FakeRobot) -> None:
 
 
 def test_stream_begins_when_the_motion_before_it_has_ended(robot: FakeRobot) -> None:
-    robot.guidance.move({Side.RIGHT: RIGHT}, None, None)
+    robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.control.on_command = robot.end
-    robot.guidance.stream(Side.RIGHT, RIGHT)
+    robot.executor.stream(Side.RIGHT, RIGHT)
     assert isinstance(robot.control.commands[-1].message, StopMotion)
 
 
 def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
     robot.control.on_command = robot.end
-    robot.guidance.stream(Side.LEFT, LEFT)
-    (motion,) = robot.guidance.stop((Side.LEFT,))
+    robot.executor.stream(Side.LEFT, LEFT)
+    (motion,) = robot.executor.stop((Side.LEFT,))
     assert robot.control.commands[-1].message == StopMotion(motion.identity)
     assert robot.control.switches[-1].activate == (GOAL_CONTROLLER,)
     motion.wait(0.0)
 
 
-def test_arm_that_nobody_commands_needs_no_stop(robot: FakeRobot) -> None:
+def test_arm_that_no_one_commands_needs_no_stop(robot: FakeRobot) -> None:
     robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], activation=0)
-    assert robot.guidance.stop((Side.LEFT,)) == ()
+    assert robot.executor.stop((Side.LEFT,)) == ()
 
 
 def test_numbers_of_any_kind_are_a_goal(robot: FakeRobot) -> None:
@@ -249,13 +249,13 @@ def test_numbers_of_any_kind_are_a_goal(robot: FakeRobot) -> None:
         def __float__(self) -> float:
             return 0.0
 
-    robot.guidance.move({Side.RIGHT: [Number(), *RIGHT[1:]]}, None, None)
+    robot.executor.move({Side.RIGHT: [Number(), *RIGHT[1:]]}, None, None)
     assert robot.control.commands[0].message.position == RIGHT  # type: ignore[attr-defined]
 
 
 def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
-    robot.guidance.follow({Side.RIGHT: [(1.0, RIGHT)], Side.LEFT: [(1.0, LEFT, [0.0] * 7)]})
+    robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)], Side.LEFT: [(1.0, LEFT, [0.0] * 7)]})
     plans = [order.message.plan for order in robot.control.commands if isinstance(order.message, FollowTrajectory)]
     assert [(plan.side, plan.start) for plan in plans] == [(Side.RIGHT, 100.1), (Side.LEFT, 100.1)]
 
@@ -265,9 +265,9 @@ def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
 )
 def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outcome, is_reached: bool) -> None:
     robot.control.on_command = robot.rest
-    (motion,) = robot.guidance.follow({Side.RIGHT: [(1.0, RIGHT)]})
+    (motion,) = robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)]})
     notice = TrajectoryEnded(motion.identity, outcome, ResultCode.SUCCESSFUL, "It is over.")
-    robot.book.tell(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
+    robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
     assert (motion.future.exception() is None) is is_reached
     if not is_reached:
         assert str(motion.future.exception()) == "The right arm did not reach its goal: It is over."
@@ -286,7 +286,7 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
         (3.0, "each of its points is a time and seven positions"),
     ],
 )
-def test_impossible_trajectory_is_refused_and_nobody_asked(robot: FakeRobot, points: object, sentence: str) -> None:
+def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, points: object, sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
-        robot.guidance.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
+        robot.executor.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
     assert robot.control.commands == robot.control.switches == []

@@ -1,4 +1,4 @@
-"""The hands' signals as a subscription tells them: what is known, for how long, and what happens when it ends."""
+"""The grippers' signals as a subscription tells them: what is known, for how long, and what happens when it ends."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from yumi.driver.gripper import HandSignals
+from yumi.driver.gripper_io import GripperSignals
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
-from yumi.robot.gripper import GripperModules, HandState
+from yumi.robot.gripper import GripperModules, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.events import Change, Priority, Resource
 
@@ -63,13 +63,13 @@ def robot() -> Robot:
 
 
 @pytest.fixture
-def signals(robot: Robot) -> HandSignals:
-    signals = HandSignals(robot, MODULES)
+def signals(robot: Robot) -> GripperSignals:
+    signals = GripperSignals(robot, MODULES)
     signals.keep_open()
     return signals
 
 
-def test_signals_of_both_hands_are_subscribed_once_with_high_priority(robot: Robot, signals: HandSignals) -> None:
+def test_signals_of_both_grippers_are_subscribed_once_with_high_priority(robot: Robot, signals: GripperSignals) -> None:
     signals.keep_open()
     (resources,) = robot.resources
     assert {resource.priority for resource in resources} == {Priority.HIGH}
@@ -78,42 +78,42 @@ def test_signals_of_both_hands_are_subscribed_once_with_high_priority(robot: Rob
     assert "hand_ActualPressure1_R" not in names
 
 
-def test_reading_is_there_from_the_first_values_on_and_follows_changes(robot: Robot, signals: HandSignals) -> None:
-    first = signals.reading(Side.RIGHT)
+def test_reading_is_there_from_the_first_values_on_and_follows_changes(robot: Robot, signals: GripperSignals) -> None:
+    first = signals.state(Side.RIGHT)
     assert first is not None
-    assert (first.state, first.position) == (HandState.READY, 0.0)
+    assert (first.state, first.position) == (ServoState.READY, 0.0)
     for name, value in (("hand_SysState_R", "3"), ("hand_ActualPosition_R", "123"), ("hand_ActualSpeed_R", "250")):
         robot.tell(name, value)
-    reading = signals.reading(Side.RIGHT)
+    reading = signals.state(Side.RIGHT)
     assert reading is not None
     assert (reading.state, reading.position, reading.speed) == (
-        HandState.FREE_MOVE_TO_MIN_POS,
+        ServoState.FREE_MOVE_TO_MIN_POS,
         pytest.approx(0.0123),
         pytest.approx(-0.025),
     )
 
 
-def test_force_is_that_of_the_hand_while_it_holds_something(robot: Robot, signals: HandSignals) -> None:
+def test_force_is_that_of_the_gripper_while_it_holds_something(robot: Robot, signals: GripperSignals) -> None:
     robot.tell("hand_HoldForce_R", "75")
-    assert signals.reading(Side.RIGHT).force == 0.0
+    assert signals.state(Side.RIGHT).force == 0.0
     robot.tell("hand_SysState_R", "9")
     robot.tell("hand_ActualPosition_R", "100")
-    reading = signals.reading(Side.RIGHT)
+    reading = signals.state(Side.RIGHT)
     assert (reading.force, reading.is_holding) == (7.5, True)
 
 
-def test_vacuum_module_shows_what_it_has_picked(robot: Robot, signals: HandSignals) -> None:
+def test_vacuum_module_shows_what_it_has_picked(robot: Robot, signals: GripperSignals) -> None:
     robot.tell("hand_StatusVacuum1_L", "1")
     robot.tell("hand_ActualPressure1_L", "40")
-    cup = signals.reading(Side.LEFT).cups[1]
+    cup = signals.state(Side.LEFT).cups[1]
     assert (cup.pressure, cup.has_picked(70e3), cup.has_picked(30e3)) == (40e3, True, False)
 
 
 def test_nothing_is_known_after_the_end_of_the_subscription_until_there_is_another(
-    robot: Robot, signals: HandSignals
+    robot: Robot, signals: GripperSignals
 ) -> None:
     robot.on_lost("the robot has closed the connection")
-    assert (signals.is_open, signals.reading(Side.RIGHT)) == (False, None)
+    assert (signals.is_open, signals.state(Side.RIGHT)) == (False, None)
     robot.tell("hand_SysState_R", "1")  # a late one
     assert signals.value(Side.RIGHT, "hand_SysState") is None
     signals.keep_open()
@@ -122,7 +122,7 @@ def test_nothing_is_known_after_the_end_of_the_subscription_until_there_is_anoth
 
 def test_subscription_that_is_lost_while_it_begins_is_asked_for_again(robot: Robot) -> None:
     robot.loses_at_once = True
-    signals = HandSignals(robot, MODULES)
+    signals = GripperSignals(robot, MODULES)
     signals.keep_open()
     assert not signals.is_open
     robot.loses_at_once = False
@@ -130,57 +130,57 @@ def test_subscription_that_is_lost_while_it_begins_is_asked_for_again(robot: Rob
     assert signals.is_open
 
 
-def test_hand_that_the_controller_lacks_stays_unknown() -> None:
-    signals = HandSignals(Robot(lacking=Side.LEFT), MODULES)
+def test_gripper_that_the_controller_lacks_stays_unknown() -> None:
+    signals = GripperSignals(Robot(lacking=Side.LEFT), MODULES)
     signals.keep_open()
-    assert signals.reading(Side.RIGHT) is not None
-    assert signals.reading(Side.LEFT) is None
+    assert signals.state(Side.RIGHT) is not None
+    assert signals.state(Side.LEFT) is None
 
 
-def test_robot_that_cannot_be_reached_is_told(robot: Robot) -> None:
+def test_robot_that_cannot_be_reached_is_reported(robot: Robot) -> None:
     robot.failure = NoConnection("memory does not answer.")
     with pytest.raises(NoConnection, match="memory does not answer"):
-        HandSignals(robot, MODULES).keep_open()
+        GripperSignals(robot, MODULES).keep_open()
 
 
 def test_signal_that_changes_while_the_web_socket_opens_is_read(robot: Robot) -> None:
     robot.present = {"hand_SysState_R": 9.0, "hand_SysState_L": 1.0, "DRV1K1": 1.0}
-    signals = HandSignals(robot, MODULES)
+    signals = GripperSignals(robot, MODULES)
     signals.keep_open()
     assert [signals.value(side, "hand_SysState") for side in (Side.RIGHT, Side.LEFT)] == [9.0, 1.0]
     assert signals.value(Side.RIGHT, "hand_SysError") == 0.0
 
 
-def test_signal_that_is_told_while_all_are_read_keeps_what_was_told(robot: Robot) -> None:
+def test_signal_that_is_reported_while_all_are_read_keeps_what_was_reported(robot: Robot) -> None:
     robot.present = {"hand_SysState_R": 1.0}
     robot.while_read = lambda: robot.tell("hand_SysState_R", "9")
-    signals = HandSignals(robot, MODULES)
+    signals = GripperSignals(robot, MODULES)
     signals.keep_open()
     assert signals.value(Side.RIGHT, "hand_SysState") == 9.0
 
 
 def test_signals_that_cannot_be_read_end_the_subscription(robot: Robot) -> None:
     robot.unread = NoConnection("memory does not answer.")
-    signals = HandSignals(robot, MODULES)
+    signals = GripperSignals(robot, MODULES)
     with pytest.raises(NoConnection, match="memory does not answer"):
         signals.keep_open()
-    assert (robot.closed, signals.is_open, signals.reading(Side.RIGHT)) == (1, False, None)
+    assert (robot.closed, signals.is_open, signals.state(Side.RIGHT)) == (1, False, None)
 
 
-def test_close_ends_the_subscription(robot: Robot, signals: HandSignals) -> None:
+def test_close_ends_the_subscription(robot: Robot, signals: GripperSignals) -> None:
     signals.close()
     signals.close()
     assert (robot.closed, signals.is_open) == (1, False)
 
 
 @pytest.mark.parametrize("code", [13, 14, 18, 31])
-def test_state_no_gripper_has_is_refused(robot: Robot, signals: HandSignals, code: int) -> None:
+def test_state_no_gripper_has_is_refused(robot: Robot, signals: GripperSignals, code: int) -> None:
     robot.tell("hand_SysState_R", str(code))
     with pytest.raises(ProtocolError, match=f"The gripper reports state {code}, which no Smart Gripper has"):
-        signals.reading(Side.RIGHT)
+        signals.state(Side.RIGHT)
 
 
-def test_change_that_makes_no_sense_changes_nothing(robot: Robot, signals: HandSignals) -> None:
+def test_change_that_makes_no_sense_changes_nothing(robot: Robot, signals: GripperSignals) -> None:
     robot.tell("hand_SysState_R", "busy")
     robot.tell("hand_Unknown_R", "1")
     assert signals.value(Side.RIGHT, "hand_SysState") == 0.0

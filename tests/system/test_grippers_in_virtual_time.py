@@ -1,4 +1,4 @@
-"""Both hands through the state machine on the virtual robot: outcomes, vacuum, refusals, and EGM beside them."""
+"""Both grippers through the state machine on the virtual robot: outcomes, vacuum, refusals, and EGM beside them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, cast
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.api.motion import Guidance
-from yumi.api.robot import Connection
+from yumi.api.connection import Connection
+from yumi.api.motion import MotionExecutor
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.settings import read_settings
 from yumi.driver.state import Mode
@@ -22,10 +22,10 @@ from yumi.robot.gripper import (
     THINNEST,
     TRAVEL,
     Direction,
+    GripperGoal,
     GripperModules,
-    HandOrder,
-    HandState,
     Outcome,
+    ServoState,
     go_to,
     grip,
 )
@@ -37,8 +37,9 @@ from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)
 OPEN = go_to(TRAVEL)
-TOLD = 0.1
-"""By then the controller has told what became of a hand [s]."""
+IN_EGM = r"The left gripper cannot be calibrated: a state machine is not idle \(left arm: RUN_EGM_ROUTINE\); end EGM"
+REPORTED = 0.1
+"""By then the controller has reported a change of a gripper [s]."""
 
 
 @pytest.fixture
@@ -50,7 +51,7 @@ def system() -> System:
 
 @pytest.fixture
 def calibrated() -> System:
-    """With hands that the controller tells of."""
+    """With grippers that the controller tells of."""
     system = System(are_calibrated=True)
     system.bringup.make_ready()
     system.signals.keep_open()
@@ -69,7 +70,7 @@ def right(calibrated: System) -> Gripper:
     return calibrated.grippers[Side.RIGHT]
 
 
-def test_hands_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
+def test_grippers_that_will_be_calibrated_or_closed_are_announced(system: System) -> None:
     setup = GripperSetup(system.grippers, print, print)
     assert setup.steps() == [f"calibrate the {side.word} gripper (its fingers close)" for side in Side]
     setup.run()
@@ -78,10 +79,10 @@ def test_hands_that_will_be_calibrated_or_closed_are_announced(system: System) -
 
 
 def test_grippers_that_are_not_calibrated_unasked_are_not_announced(system: System) -> None:
-    assert GripperSetup(system.grippers, print, print, is_wanted=False).steps() == []
+    assert GripperSetup(system.grippers, print, print, is_allowed=False).steps() == []
 
 
-def done(gripper: Gripper, order: HandOrder) -> Outcome | None:
+def done(gripper: Gripper, order: GripperGoal) -> Outcome | None:
     gripper.begin(order)
     return gripper.wait(order)
 
@@ -122,7 +123,7 @@ def test_egm_does_not_start_while_a_gripper_is_being_calibrated(system: System) 
     original = system.client.pulse_signal
 
     def pulse(name: str) -> None:
-        taken.append(system.manager._lock.locked())
+        taken.append(system.manager._turn.locked())
         original(name)
 
     system.client.pulse_signal = pulse  # type: ignore[method-assign]
@@ -134,8 +135,8 @@ def test_egm_does_not_start_while_a_gripper_is_being_calibrated(system: System) 
 @pytest.mark.parametrize(
     ("happen", "sentence"),
     [
-        (lambda system: system.manager.give_way(), "A stop was asked for meanwhile"),
-        (lambda system: (system.faults.happen(Fault.COLLISION), system.manager.watch.look()), "was stopped by 50204"),
+        (lambda system: system.manager.interrupt(), "A stop was requested meanwhile"),
+        (lambda system: (system.faults.happen(Fault.COLLISION), system.manager.monitor.read()), "was stopped by 50204"),
     ],
     ids=["stop", "collision"],
 )
@@ -155,26 +156,26 @@ def test_calibration_waits_no_longer_when_a_stop_comes(
 
 def test_stop_that_is_asked_for_while_the_program_starts_closes_no_fingers() -> None:
     system = System()
-    Preparing(system, system.manager.report_step)
+    Preparing(system, system.manager.step)
 
     def report(step: str) -> None:
         if step == "start the RAPID program":
-            system.manager.give_way()
+            system.manager.interrupt()
 
-    with pytest.raises(RobotNotReady, match="A stop was asked for meanwhile"):
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
         system.manager.go_to(Mode.READY, report)
     assert are_calibrated(system) == [False, False]
 
 
 def test_steps_of_a_mode_have_the_calibration_of_grippers() -> None:
     system, steps = System(), []
-    Preparing(system, system.manager.report_step)
+    Preparing(system, system.manager.step)
     system.manager.go_to(Mode.READY, steps.append)
     assert steps[-1] == "calibrate the right and left grippers: the fingers close"
 
 
 class NothingMoves:
-    """Guidance of arms that stand."""
+    """An executor of arms that stand."""
 
     def stop(self, arms: tuple[Side, ...]) -> list[object]:
         return []
@@ -185,7 +186,7 @@ def script(system: System) -> Connection:
     """A script's connection to the virtual robot, with EGM on both arms."""
     connection = Connection(read_settings(), {}, tuple(Side))
     connection.manager, connection.grippers = system.manager, system.grippers
-    connection.guidance = cast("Guidance", NothingMoves())
+    connection.executor = cast("MotionExecutor", NothingMoves())
     system.manager.start_egm()
     return connection
 
@@ -193,16 +194,19 @@ def script(system: System) -> Connection:
 def test_calibration_by_a_script_pauses_egm(system: System, script: Connection) -> None:
     script.calibrate(Side.LEFT)
     assert are_calibrated(system) == [False, True]
-    assert system.manager.wanted == tuple(Side)
+    assert system.manager.egm_arms == tuple(Side)
     assert system.manager.check_ready() == "ready, EGM runs"
 
 
 def test_calibration_by_a_script_that_fails_starts_nothing(system: System, script: Connection) -> None:
     system.client.stop_rapid()
-    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated while its arm is guided"):
+    with pytest.raises(
+        RobotNotReady,
+        match=IN_EGM,
+    ):
         script.calibrate(Side.LEFT)
     assert system.client.execution() is ExecutionState.STOPPED
-    assert system.manager.wanted == ()
+    assert system.manager.egm_arms == ()
 
 
 def test_both_grippers_are_calibrated_in_the_time_of_one(system: System) -> None:
@@ -245,7 +249,7 @@ def test_grippers_of_a_robot_that_becomes_ready_late_are_calibrated_before_egm_s
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"is_wanted": False}, "gripper.calibrate is never"),
+        ({"is_allowed": False}, "gripper.calibrate is never"),
         (
             {"is_confirmed": lambda: False},
             "the robot was stopped, and a gripper without calibration does not know what",
@@ -271,14 +275,14 @@ def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: S
     done(left, OPEN)
     done(left, CLOSE)
     calibrated.world.grippers[Side.LEFT].is_calibrated = False
-    calibrated.wait(TOLD)
+    calibrated.wait(REPORTED)
     calibrated.manager.make_ready()
     (complaint,) = prepared.complaints
     assert "The left gripper is not calibrated, and is not calibrated now: it presses on something" in complaint
     assert calibrated.world.grippers[Side.LEFT].is_holding
 
 
-def test_gripper_that_somebody_jogs_is_not_calibrated_under_his_hands(system: System) -> None:
+def test_gripper_that_a_person_jogs_is_not_calibrated_under_his_grippers(system: System) -> None:
     prepared = Preparing(system)
     system.grippers[Side.RIGHT].jog(opens=True)
     system.manager.make_ready()
@@ -295,7 +299,7 @@ def test_gripper_is_as_good_where_it_must_be_asked(calibrated: System, left: Gri
     assert left.last_position == pytest.approx(0.010, abs=2e-4)
 
 
-def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs(
+def test_fingers_are_reported_twenty_times_a_second_without_a_request_while_egm_runs(
     calibrated: System, right: Gripper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calibrated.start_egm()
@@ -305,34 +309,34 @@ def test_fingers_are_told_twenty_times_a_second_without_a_request_while_egm_runs
     positions = set()
     for _ in range(60):
         calibrated.wait(6 * CYCLE)
-        positions.add(right.reading().position)
+        positions.add(right.state().position)
     assert len(positions) >= int(20 * 60 * 6 * CYCLE)
 
 
-def test_hands_are_told_again_beside_a_watch_however_often_the_web_socket_breaks(calibrated: System) -> None:
+def test_grippers_are_reported_again_beside_a_monitor_however_often_the_web_socket_breaks(calibrated: System) -> None:
     """The controller allows two groups of subscriptions; what is lost must not count as one."""
-    calibrated.manager.watch.look()
+    calibrated.manager.monitor.read()
     for _ in range(3):
         calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
         calibrated.wait(0.1)
-        assert calibrated.signals.reading(Side.RIGHT) is None
+        assert calibrated.signals.state(Side.RIGHT) is None
         calibrated.signals.keep_open()
-        assert calibrated.signals.reading(Side.RIGHT) is not None
+        assert calibrated.signals.state(Side.RIGHT) is not None
 
 
-def test_hand_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
+def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
     calibrated.wait(0.1)
-    assert calibrated.signals.reading(Side.RIGHT) is None
+    assert calibrated.signals.state(Side.RIGHT) is None
     assert done(right, OPEN) is Outcome.OPEN
     calibrated.signals.keep_open()
-    assert calibrated.signals.reading(Side.RIGHT).position == TRAVEL
+    assert calibrated.signals.state(Side.RIGHT).position == TRAVEL
 
 
 def test_gripper_holds_an_object_and_knows_its_width(left: Gripper) -> None:
     assert (done(left, OPEN), done(left, CLOSE)) == (Outcome.OPEN, Outcome.HOLDING)
     assert left.last_position == pytest.approx(0.010, abs=2e-4)
-    assert left.reading().force == 10.0
+    assert left.state().force == 10.0
 
 
 def test_gripper_closes_on_nothing(right: Gripper) -> None:
@@ -342,7 +346,7 @@ def test_gripper_closes_on_nothing(right: Gripper) -> None:
 def test_gripper_holds_a_hollow_object_from_inside(calibrated: System, right: Gripper) -> None:
     calibrated.world.grippers[Side.RIGHT].workpiece = Workpiece(0.030, is_hollow=True)
     assert done(right, SPREAD) is Outcome.HOLDING
-    assert (right.last_position, right.reading().force) == (pytest.approx(0.015), 8.0)
+    assert (right.last_position, right.state().force) == (pytest.approx(0.015), 8.0)
 
 
 def test_grip_outwards_on_nothing_ends_open(right: Gripper) -> None:
@@ -350,7 +354,7 @@ def test_grip_outwards_on_nothing_ends_open(right: Gripper) -> None:
     assert not right.is_holding()
 
 
-def test_gripper_goes_to_a_place_between_with_the_speed_it_is_told(calibrated: System, right: Gripper) -> None:
+def test_gripper_goes_to_a_place_between_with_the_speed_it_is_reported(calibrated: System, right: Gripper) -> None:
     begin = calibrated.now()
     assert done(right, go_to(0.012, speed=0.005)) is Outcome.IN_PLACE
     assert right.last_position == pytest.approx(0.012, abs=5e-4)
@@ -370,7 +374,7 @@ def test_object_too_heavy_for_the_force_is_lost_and_the_fingers_close(calibrated
     assert (left.is_holding(), left.position()) == (False, 0.0)
 
 
-def test_something_in_the_way_of_a_move_is_told_as_stalled_and_the_next_order_works(left: Gripper) -> None:
+def test_something_in_the_way_of_a_move_is_reported_as_stalled_and_the_next_order_works(left: Gripper) -> None:
     done(left, OPEN)
     assert done(left, go_to(0.005)) is Outcome.STALLED
     assert left.last_position == pytest.approx(0.010)
@@ -382,10 +386,10 @@ def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gri
     begin = calibrated.now()
     assert right.wait(OPEN, is_cancelled=lambda: calibrated.now() - begin > 0.5) is None
     assert 0.008 < right.position() < 0.022
-    assert right.reading().state is HandState.READY
+    assert right.state().state is ServoState.READY
 
 
-def test_move_that_is_stopped_by_somebody_says_so(right: Gripper) -> None:
+def test_move_that_is_stopped_by_a_person_says_so(right: Gripper) -> None:
     right.begin(OPEN)
     right.stop()
     with pytest.raises(GoalNotReached, match="The right gripper was stopped on its way"):
@@ -396,7 +400,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
     gripper = system.grippers[Side.RIGHT]
     gripper.jog(opens=True)
     system.wait(1.0)
-    assert gripper.reading().state is HandState.JOG_OPEN
+    assert gripper.state().state is ServoState.JOG_OPEN
     gripper.stop()
     position = gripper.position()
     system.wait(0.5)
@@ -404,7 +408,7 @@ def test_jog_needs_no_calibration_and_goes_on_until_stop(system: System) -> None
 
 
 @pytest.mark.parametrize("begin", [lambda hand: hand.begin(OPEN), lambda hand: hand.jog(opens=True)])
-def test_hand_that_shall_hold_stops_its_fingers(
+def test_gripper_that_must_hold_stops_its_fingers(
     calibrated: System, right: Gripper, begin: Callable[[Gripper], None]
 ) -> None:
     begin(right)
@@ -412,11 +416,11 @@ def test_hand_that_shall_hold_stops_its_fingers(
     right.hold()
     position = right.position()
     calibrated.wait(0.5)
-    assert (right.reading().state, right.position()) == (HandState.READY, position)
+    assert (right.state().state, right.position()) == (ServoState.READY, position)
     assert 0.0 < position < TRAVEL
 
 
-def test_hand_that_shall_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: Gripper) -> None:
     done(left, OPEN)
     assert done(left, CLOSE) is Outcome.HOLDING
     left.hold()
@@ -424,9 +428,9 @@ def test_hand_that_shall_hold_keeps_what_it_holds(calibrated: System, left: Grip
     assert left.is_holding()
 
 
-def test_error_of_the_hand_is_told_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
+def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
-    calibrated.wait(TOLD)
+    calibrated.wait(REPORTED)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
         right.begin(OPEN)
     right.clear_error()
@@ -443,7 +447,7 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
     calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
-    calibrated.wait(TOLD)
+    calibrated.wait(REPORTED)
     with pytest.raises(RobotNotReady, match="is not calibrated; calibrate it first: service r/gripper/calibrate, or r"):
         right.begin(OPEN)
     right.calibrate()
@@ -461,7 +465,7 @@ def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System
         (lambda: grip(Direction.OUTWARDS, 0.0), "force 0.0 N is out of range"),
     ],
 )
-def test_order_that_no_hand_can_carry_out_is_refused(order: Callable[[], HandOrder], sentence: str) -> None:
+def test_order_that_no_gripper_can_carry_out_is_refused(order: Callable[[], GripperGoal], sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         order()
 
@@ -470,51 +474,51 @@ def test_order_that_no_hand_can_carry_out_is_refused(order: Callable[[], HandOrd
 def test_vacuum_picks_what_lies_under_the_cup_and_blows_it_off(calibrated: System, channel: int) -> None:
     gripper, cup = calibrated.grippers[Side.LEFT], calibrated.world.grippers[Side.LEFT].cups[channel]
     cup.under = CupObject()
-    gripper.vacuum.switch(channel, is_on=True)
-    assert gripper.vacuum.wait_until_picked(channel, 70_000.0, 1.0)
-    gripper.vacuum.drop(channel)
-    reading = gripper.vacuum.reading(channel)
+    gripper.switch_vacuum(channel, is_on=True)
+    assert gripper.wait_until_picked(channel, 70_000.0, 1.0)
+    gripper.drop(channel)
+    reading = gripper.vacuum(channel)
     assert (reading.sucks, reading.blows) == (False, False)
     assert reading.pressure == pytest.approx(ATMOSPHERE, rel=0.05)
 
 
 def test_object_that_leaks_is_not_picked(calibrated: System, left: Gripper) -> None:
     calibrated.world.grippers[Side.LEFT].cups[1].under = CupObject(leak=0.9)
-    left.vacuum.switch(1, is_on=True)
-    assert not left.vacuum.wait_until_picked(1, 70_000.0, 1.0)
+    left.switch_vacuum(1, is_on=True)
+    assert not left.wait_until_picked(1, 70_000.0, 1.0)
 
 
-def test_vacuum_of_an_uncalibrated_hand_is_refused_and_stays_off(system: System) -> None:
+def test_vacuum_of_an_uncalibrated_gripper_is_refused_and_stays_off(system: System) -> None:
     gripper = system.grippers[Side.LEFT]
     with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
-        gripper.vacuum.switch(1, is_on=True)
-    assert not gripper.vacuum.reading(1).sucks
+        gripper.switch_vacuum(1, is_on=True)
+    assert not gripper.vacuum(1).sucks
 
 
 @pytest.mark.parametrize("modules", list(GripperModules))
-def test_hand_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
+def test_gripper_shows_and_offers_the_modules_it_is_configured_with(modules: GripperModules) -> None:
     system = System(modules=modules, are_calibrated=True)
     system.bringup.make_ready()
     gripper = system.grippers[Side.LEFT]
-    reading = gripper.reading()
+    reading = gripper.state()
     assert (reading.is_camera_linked, tuple(reading.cups)) == (modules.has_camera, modules.vacuum_channels)
     for channel in modules.vacuum_channels:
-        gripper.vacuum.switch(channel, is_on=True)
+        gripper.switch_vacuum(channel, is_on=True)
     for channel in {1, 2} - set(modules.vacuum_channels):
         with pytest.raises(
             CommandRefused,
             match=rf"it is configured as {re.escape(modules.value)}\. If it has vacuum {channel}, set gripper.left",
         ):
-            gripper.vacuum.switch(channel, is_on=True)
+            gripper.switch_vacuum(channel, is_on=True)
 
 
 @pytest.mark.parametrize("channel", [0, 3])
-def test_vacuum_that_no_hand_has_is_refused(left: Gripper, channel: int) -> None:
+def test_vacuum_that_no_gripper_has_is_refused(left: Gripper, channel: int) -> None:
     with pytest.raises(CommandRefused, match=f"A gripper has vacuum 1 and 2 at most, not {channel}"):
-        left.vacuum.switch(channel, is_on=True)
+        left.switch_vacuum(channel, is_on=True)
 
 
-def guided_motion(commands: Callable[[System], None]) -> DriverArm:
+def egm_motion(commands: Callable[[System], None]) -> DriverArm:
     """The left arm on its way for six seconds, with ``commands`` beside it."""
     system = System(are_calibrated=True)
     system.start_egm()
@@ -534,18 +538,21 @@ def use_both_hands(system: System) -> None:
         done(gripper, OPEN)
     left = system.grippers[Side.LEFT]
     left.begin(CLOSE)
-    left.vacuum.switch(1, is_on=True)
+    left.switch_vacuum(1, is_on=True)
 
 
-def test_gripper_is_not_calibrated_while_its_arm_is_guided(calibrated: System, left: Gripper) -> None:
+def test_gripper_is_not_calibrated_while_its_arm_is_in_egm(calibrated: System, left: Gripper) -> None:
     calibrated.start_egm()
-    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated while its arm is guided"):
+    with pytest.raises(
+        RobotNotReady,
+        match=IN_EGM,
+    ):
         left.calibrate()
 
 
 def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
-    alone = guided_motion(lambda system: None)
-    beside = guided_motion(use_both_hands)
+    alone = egm_motion(lambda system: None)
+    beside = egm_motion(use_both_hands)
     assert (beside.snapshot.missed, beside.snapshot.late, beside.snapshot.lost) == (0, 0, 0)
     count = min(len(alone.measured), len(beside.measured))
     assert count > 1400
@@ -553,14 +560,14 @@ def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
     assert beside.measured[:count] == alone.measured[:count]
 
 
-def test_grippers_are_closed_as_a_test_where_that_is_wanted(calibrated: System) -> None:
+def test_grippers_are_closed_as_a_test_where_that_is_allowed(calibrated: System) -> None:
     said: list[str] = []
     close_as_test(calibrated.grippers, said.append, said.append)
     assert said == [f"The {side.word} gripper was closed as a test." for side in calibrated.grippers]
     assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
 
 
-def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
     said: list[str] = []
     done(left, OPEN)
     close_as_test(calibrated.grippers, said.append, said.append)
@@ -570,7 +577,7 @@ def test_hand_that_does_not_close_is_told_and_the_other_is_tested(calibrated: Sy
     )
 
 
-def test_hand_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
+def test_gripper_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
     said: list[str] = []
     done(left, OPEN)
     done(left, CLOSE)

@@ -1,0 +1,183 @@
+"""A connection of a script to a robot: what is opened in this order, and closed in the other."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
+from functools import partial
+from math import radians
+
+from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry
+from yumi.clock import SystemClock
+from yumi.control.events import Event
+from yumi.control.limiter import FULL
+from yumi.control.motion import slower
+from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.robot_manager import RobotManager
+from yumi.driver.settings import CalibrateWhen, Settings
+from yumi.driver.speed import SpeedSetting
+from yumi.driver.state import arms_in_words
+from yumi.driver.stops import StopLog
+from yumi.driver.wiring import Controllers, make_parts, only_at_robot
+from yumi.errors import RobotNotReady, YumiError
+from yumi.robot.joints import YUMI_LIMITS, Side
+
+log = logging.getLogger(__name__)
+
+
+class Connection:
+    """A robot that is connected and ready, with EGM on its arms, from :meth:`open` to :meth:`close`.
+
+    Args:
+        settings: where the robot is, and how it moves.
+        controllers: what runs on each arm.
+        arms: those on which EGM runs; the others stand still.
+
+    Attributes:
+        executor: goals for the arms.
+        grippers: of both arms.
+        manager: the robot's readiness.
+    """
+
+    executor: MotionExecutor
+    grippers: Mapping[Side, Gripper]
+    manager: RobotManager
+
+    def __init__(self, settings: Settings, controllers: Controllers, arms: tuple[Side, ...]) -> None:
+        self._settings = settings
+        self._controllers = controllers
+        self._arms = arms
+        self._motions = MotionRegistry()
+        self._stack = ExitStack()
+        self._were_tested = False
+        self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
+        self._speed: SpeedSetting | None = None
+
+    def open(self, confirm: str = "") -> None:
+        """Connect, bring the robot to ready, calibrate grippers that need it and start EGM on its arms.
+
+        Args:
+            confirm: id of the stop that a person has confirmed.
+
+        Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation; everything is as before.
+            YumiError: a step failed, the message says which; everything is as before.
+        """
+        with ExitStack() as stack:
+            only = only_at_robot(self._settings)
+            only.claim()
+            stack.callback(only.release)
+            self._start(stack)
+            atexit.register(self.close)  # a notebook that is shut down ends its motions too
+            stack.callback(atexit.unregister, self.close)
+            stack.callback(self._end_motion)
+            # As a warning, which a script without logging shows, too.
+            is_tested = self._settings.gripper.test_at_start and not self._were_tested
+            steps = [*self.manager.steps_to_ready(), *self._gripper_setup.steps(is_tested=is_tested)]
+            start = f"start EGM on {arms_in_words(self._arms)} (to hold where they are)"
+            log.warning("%s%s.", ANNOUNCEMENT, ", ".join([*steps, start]))
+            self.manager.make_ready(confirm)
+            if is_tested:  # not while EGM runs
+                self._were_tested = True
+                close_as_test(self.grippers, log.info, log.warning)
+            self.manager.start_egm()
+            self._stack = stack.pop_all()
+
+    def _start(self, stack: ExitStack) -> None:
+        """Make the parts of the driver, connect and start its processes and threads."""
+        settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
+        parts = make_parts(
+            settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
+        )
+        self.manager = manager = parts.manager
+        self.grippers, self._control = parts.grippers, parts.control
+        self._gripper_setup = GripperSetup(
+            parts.grippers,
+            manager.step,
+            log.warning,
+            is_allowed=settings.gripper.calibrate is CalibrateWhen.AT_START,
+            is_confirmed=lambda: not manager.is_unattended,
+        )
+        manager.when_ready(self._gripper_setup.run)
+        if self._speed is not None:  # what was set before the connection was opened anew
+            manager.speed.set(self._speed.value)
+        self._speed = manager.speed
+        if self._speed.value < FULL:
+            log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
+        stack.callback(parts.client.close)
+        parts.client.connect()
+        parts.bringup.check_controller(parts.plan.addresses)
+        parts.control.start()
+        stack.callback(parts.control.stop)
+        stack.callback(parts.signals.close)
+        try:
+            parts.signals.keep_open()
+        except YumiError as error:
+            log.info("The controller grants no subscription to the grippers' signals, they are polled: %s", error)
+        manager.monitor.log.report = log.log
+        self._motions.explain = manager.monitor.explain
+        manager.start()
+        stack.callback(manager.stop)
+        goals = {side: boxes.goals for side, boxes in parts.control.buffers.items()}
+        limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
+        self.executor = MotionExecutor(parts.control, goals, self._motions, self._arms, limits, SystemClock())
+
+    def recover(self, confirm: str = "") -> None:
+        """Bring the robot back to where it may move, after whatever stopped it.
+
+        Args:
+            confirm: id of the stop that a person has confirmed.
+
+        Raises:
+            StopNotConfirmed: a stop waits for a person's confirmation; nothing was changed.
+            YumiError: a step failed; the message says which and what to do.
+        """
+        try:
+            self._control.check()
+        except RobotNotReady:
+            self.close()
+            self.open(confirm)
+        else:
+            self._come_to_rest()
+            log.info(self.manager.recover(partial(log.info, "%s"), confirmed=confirm))
+            self.manager.start_egm()  # also where EGM had been ended by close(), or had not begun
+        self._motions.clear_faults()
+
+    def calibrate(self, side: Side) -> None:
+        """Close the fingers of a gripper and call that zero; EGM, during which that is impossible, is paused.
+
+        It stays so where that fails: what made it fail may have stopped the robot, and :meth:`recover` is the way back.
+
+        Raises:
+            RobotNotReady: the gripper did not become calibrated, or EGM did not start again.
+        """
+        is_in_egm = side in self.manager.egm_arms
+        if is_in_egm:
+            self._end_motion()
+        self.manager.calibrate(self.grippers[side])
+        if is_in_egm:
+            self.manager.start_egm()
+
+    def close(self) -> None:
+        """Let the arms come to rest, end EGM and give everything back; does nothing when that is done."""
+        stack, self._stack = self._stack, ExitStack()
+        stack.close()
+
+    def _on_event(self, event: Event) -> None:
+        self.manager.note(event)
+        self._motions.note(event)
+
+    def _end_motion(self) -> None:
+        self._come_to_rest()
+        try:
+            self.manager.end_motion()
+        except YumiError as error:
+            log.warning("EGM could not be ended on the robot: %s", error)
+
+    def _come_to_rest(self) -> None:
+        with suppress(YumiError):  # an arm that its controller cannot stop is held by the limiter
+            for motion in self.executor.stop(self._arms):
+                motion.wait(LAST_STOP)

@@ -1,0 +1,441 @@
+"""The monitor of the robot in virtual time: whatever changes something, it is known within 200 ms."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from queue import Queue
+from threading import Event
+
+import pytest
+
+from system.recovery_bench import MovingSystem
+from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
+from yumi.driver.state import Mode, RobotState
+from yumi.driver.state_machine import START_JOINT, MachineState
+from yumi.driver.stops import Cause
+from yumi.errors import ControllerRefused
+from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
+from yumi.robot.joints import Side
+from yumi.rws.events import Change, Resource
+from yumi.rws.subscription import OnChange, OnLost, Subscription
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.virtual.controller.fault_names import Fault
+
+NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
+
+
+class Monitored:
+    """A robot whose monitor makes its steps whenever they are due.
+
+    Attributes:
+        told: each state that the monitor has reported.
+        lines: what it has logged, with the level.
+    """
+
+    def __init__(self, system: MovingSystem) -> None:
+        self.system = system
+        self.monitor = system.manager.monitor
+        self.told: list[RobotState] = []
+        self.monitor.on_change = self.told.append
+        self.lines: list[tuple[int, str]] = []
+        self.monitor.log.report = lambda level, sentence: self.lines.append((level, sentence))
+        self.step()
+
+    def step(self) -> None:
+        """What the thread does: the next step is due after a time, or when the bell rings."""
+        self._due = self.system.now() + self.monitor.step()
+
+    def wait(self, seconds: float) -> None:
+        end = self.system.now() + seconds
+        while self.system.now() < end:
+            self.system.wait(0.004)
+            if self.monitor.take_wake() or self.system.now() >= self._due:
+                self.step()
+
+    def until(self, is_so: Callable[[RobotState], bool], timeout: float = 3.0) -> float:
+        """Let time pass until the monitor knows it; returns how long it took [s]."""
+        begin = self.system.now()
+        while not is_so(self.monitor.state()):
+            assert self.system.now() - begin < timeout, f"unknown after {timeout} s: {self.monitor.state()}"
+            self.wait(0.004)
+        return self.system.now() - begin
+
+    def wait_for_idle_programs(self) -> None:
+        """Until the programs of both arms are done with a motion, which takes them some steps, known or not."""
+        tasks = self.system.world.controller.tasks
+        while any(tasks[side.task].read("TRobMain", "current_state") != "0" for side in Side):
+            self.wait(0.004)
+
+
+@pytest.fixture
+def monitored() -> Monitored:
+    monitored = Monitored(MovingSystem())
+    monitored.wait(1.0)
+    return monitored
+
+
+@pytest.mark.parametrize(
+    ("fault", "is_known"),
+    [
+        (Fault.PROGRAM_STOP, lambda state: state.execution is ExecutionState.STOPPED),
+        (Fault.MOTORS_OFF, lambda state: state.controller_state is ControllerState.MOTORS_OFF),
+        (Fault.EMERGENCY_STOP, lambda state: state.controller_state is ControllerState.EMERGENCY_STOP),
+        (Fault.MANUAL_MODE, lambda state: state.mode is OperatingMode.MANUAL_REDUCED),
+        (Fault.COLLISION, lambda state: state.last_event.code in (50204, 10125)),
+        (Fault.WARM_RESTART, lambda state: not state.is_connected),
+    ],
+)
+def test_change_from_any_side_is_known_within_200_ms(
+    monitored: Monitored, fault: Fault, is_known: Callable[[RobotState], bool]
+) -> None:
+    monitored.system.faults.happen(fault)
+    notice = 0.2 if fault is Fault.WARM_RESTART else 0.0  # the controller goes down so long after it was told to
+    assert monitored.until(is_known) <= NOTICED + notice
+
+
+def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(monitored: Monitored) -> None:
+    monitored.system.faults.happen(Fault.EGM_CONVERGENCE)
+    monitored.wait_for_idle_programs()
+    assert monitored.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
+
+
+@pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
+@pytest.mark.parametrize(
+    "jog",
+    [
+        lambda system: system.grippers[Side.RIGHT].jog(opens=True),
+        lambda system: system.manager.write_signal("hand_CmdGripper_R", ServoCommand.JOG_OPEN),
+    ],
+    ids=["jog", "write_signal"],
+)
+def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
+    monitored: Monitored, fault: Fault, jog: Callable[[MovingSystem], None]
+) -> None:
+    system, right = monitored.system, monitored.system.grippers[Side.RIGHT]
+    jog(system)
+    monitored.wait(0.2)
+    assert right.state().state is ServoState.JOG_OPEN
+    system.faults.happen(fault)
+    monitored.wait(0.3)
+    assert right.state().state is ServoState.READY
+    assert 0.0 < right.position() < TRAVEL
+
+
+def test_stop_that_needs_no_confirmation_ends_no_jog(monitored: Monitored) -> None:
+    right = monitored.system.grippers[Side.RIGHT]
+    right.jog(opens=True)
+    monitored.system.faults.happen(Fault.PROGRAM_STOP)
+    monitored.wait(0.3)
+    assert right.state().state is ServoState.JOG_OPEN
+
+
+def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(monitored: Monitored) -> None:
+    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.wait(0.3)
+    monitored.system.manager.write_signal("hand_CmdGripper_R", str(int(ServoCommand.GO_TO_READY)))
+
+
+def test_start_signal_of_another_client_is_known(monitored: Monitored) -> None:
+    system = monitored.system
+    system.manager.stop_egm()
+    monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.IDLE)
+    system.world.controller.signals.set(START_JOINT, 0)
+    monitored.wait(0.1)
+    system.world.controller.signals.set(START_JOINT, 1)
+    assert monitored.until(lambda state: state.machines[Side.LEFT] is MachineState.RUN_EGM_ROUTINE) <= NOTICED
+
+
+def test_monitor_knows_the_robot_again_after_a_restart(monitored: Monitored) -> None:
+    monitored.system.faults.happen(Fault.WARM_RESTART)
+    monitored.until(lambda state: not state.is_connected)
+    assert monitored.until(lambda state: state.is_connected, 25.0) > 19.0
+    assert monitored.monitor.state().reason == "the motors are off"
+
+
+def fail_to_look(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The look after a request meets a controller that is busy for a moment."""
+
+    def refuse() -> OperatingMode:
+        raise ControllerRefused("The controller is busy.", status=503)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(monitored.system.client, "operating_mode", refuse)
+        monitored.monitor.refresh()
+
+
+def test_robot_is_known_again_soon_after_one_look_that_failed(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
+    fail_to_look(monitored, monkeypatch)
+    assert not monitored.monitor.state().is_connected
+    assert monitored.until(lambda state: state.is_connected) <= 1.0
+
+
+def test_stop_is_explained_although_a_look_has_failed(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(monitored.monitor, "_thread", object())
+    causes: list[Cause] = []
+    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.system.wait(0.02)
+    fail_to_look(monitored, monkeypatch)
+    monitored.monitor.explain(causes.append)
+    monitored.monitor._answer_unexplained()
+    assert not causes
+    while not causes:
+        monitored.wait(0.004)
+    assert causes[0].text.startswith("50204 Motion supervision")
+    assert causes[0].stop
+
+
+def test_monitor_goes_on_after_its_web_socket_broke(monitored: Monitored) -> None:
+    monitored.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    monitored.wait(0.5)
+    monitored.system.faults.happen(Fault.MOTORS_OFF)
+    assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+
+
+def test_change_that_is_forgotten_while_the_web_socket_opens_is_known(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subscribe = monitored.system.client.subscribe
+
+    def forget(resources: Sequence[Resource], on_change: OnChange, on_lost: OnLost) -> Subscription:
+        told: list[Change] = []
+        subscription = subscribe(resources, told.append, on_lost)
+        for change in tuple(told):
+            on_change(change)
+        monitored.system.world.controller.set_motors(False)
+        return subscription
+
+    monkeypatch.setattr(monitored.system.client, "subscribe", forget)
+    monitored.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
+    monitored.wait(1.0)
+    assert monitored.monitor.state().controller_state is ControllerState.MOTORS_OFF
+
+
+def test_monitor_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = MovingSystem()
+
+    def refuse(*_: object) -> None:
+        raise ControllerRefused("no subscriptions left", status=400)
+
+    monkeypatch.setattr(system.client, "subscribe", refuse)
+    monitored = Monitored(system)
+    monitored.wait(1.0)
+    system.faults.happen(Fault.MOTORS_OFF)
+    assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= 0.5
+
+
+def test_what_is_reported_is_known_before_the_next_request_has_its_turn(monitored: Monitored) -> None:
+    monitored.system.client.set_speed_ratio(50)
+    monitored.system.wait(0.1)
+    assert monitored.monitor.take_wake()
+    assert monitored.monitor.state().speed_ratio == 50
+
+
+def test_reading_that_began_before_a_change_does_not_undo_it(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who reads waits for the turn of each request; the monitor itself handles what is reported meanwhile."""
+    client, ask = monitored.system.client, monitored.system.client.speed_ratio
+
+    def slowly() -> int:
+        before = ask()
+        client.set_speed_ratio(50)
+        monitored.wait(0.1)
+        return before
+
+    monkeypatch.setattr(client, "speed_ratio", slowly)
+    monitored.monitor.read()
+    assert monitored.monitor.state().speed_ratio == 50
+
+
+def test_monitor_reports_each_change_once(monitored: Monitored) -> None:
+    monitored.told.clear()
+    monitored.system.faults.happen(Fault.PROGRAM_STOP)
+    monitored.wait(1.0)
+    assert monitored.told[-1].execution is ExecutionState.STOPPED
+    assert all(before != after for before, after in pairwise(monitored.told))
+
+
+def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+    exchange = monitored.system.http.exchange
+    monkeypatch.setattr(monitored.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
+    monitored.wait(10.0)
+    assert len(asked) <= 20
+
+
+STOPS = [
+    (Fault.COLLISION, logging.ERROR, "RAPID program stopped: 50204 Motion supervision: an arm has collided"),
+    (
+        Fault.EMERGENCY_STOP,
+        logging.ERROR,
+        "Motors off by an emergency stop, RAPID program stopped: 10013 Emergency stop: an emergency stop was pressed",
+    ),
+    (Fault.MANUAL_MODE, logging.WARNING, "10015 Manual mode selected: the mode switch was turned to manual"),
+    (
+        Fault.MOTORS_OFF,
+        logging.WARNING,
+        "Motors off, RAPID program stopped: 10010 Motors OFF: the motors were switched",
+    ),
+    (
+        Fault.PROGRAM_STOP,
+        logging.WARNING,
+        "RAPID program stopped: 10125 Program stopped: the RAPID program was stopped",
+    ),
+    (Fault.DYNAMIC_LOAD, logging.ERROR, "50375 Dynamic load too high: the references asked for more torque"),
+]
+
+
+@pytest.mark.parametrize("is_guided", [True, False], ids=["egm", "no-egm"])
+@pytest.mark.parametrize(("fault", "level", "says"), STOPS)
+def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
+    monitored: Monitored, fault: Fault, level: int, says: str, is_guided: bool
+) -> None:
+    if not is_guided:
+        if fault is Fault.DYNAMIC_LOAD:
+            return  # it is a fault of EGM
+        monitored.system.manager.stop_egm()
+        monitored.wait(2.0)
+    monitored.lines.clear()
+    monitored.system.faults.happen(fault)
+    monitored.wait(2.0)
+    assert [line[0] for line in monitored.lines] == [level], monitored.lines
+    assert says in monitored.lines[0][1]
+    monitored.wait(10.0)
+    assert len(monitored.lines) == 1
+
+
+def test_stop_that_a_person_must_confirm_is_logged_with_its_id(monitored: Monitored) -> None:
+    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.wait(1.0)
+    (stop,) = {state.stop for state in monitored.told if state.stop}
+    assert f"Nothing moves until a person confirms the stop {stop}" in monitored.lines[-1][1]
+
+
+def test_what_was_requested_is_logged_without_alarm(monitored: Monitored) -> None:
+    monitored.lines.clear()
+    monitored.system.manager.motors_off()
+    monitored.wait(1.0)
+    monitored.system.manager.make_ready()
+    monitored.wait(1.0)
+    assert monitored.lines, "a change is logged whoever made it"
+    assert {level for level, _ in monitored.lines} == {logging.INFO}
+    assert any("Motors off" in sentence and "as requested" in sentence for _, sentence in monitored.lines)
+    assert any("Motors on" in sentence for _, sentence in monitored.lines)
+
+
+def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
+    monitored.lines.clear()
+    with monitored.monitor.log.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
+        monitored.system.faults.happen(Fault.EMERGENCY_STOP)
+        monitored.wait(1.0)
+    assert [level for level, _ in monitored.lines] == [logging.ERROR]
+
+
+@pytest.mark.parametrize("fault", [Fault.MOTORS_OFF, Fault.PROGRAM_STOP])
+def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitored: Monitored, fault: Fault) -> None:
+    monitored.system.manager.go_to(Mode.READY, print)
+    monitored.lines.clear()
+    monitored.system.faults.happen(fault)
+    monitored.wait(1.0)
+    assert [level for level, _ in monitored.lines if level > logging.INFO] == [logging.WARNING]
+
+
+def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> None:
+    monitored.lines.clear()
+    events = monitored.system.world.controller.events
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    monitored.wait(6.0)
+    assert len(monitored.lines) == 1
+    assert monitored.lines[0][0] == logging.ERROR
+    assert "The controller reports 112755" in monitored.lines[0][1]
+
+
+def test_old_error_is_not_the_cause_of_a_later_stop(monitored: Monitored) -> None:
+    events = monitored.system.world.controller.events
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    monitored.wait(10.0)
+    monitored.system.faults.happen(Fault.MOTORS_OFF)
+    monitored.wait(1.0)
+    assert monitored.monitor.state().cause.startswith("10010 Motors OFF")
+
+
+@pytest.mark.parametrize(
+    ("fault", "text", "has_stop"),
+    [
+        (Fault.EMERGENCY_STOP, "10013 Emergency stop", True),
+        (Fault.COLLISION, "50204 Motion supervision", True),
+        (Fault.MANUAL_MODE, "10015 Manual mode selected", False),
+        (Fault.PROGRAM_STOP, "10125 Program stopped", False),
+        (Fault.EGM_CONVERGENCE, "", False),
+    ],
+)
+def test_end_of_egm_is_explained_within_half_a_second(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, fault: Fault, text: str, has_stop: bool
+) -> None:
+    """EGM's end is known before the controller's event is."""
+    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
+    causes: list[Cause] = []
+    monitored.system.faults.happen(fault)
+    monitored.system.wait(0.02)
+    begin = monitored.system.now()
+    monitored.monitor.explain(causes.append)
+    while not causes:
+        monitored.wait(0.004)
+    assert monitored.system.now() - begin < 0.8
+    assert causes[0].text.startswith(text)
+    assert bool(causes[0].text) is bool(text)
+    assert bool(causes[0].stop) is has_stop
+
+
+def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> None:
+    """Whatever keeps the monitor from making its steps, a hung thread or one that is gone."""
+    assert monitored.monitor.state().is_connected
+    monitored.system.wait(STALE + WHOLE_POLL)
+    state = monitored.monitor.state()
+    assert not state.is_connected
+    assert state.execution is None
+    assert state.reason.startswith("the robot's state is unknown: it was read ")
+    assert str(state).startswith("the robot's state is unknown: it was read ")
+
+
+def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
+    monitored.told.clear()
+    monitored.wait(1.2 * STALE)
+    assert all(state.is_connected for state in monitored.told)
+    assert monitored.monitor.state().is_connected
+
+
+def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    system, told = MovingSystem(), Queue[RobotState]()
+    may_go_on = Event()
+    monitor = system.manager.monitor
+    monitor.start()
+    monitor.on_change = told.put
+    ask = system.client.operating_mode
+
+    def fail() -> OperatingMode:
+        if not may_go_on.is_set():
+            raise RecursionError("maximum recursion depth exceeded")
+        return ask()
+
+    monkeypatch.setattr(system.client, "operating_mode", fail)
+    system.advance(WHOLE_POLL)
+    monitor.request_poll()
+    while told.get(timeout=10.0).is_connected:
+        continue
+    assert not monitor.state().is_connected
+    may_go_on.set()
+    while not told.get(timeout=10.0).is_connected:
+        continue
+    monitor.stop()
+    failed = [record for record in caplog.records if record.getMessage().startswith("Thread robot-monitor failed")]
+    assert [record.exc_info is not None for record in failed] == [True]

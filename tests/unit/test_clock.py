@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import pytest
+
+from yumi.clock import POLL_PERIOD, ManualClock, comes_true, wait_until
+from yumi.errors import CommandRefused, RobotNotReady
+
+
+def test_wait_ends_as_soon_as_the_condition_holds(clock: ManualClock) -> None:
+    wait_until(clock, lambda: clock.now() >= 0.3, 1.0, "It did not come.")
+    assert clock.now() == pytest.approx(0.3, abs=POLL_PERIOD)
+
+
+def test_condition_that_holds_is_not_waited_for(clock: ManualClock) -> None:
+    wait_until(clock, lambda: True, 0.0, "It did not come.", check=lambda: pytest.fail("there is nothing to wait for"))
+    assert clock.now() == 0.0
+
+
+def test_wait_whose_time_is_up_says_how_things_are_then(clock: ManualClock) -> None:
+    with pytest.raises(RobotNotReady, match=r"^Still 1\.0 after 1 s\.$"):
+        wait_until(clock, lambda: False, 1.0, lambda: f"Still {clock.now():.1f} after 1 s.")
+
+
+def test_condition_is_polled_once_more_when_the_time_is_up(clock: ManualClock) -> None:
+    assert comes_true(clock, lambda: clock.now() >= 1.0, 1.0, period=0.7)
+
+
+def test_check_ends_a_wait_before_its_time(clock: ManualClock) -> None:
+    def check() -> None:
+        if clock.now() >= 0.5:
+            raise CommandRefused("A stop came.")
+
+    with pytest.raises(CommandRefused, match="A stop came"):
+        wait_until(clock, lambda: False, 10.0, "It did not come.", check=check)
+    assert clock.now() == pytest.approx(0.5, abs=POLL_PERIOD)
+
+
+def test_period_may_change_while_waiting(clock: ManualClock) -> None:
+    polls: list[float] = []
+
+    def is_over() -> bool:
+        polls.append(clock.now())
+        return False
+
+    assert not comes_true(clock, is_over, 1.0, period=lambda: 0.1 if clock.now() < 0.5 else 0.5)
+    assert polls == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0])
