@@ -18,7 +18,7 @@ from yumi.control.requests import ControllerNotice
 from yumi.control.shared_state import TrajectoryFeedback, peek_feedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 NAME = "dual_arm_trajectory_controller"
 HALF_A_DEGREE = Tolerances(path=joints([radians(0.5)] * 7), goal=joints([radians(0.5)] * 7), goal_time=1.0)
@@ -37,17 +37,17 @@ class DualArms:
         self.scales = {side: MemoryMailbox() for side in Side}
         self._told = {side: MemoryMailbox() for side in Side}
         self._feedback = {side: MemoryMailbox() for side in Side}
-        self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
+        self.arms: Mapping[Side, VirtualArmRig] = {side: self._arm(side) for side in Side}
         self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}
         for arm in self.arms.values():
             arm.start()
             arm.switch_to(NAME)
 
-    def _arm(self, side: Side) -> GuidedArm:
+    def _arm(self, side: Side) -> VirtualArmRig:
         other = Side.LEFT if side is Side.RIGHT else Side.RIGHT
         speed = SpeedScale(self.scales[side])
         half = DualArmTrajectoryController(side, self._feedback[side], self._told[side], self._told[other], speed=speed)
-        return GuidedArm({NAME: half}, side=side, speed=speed)
+        return VirtualArmRig({NAME: half}, side=side, speed=speed)
 
     @property
     def now(self) -> float:

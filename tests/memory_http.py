@@ -7,7 +7,7 @@ from yumi.errors import NoConnection
 from yumi.rws.http import ConnectionLost, HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import Upgrade
 from yumi.virtual.rws.routes import Controller
-from yumi_evaluation.virtual_machine import MemoryChannel, MemoryRws, MemorySocket
+from yumi_evaluation.memory_rws import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 
