@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import pytest
 
-from conftest import ROOT
 from yumi.errors import RobotNotReady
 from yumi_evaluation.bench.contenders import ECHO, Case, Contender, Mode, Runtime, control_loop
 from yumi_evaluation.bench.run import Workshop, run_case
@@ -20,7 +20,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def workshop() -> Workshop:
-    workshop = Workshop(ROOT / "build" / "bench")
+    workshop = Workshop(Path("build/bench").absolute())
     workshop.compile_programs()
     return workshop
 

@@ -24,7 +24,7 @@ from yumi.errors import YumiError
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
 from yumi.process.single_instance import Only
 from yumi.process.supervision import start_thread
-from yumi.recording.recorder import Records
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
@@ -65,7 +65,7 @@ def run_driver(
     clock = SystemClock()
 
     def on_event(event: Event) -> None:
-        records.note(event, clock.now(), time.time())
+        records.on_event(event, clock.now(), time.time())
         parts.manager.note(event)
         ros.tell(event)
 
@@ -92,7 +92,7 @@ def run_driver(
         fast_lines, manager, plan, rate = parts.fast_lines, parts.manager, parts.plan, settings.ros.merged_rate
         ros = RosDriver(fast_lines, plan.controllers, manager, connection, hands, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.say)
+        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, fast_lines.recorders, ros.say)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())
