@@ -119,7 +119,7 @@ def render(results: Results) -> str:
         limiter=_limiter_times(results),
         onsets={system: onset_of(points) for system, points in results.sweeps.items()},
         long_trips=list(long_trips(results)),
-        frequencies=sine_table(results, (*published[6:8], *other_frequencies())),
+        frequencies=sine_table(results, (*other_frequencies(), *published[6:8]), (System.BARE,)),
         steps=step_table(results, [each for each in published if each.is_step]),
         sines=sine_table(results, [each for each in published if not each.is_step]),
         better_steps=step_table(results, [each for each in better if each.is_step]),
@@ -250,7 +250,7 @@ def step_table(results: Results, experiments: Sequence[Experiment]) -> Table:
     return Table(header, rows, caption, (0, 1, 2)).without_empty(1)
 
 
-def sine_table(results: Results, experiments: Sequence[Experiment]) -> Table:
+def sine_table(results: Results, experiments: Sequence[Experiment], systems: Iterable[System] = System) -> Table:
     """Everything that was measured of these sines."""
     rows = tuple(
         (
@@ -262,7 +262,7 @@ def sine_table(results: Results, experiments: Sequence[Experiment]) -> Table:
             f"{1e3 * found.delay_s:.1f} ms",
             f"{found.max_error_deg:.3f}",
         )
-        for run in _runs(results, experiments)
+        for run in _runs(results, experiments, systems)
         if isinstance(found := run.figures, SineFigures)
     )
     header = ("", "thesis's figure", "system", "mean lag", "p99", "longest", "matched", "delay", "largest error [°]")
@@ -389,8 +389,8 @@ def _limiter_times(results: Results) -> dict[str, float] | None:
     return times | {"feed_forward": _value(results, System.SHIPPED, step(PREDICTION), "settling_s")}
 
 
-def _runs(results: Results, experiments: Sequence[Experiment]) -> list[Result]:
-    return [run for system in System for run in results.of(system, experiments)]
+def _runs(results: Results, experiments: Sequence[Experiment], systems: Iterable[System] = System) -> list[Result]:
+    return [run for system in systems for run in results.of(system, experiments)]
 
 
 def _published() -> Iterator[tuple[Experiment, str, float]]:
