@@ -66,7 +66,7 @@ class MemoryRws:
         self._lock = RLock()  # the driver's threads ask side by side, a controller answers one after another
 
     def advance(self) -> None:
-        """The controller tells what has changed."""
+        """Send what has changed to the subscribers."""
         with self._lock:
             self.adapter.advance(self._clock.now())
 

@@ -21,7 +21,7 @@ def test_missing_extra_is_named_before_anything_is_computed(monkeypatch: pytest.
 
 
 def test_unknown_contender_and_wake_mode_are_refused_with_those_that_exist() -> None:
-    contender = CliRunner().invoke(main, ["bench", "--only", "somebody"])
-    assert (contender.exit_code, "There is no contender 'somebody'; there are: c_echo" in contender.output) == (2, True)
+    contender = CliRunner().invoke(main, ["bench", "--only", "unknown"])
+    assert (contender.exit_code, "There is no contender 'unknown'; there are: c_echo" in contender.output) == (2, True)
     wake = CliRunner().invoke(main, ["bench", "--wake", "never"])
     assert (wake.exit_code, "There is no wake mode 'never'; there are: blocking, auto." in wake.output) == (2, True)

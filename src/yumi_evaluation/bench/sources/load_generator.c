@@ -8,7 +8,7 @@
  * Both are CLOCK_REALTIME. The generator's own wake-up is not in it.
  *
  * Every server under test obeys reply = measured + gain * (goal - measured) on all seven axes (gain 0: an echo). Axis 1
- * moves by a ten-thousandth of a degree per cycle and never comes back, so a reply's axis 1 tells which cycle it
+ * moves by a ten-thousandth of a degree per cycle and never comes back, so a reply's axis 1 shows which cycle it
  * answers; the other axes swing smoothly by 10 degrees. All seven values of every reply are checked. A robot that got
  * no answer is not where its server expects it, and a server with a limiter catches up in safe steps: for a
  * while after an unanswered cycle a reply with other values counts as "recovering", and as the answer to the newest cycle.
