@@ -1,7 +1,7 @@
 """The evaluation in real time: a virtual controller, the driver and an application, each a process of its own.
 
-The virtual controller differs from a real one by its address only. The application sends experiments' goals over ROS 2; round
-trips are what it knows of them, joined with the driver's recording.
+The virtual controller differs from a real one by its address only. The application sends experiments' goals over
+ROS 2; round trips are what it knows of them, joined with the driver's recording.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from yumi_evaluation.virtual_rig import VirtualArmRig
 
 
 def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
-    """Three seconds of an arm that moves to and fro."""
+    """Three seconds of an arm that follows a sine."""
     goals, recorder = MemoryMailbox(), FlightRecorder(flight_memory())
     arm = VirtualArmRig({"controller": JointPositionController(goals)}, model=model)
     arm.manager.set_parameters("controller", values or {})
