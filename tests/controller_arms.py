@@ -18,7 +18,7 @@ from yumi.control.statistics import StageClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
 from yumi.settings import Values
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 NAME = "controller"
 SIDE = Side.RIGHT
@@ -154,7 +154,7 @@ class VirtualArmUnderTest(ArmUnderTest):
 
     def __init__(self, case: Case) -> None:
         super().__init__(case)
-        self._arm = GuidedArm({NAME: self._controller}, side=SIDE)
+        self._arm = VirtualArmRig({NAME: self._controller}, side=SIDE)
         self._arm.manager.set_parameters(NAME, case.values)
         self._arm.start()
         self.activate()

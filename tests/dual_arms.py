@@ -18,7 +18,7 @@ from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 NAME = "dual_arm_trajectory_controller"
 HALF_A_DEGREE = Tolerances(path=joints([radians(0.5)] * 7), goal=joints([radians(0.5)] * 7), goal_time=1.0)
@@ -37,16 +37,16 @@ class DualArms:
         self.scales = {side: MemoryBuffer() for side in Side}
         self._halves: dict[Side, DualArmTrajectoryController] = {}
         self._feedback = {side: MemoryBuffer() for side in Side}
-        self.arms: Mapping[Side, GuidedArm] = {side: self._arm(side) for side in Side}
+        self.arms: Mapping[Side, VirtualArmRig] = {side: self._arm(side) for side in Side}
         self.ended: dict[Side, list[TrajectoryEnded]] = {side: [] for side in Side}
         for arm in self.arms.values():
             arm.start()
             arm.switch_to(NAME)
 
-    def _arm(self, side: Side) -> GuidedArm:
+    def _arm(self, side: Side) -> VirtualArmRig:
         speed = SpeedScale(self.scales[side])
         half = DualArmTrajectoryController(side, self._feedback[side], self._halves, speed=speed)
-        return GuidedArm({NAME: half}, side=side, speed=speed)
+        return VirtualArmRig({NAME: half}, side=side, speed=speed)
 
     @property
     def now(self) -> float:

@@ -1,4 +1,4 @@
-"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi_evaluation.guided_arm`.
+"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi_evaluation.virtual_rig`.
 
 The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 """
@@ -11,9 +11,9 @@ from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm, LoneArm, Wire
+from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
 
-__all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "LoneArm", "OpenLimiter", "Wire"]
+__all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "OpenLimiter", "VirtualArmEnd", "Wire"]
 
 CONTROLLER = "joint_position_controller"
 
@@ -31,7 +31,7 @@ class OpenLimiter(Limiter):
         return desired or ArmCommand(state.position)
 
 
-class EgmLoop(GuidedArm):
+class EgmLoop(VirtualArmRig):
     """A lone arm and our fast line with a joint position controller, :data:`CONTROLLER`, configured and not active.
 
     Args:

@@ -8,7 +8,7 @@ from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi_evaluation.virtual_machine import MemoryChannel, MemoryRws, MemorySocket
+from yumi_evaluation.memory_rws import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 

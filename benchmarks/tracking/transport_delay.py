@@ -15,7 +15,7 @@ from yumi.control.motion import EGM_GAIN
 from yumi.errors import CommandRefused
 from yumi.recording.mcap import read_recording
 from yumi.robot.joints import joint_names
-from yumi_evaluation.metrics import transport_delay
+from yumi_evaluation.transport_delay import transport_delay
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The application of an evaluation: a ROS 2 node of its own that sends goals over topics and listens, as anybody's."""
+"""The application of an evaluation: a ROS 2 node of its own that sends goals over topics and subscribes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from yumi.settings import Values
 POSITION_CONTROLLER = "joint_position_controller"
 TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 COUNTED = ("cycles", "missed", "lost")
-"""Counters of ``egm_state`` that tell of packet loss."""
+"""Counters of ``egm_state`` from which packet loss follows."""
 
 _QUEUE = QoSProfile(depth=2000)  # nothing that is measured may be lost here
 _TIMEOUT = 30.0  # [s]
@@ -102,7 +102,7 @@ class EvaluationNode:
         request = LoadModule.Request(arm=side.word, file_name=file_name, text=text)
         self._call(LoadModule, "yumi_robot_manager/load_module", request)
 
-    def set_law(self, values: Values) -> None:
+    def set_controller(self, values: Values) -> None:
         """Parameters of the arm's joint position controller.
 
         Raises:
@@ -113,7 +113,7 @@ class EvaluationNode:
         answer = self._call(SetParameters, f"{self.side.value}/{POSITION_CONTROLLER}/set_parameters", request)
         for result in answer.results:
             if not result.successful:
-                raise RobotNotReady(f"The law could not be set: {result.reason}")
+                raise RobotNotReady(f"The controller's parameters could not be set: {result.reason}")
 
     def switch(self, activate: str, deactivate: str) -> None:
         """Let another controller command the arm.

@@ -1,65 +1,296 @@
-"""Which experiments there are: the publication's, those of the better control laws, and those of all joints.
+"""Experiments as values: a reference, a controller with its parameters, EGM settings; and the trace that comes back.
 
-Steps with one gain after another, in virtual time: where oscillation begins, and which gain to take.
-
-Where the robot of an evaluation is.
+The same experiment runs in virtual time (:mod:`yumi_evaluation.virtual_time`) and over ROS 2 and the network
+(:mod:`yumi_evaluation.networked`). The master's thesis this system comes from published the first ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
+from math import degrees, pi, radians, sin
 
-from yumi.driver.settings import PASSWORD_VARIABLE
-from yumi.robot.joints import JOINT_COUNT, Side
-from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.experiment import (
-    FEED_FORWARD_ONLY,
-    LOOK_AHEAD,
-    PREDICTION,
-    TOLERANCE_DEG,
-    Experiment,
-    Mode,
-    Published,
-    System,
-    Trace,
-    proportional,
-    sine,
-    step,
-)
-from yumi_evaluation.tracking_figures import StepFigures, figures_of
-from yumi_evaluation.virtual_machine import run_virtually
+import numpy as np
 
-PUBLISHED_OSCILLATION = 2.0
-"""The gain around which the publication saw oscillation begin."""
+from yumi.driver.state_machine import EgmMotionSettings
+from yumi.robot.joints import JOINT_COUNT, Side, joint_names
+from yumi.settings import Values
+from yumi_evaluation.metrics import Series
+
+AXIS_6 = 6
+"""ABB's axis 6, the last joint of the chain."""
+
+FREQUENCY = 0.2
+"""Of the sines [Hz]. The thesis does not state it; docs/explanation/evaluation.md says why this one."""
 
 OTHER_FREQUENCIES = (0.1, 0.15)
-"""At which the lags are predicted too, to show what the unknown frequency does to them [Hz]."""
+"""The sines are run with these, too, to show what the unknown frequency does to their lags [Hz]."""
 
-_REDUCED = Mode.REDUCED
+GOAL_RATE = 500.0
+"""Goals of a sine per second, as published [Hz]."""
+
+TOLERANCE_DEG = 0.1
+"""How close counts as reached, as published [°]."""
+
+TAIL = 0.6
+"""Goals of so long a time at the end of a sine are not matched: their match may come after the end [s]."""
+
+PUBLISHED_OSCILLATION = 2.0
+"""The gain around which the thesis saw oscillation begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """A sine that begins at full speed, as in the thesis.
+
+    Attributes:
+        amplitude: [rad].
+        frequency: [Hz].
+    """
+
+    amplitude: float
+    frequency: float = FREQUENCY
+
+    def __call__(self, time: float) -> float:
+        return self.amplitude * sin(2.0 * pi * self.frequency * time)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A reference that jumps once.
+
+    Attributes:
+        size: [rad].
+        time: when it jumps [s].
+    """
+
+    size: float
+    time: float = 0.1
+
+    def __call__(self, time: float) -> float:
+        return self.size if time >= self.time else 0.0
+
+
+class Mode(Enum):
+    """The EGM settings of the thesis, tables 4.3 and 4.4, which differ in MaxSpeedDeviation alone."""
+
+    FULLSPEED = EgmMotionSettings(max_speed_deviation=180.0)
+    REDUCED = EgmMotionSettings(max_speed_deviation=10.0)
+
+    @property
+    def word(self) -> str:
+        return self.name.lower()
+
+
+class System(Enum):
+    """Between which parts an experiment runs.
+
+    BARE is what the thesis measured: a robot and a proportional controller without a limiter. SHIPPED is what
+    `yumi up` runs, in virtual time; NETWORKED is the same in real time, over ROS 2 and the network.
+    """
+
+    BARE = "bare"
+    SHIPPED = "shipped"
+    NETWORKED = "networked"
+
+    @property
+    def title(self) -> str:
+        """In tables and pictures."""
+        return {"bare": "without the limiter", "shipped": "as shipped"}.get(self.value, self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerSetup:
+    """A way to control the joints.
+
+    Attributes:
+        name: for JSON and file names.
+        title: for tables and pictures.
+        values: parameters of the joint position controller.
+        is_planned: whether the whole motion is known in advance and runs as a trajectory.
+    """
+
+    name: str
+    title: str
+    values: Values = field(default_factory=dict)
+    is_planned: bool = False
+
+
+def proportional(gain: float) -> ControllerSetup:
+    """The controller of the thesis."""
+    return ControllerSetup(f"p{gain:g}", f"P = {gain:g}", {"p": gain})
+
+
+FEED_FORWARD: Values = {"tracking.feed_forward": True}
+FEED_FORWARD_ONLY = ControllerSetup("feed_forward", "feed-forward", {**FEED_FORWARD, "tracking.delay": 0.0})
+PREDICTION = ControllerSetup("prediction", "feed-forward and prediction", FEED_FORWARD)
+LOOK_AHEAD = ControllerSetup("look_ahead", "trajectory with look-ahead", {}, is_planned=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """What the thesis states of an experiment [s]; None where it states nothing.
+
+    Attributes:
+        settling_s: time until the joint stays within 0.1° of the goal.
+        mean_lag_s, max_lag_s: control lag.
+    """
+
+    settling_s: float | None = None
+    mean_lag_s: float | None = None
+    max_lag_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One experiment.
+
+    Attributes:
+        reference: of the joints; a Step happens at its time, a Sine begins at once.
+        controller: and its parameters.
+        mode: settings of EGM.
+        side: the arm.
+        moved: the joints that move, by their index in the chain.
+        duration: [s].
+        figure: of the thesis, e.g. ``5.1a``; empty where it has none.
+        published: what the thesis found.
+    """
+
+    reference: Step | Sine
+    controller: ControllerSetup
+    mode: Mode = Mode.FULLSPEED
+    side: Side = Side.RIGHT
+    moved: tuple[int, ...] = (AXIS_6,)
+    duration: float = 3.0
+    figure: str = ""
+    published: Published = Published()
+
+    @property
+    def is_step(self) -> bool:
+        return isinstance(self.reference, Step)
+
+    @property
+    def kind(self) -> str:
+        return "step" if self.is_step else "sine"
+
+    @property
+    def size_deg(self) -> float:
+        """Height of the step or amplitude of the sine [°]."""
+        reference = self.reference
+        return round(degrees(reference.size if isinstance(reference, Step) else reference.amplitude), 9)
+
+    @property
+    def name(self) -> str:
+        """Stable, and good for a file name."""
+        frequency = "" if self._unusual_frequency is None else f"_{self._unusual_frequency:g}hz"
+        joints = "" if len(self.moved) == 1 else "_all"
+        return (
+            f"{self.kind}{self.size_deg:g}{frequency}_{self.mode.word}_{self.controller.name}_{self.side.word}{joints}"
+        )
+
+    @property
+    def title(self) -> str:
+        """In tables and pictures."""
+        frequency = "" if self._unusual_frequency is None else f" at {self._unusual_frequency:g} Hz"
+        speed = "" if self.mode is Mode.FULLSPEED else ", reduced speed"
+        joints = "" if len(self.moved) == 1 else f", all joints of the {self.side.word} arm"
+        return f"{self.kind.capitalize()} of {self.size_deg:g}°{frequency}, {self.controller.title}{speed}{joints}"
+
+    @property
+    def _unusual_frequency(self) -> float | None:
+        """None where there is none, or it is the usual one."""
+        reference = self.reference
+        return None if isinstance(reference, Step) or reference.frequency == FREQUENCY else reference.frequency
+
+    def on(self, side: Side) -> Experiment:
+        """The same on an arm; the thesis measured the right one only."""
+        return self if side is self.side else replace(self, side=side, figure="", published=Published())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """What became of an experiment; angles relative to where each joint began.
+
+    Attributes:
+        experiment: the experiment.
+        sent: goals as they were sent: time [s], angle [rad].
+        measured: by joint: time [s], angle [rad].
+        slowed: cycles in which the limiter changed the command; None where that was not counted.
+    """
+
+    experiment: Experiment
+    sent: Series
+    measured: Mapping[int, Series]
+    slowed: int | None = None
+
+    @property
+    def sent_deg(self) -> Series:
+        """[°]."""
+        return in_degrees(self.sent)
+
+    def measured_deg(self, joint: int) -> Series:
+        """Of one joint [°]."""
+        return in_degrees(self.measured[joint])
+
+    def joint_name(self, joint: int) -> str:
+        return joint_names(self.experiment.side)[joint]
+
+
+def in_degrees(angles: Series) -> Series:
+    """The same angles in degrees."""
+    return np.column_stack((angles[:, 0], np.degrees(angles[:, 1])))
+
+
+def step(
+    controller: ControllerSetup, mode: Mode = Mode.FULLSPEED, duration: float = 2.5, size_deg: float = 10.0
+) -> Experiment:
+    """A step at once."""
+    return Experiment(Step(radians(size_deg), 0.0), controller, mode, duration=duration)
+
+
+def sine(
+    controller: ControllerSetup, mode: Mode = Mode.FULLSPEED, size_deg: float = 10.0, frequency: float = FREQUENCY
+) -> Experiment:
+    """A whole period of a sine, and a little more until its last goals are matched."""
+    return Experiment(Sine(radians(size_deg), frequency), controller, mode, duration=1.0 / frequency + TAIL)
 
 
 def published_experiments() -> tuple[Experiment, ...]:
-    """Chapter 5 of the publication, with the numbers of its figures and what it says."""
+    """Chapter 5 of the thesis, with the numbers of its figures and what it states.
+
+    Of figure 5.7 it prints 141 ms as the longest and 189 ms as the mean lag: taken to be exchanged.
+    """
+
+    def of(experiment: Experiment, figure: str, published: Published = Published()) -> Experiment:
+        return replace(experiment, figure=figure, published=published)
+
+    reduced = Mode.REDUCED
     return (
-        _as(step(proportional(1.2)), "5.1a", Published(settling=0.8)),
-        _as(step(proportional(1.6)), "5.1b", Published(settling=0.6)),
-        _as(step(proportional(2.0)), "", Published()),
-        _as(step(proportional(0.35), _REDUCED, 4.5), "5.2a", Published()),
-        _as(step(proportional(0.6), _REDUCED, 3.5), "5.2b", Published()),
-        _as(step(proportional(1.2), _REDUCED), "5.2c", Published(settling=1.4)),
-        _as(sine(proportional(1.2)), "5.3", Published(mean_lag=0.156, max_lag=0.184)),
-        _as(sine(proportional(2.0)), "5.4", Published(mean_lag=0.092, max_lag=0.106)),
-        _as(sine(proportional(0.35), _REDUCED), "5.5a", Published()),
-        _as(sine(proportional(0.6), _REDUCED), "5.5b", Published()),
-        _as(sine(proportional(1.2), _REDUCED), "5.5c, 5.6", Published()),
-        _as(sine(proportional(1.2), size_deg=60.0), "5.7", Published(mean_lag=0.141, max_lag=0.189)),
+        of(step(proportional(1.2)), "5.1a", Published(settling_s=0.8)),
+        of(step(proportional(1.6)), "5.1b", Published(settling_s=0.6)),
+        of(step(proportional(2.0)), ""),
+        of(step(proportional(0.35), reduced, 4.5), "5.2a"),
+        of(step(proportional(0.6), reduced, 3.5), "5.2b"),
+        of(step(proportional(1.2), reduced), "5.2c", Published(settling_s=1.4)),
+        of(sine(proportional(1.2)), "5.3", Published(mean_lag_s=0.156, max_lag_s=0.184)),
+        of(sine(proportional(2.0)), "5.4", Published(mean_lag_s=0.092, max_lag_s=0.106)),
+        of(sine(proportional(0.35), reduced), "5.5a"),
+        of(sine(proportional(0.6), reduced), "5.5b"),
+        of(sine(proportional(1.2), reduced), "5.5c, 5.6"),
+        of(sine(proportional(1.2), size_deg=60.0), "5.7", Published(mean_lag_s=0.141, max_lag_s=0.189)),
+    )
+
+
+def other_frequencies() -> tuple[Experiment, ...]:
+    """The sines of 10° of the thesis, slower."""
+    return tuple(
+        sine(proportional(gain), frequency=frequency) for frequency in OTHER_FREQUENCIES for gain in (1.2, 2.0)
     )
 
 
 def better_experiments() -> tuple[Experiment, ...]:
-    """The same references with what the publication did not have."""
+    """The same references with controllers that the thesis did not have."""
     return (
         step(PREDICTION),
         sine(FEED_FORWARD_ONLY),
@@ -74,159 +305,3 @@ def joint_experiments() -> tuple[Experiment, ...]:
     """Both arms, all joints at once."""
     everything = tuple(range(JOINT_COUNT))
     return tuple(replace(sine(PREDICTION), moved=everything).on(side) for side in Side)
-
-
-def other_frequencies() -> tuple[Experiment, ...]:
-    """The publication's two sines, slower."""
-    return tuple(
-        sine(proportional(gain), frequency=frequency) for frequency in OTHER_FREQUENCIES for gain in (1.2, 2.0)
-    )
-
-
-def _as(experiment: Experiment, figure: str, published: Published) -> Experiment:
-    return replace(experiment, figure=figure, published=published)
-
-
-GAINS = tuple(round(0.2 * number, 1) for number in range(5, 17))
-"""1.0 to 3.2: from sluggish to far beyond what is allowed."""
-
-SLOWER = 0.020
-"""A gain has to do, too, when the robot answers so much later than the model [s]: real ones are said to."""
-
-HIGHEST = 2.0
-"""The joint position controller takes no higher gain."""
-
-_DURATION = 2.0  # [s]
-
-
-@dataclass(frozen=True, slots=True)
-class GainPoint:
-    """What a gain makes of a step.
-
-    Attributes:
-        gain: P.
-        figures: of the step.
-        trace: of it.
-    """
-
-    gain: float
-    figures: StepFigures
-    trace: Trace
-
-    @property
-    def oscillates(self) -> bool:
-        """Whether the joint goes past the goal by more than what counts as there."""
-        return self.figures.overshoot_deg > TOLERANCE_DEG
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What gains are tuned for.
-
-    Attributes:
-        size_deg: height of the step [°].
-        mode: settings of EGM.
-        side: the arm.
-        joint: which one, by its place in the chain.
-    """
-
-    size_deg: float = 10.0
-    mode: Mode = Mode.FULLSPEED
-    side: Side = Side.RIGHT
-    joint: int = 6
-
-
-@dataclass(frozen=True, slots=True)
-class Recommendation:
-    """Which gain to take.
-
-    Attributes:
-        gain: the one; None when every gain oscillates or none settles.
-        settling_s: how long the step takes with it, at worst [s].
-        onset: the lowest gain with which oscillation was seen; None when it was not.
-        points: the sweep with the model as it is.
-        slower: the sweep with a robot that answers later.
-    """
-
-    gain: float | None
-    settling_s: float | None
-    onset: float | None
-    points: tuple[GainPoint, ...]
-    slower: tuple[GainPoint, ...]
-
-
-def sweep(
-    gains: Iterable[float],
-    system: System = System.SHIPPED,
-    task: Task | None = None,
-    model: ArmModel | None = None,
-    on_point: Callable[[], None] = lambda: None,
-) -> tuple[GainPoint, ...]:
-    """A step with each of the ``gains``; ``on_point`` is called after each, and may raise to end it."""
-    points = []
-    for gain in gains:
-        points.append(_point(gain, system, task or Task(), model))
-        on_point()
-    return tuple(points)
-
-
-def onset_of(points: Sequence[GainPoint]) -> float | None:
-    """The lowest gain from which on every one oscillates; None when the highest does not."""
-    onset = None
-    for point in sorted(points, key=lambda each: -each.gain):
-        if not point.oscillates:
-            break
-        onset = point.gain
-    return onset
-
-
-def recommend(gains: Sequence[float], task: Task, on_point: Callable[[], None] = lambda: None) -> Recommendation:
-    """The gain with the quickest step that does not oscillate, with the model and with a robot that answers later."""
-    model = ArmModel()
-    points = sweep(gains, task=task, on_point=on_point)
-    slower = sweep(gains, task=task, model=replace(model, delay=model.delay + SLOWER), on_point=on_point)
-    choices = [
-        (max(one.figures.settling_s, other.figures.settling_s), one.gain)
-        for one, other in zip(points, slower, strict=True)
-        if one.gain <= HIGHEST
-        and not one.oscillates
-        and not other.oscillates
-        and one.figures.settling_s is not None
-        and other.figures.settling_s is not None
-    ]
-    settling, gain = min(choices, default=(None, None))
-    onsets = [onset for onset in (onset_of(points), onset_of(slower)) if onset is not None]
-    return Recommendation(gain, settling, min(onsets, default=None), points, slower)
-
-
-def _point(gain: float, system: System, task: Task, model: ArmModel | None) -> GainPoint:
-    longest = _DURATION if task.mode is Mode.FULLSPEED else 2.0 * _DURATION
-    experiment = step(proportional(gain), task.mode, max(longest, 0.2 * task.size_deg), task.size_deg)
-    trace = run_virtually(replace(experiment, side=task.side, moved=(task.joint,)), system, model)
-    figures = figures_of(trace)
-    assert isinstance(figures, StepFigures)
-    return GainPoint(gain, figures, trace)
-
-
-__all__ = ["DEFAULT_PASSWORD", "DEFAULT_USER", "RobotPlace"]
-
-
-@dataclass(frozen=True, slots=True)
-class RobotPlace:
-    """A controller.
-
-    Attributes:
-        robot: address of a real one; None starts a virtual one.
-        rws_port: of a real one.
-        user, password: on it.
-    """
-
-    robot: str | None
-    rws_port: int
-    user: str = DEFAULT_USER
-    password: str = field(default=DEFAULT_PASSWORD, repr=False)
-
-    @property
-    def secrets(self) -> Mapping[str, str]:
-        """Environment variables that tell our commands the password: every user can read their arguments."""
-        return {PASSWORD_VARIABLE: self.password}

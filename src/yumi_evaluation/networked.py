@@ -1,23 +1,22 @@
-"""The evaluation in real time: a virtual controller, the driver and an application, three processes and more.
+"""The evaluation in real time: a virtual controller, the driver and an application, each a process of its own.
 
-Only addresses tell the virtual controller from a real one.
-
-Experiments over ROS 2 and the wire, with a driver that is up.
-
-Round trips over ROS 2 and the wire: what the application knows of them, joined with the driver's recording.
+The virtual controller differs from a real one by its address only. The application sends experiments' goals over
+ROS 2; round trips are what it knows of them, joined with the driver's recording.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from yumi.clock import SystemClock
 from yumi.control.controllers.joint_position import DELAY
+from yumi.driver.settings import PASSWORD_VARIABLE
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady
 from yumi.process.child import Command
@@ -25,7 +24,7 @@ from yumi.process.realtime import paused_collector
 from yumi.recording.mcap import read_recording
 from yumi.robot.joints import Joints, Side
 from yumi.ros.driver import close_ros, open_ros
-from yumi.rws.client import RwsClient
+from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.settings import Values
 from yumi_evaluation.evaluation_node import (
     POSITION_CONTROLLER,
@@ -34,9 +33,19 @@ from yumi_evaluation.evaluation_node import (
     HeardJointState,
     evaluation_node,
 )
-from yumi_evaluation.experiment import Experiment, Mode, Sine, System, Trace, proportional
-from yumi_evaluation.experiments import RobotPlace, better_experiments, joint_experiments, published_experiments
+from yumi_evaluation.experiments import (
+    AXIS_6,
+    Experiment,
+    Mode,
+    System,
+    Trace,
+    better_experiments,
+    joint_experiments,
+    proportional,
+    published_experiments,
+)
 from yumi_evaluation.kpis import Measured
+from yumi_evaluation.metrics import Series, series
 from yumi_evaluation.results import OnStep, Results
 from yumi_evaluation.round_trips import (
     FILE_NAME,
@@ -45,36 +54,153 @@ from yumi_evaluation.round_trips import (
     TEXT,
     HeardState,
     LoopCycle,
+    RoundTrip,
     SentGoal,
-    Trip,
     join_trips,
     machine_trip,
     nudge,
     prepare,
 )
-from yumi_evaluation.virtual_machine import goal_times, moved, planned_goals, planned_sine
+from yumi_evaluation.virtual_time import goal_times, moved, planned_sine
 
-USUAL: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY, **proportional(1.2).values}
+DELIVERED: Values = {"tracking.feed_forward": False, "tracking.delay": DELAY, **proportional(1.2).values}
 """The joint position controller as it is delivered."""
 
-_BACK = 2e-4  # [rad] from where an arm is taken to be back
+_BACK = 2e-4  # [rad] from where an arm counts as back
 _STILL = 0.2  # [s]
-_REST = 2.0  # [s] before each experiment, as in the publication's program: nothing is left of the way back then
+_REST = 2.0  # [s] before each experiment, as in the thesis's program: nothing is left of the way back then
 _RETURN = 15.0  # [s] at most, at reduced speed
 _ATTEMPTS = 4
 _LONGEST_GAP = 0.06  # [s] longer, and what was measured is about the machine
 _NOTICE = 0.3  # [s] between sending a trajectory and its beginning
+_ECHO = 0.1  # [s] until the last goal's state has come
+_ALL = 1e9  # [s] of a recording
+_READY = 60.0  # [s]
+_SPARE = 20  # one more round trip in so many, since some goals are replaced before a cycle takes them
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkedPlan:
+    """How an evaluation in real time is made.
+
+    Attributes:
+        trips: round trips of each kind.
+        folder: for logs and the recording.
+        robot: address of a real controller; None starts a virtual one.
+        rws_port: of a real one.
+        user, password: on it.
+    """
+
+    trips: int
+    folder: Path
+    robot: str | None = None
+    rws_port: int = 80
+    user: str = DEFAULT_USER
+    password: str = field(default=DEFAULT_PASSWORD, repr=False)
+
+    @property
+    def secrets(self) -> Mapping[str, str]:
+        """The password for our commands by the environment: every user can read their arguments."""
+        return {PASSWORD_VARIABLE: self.password}
+
+    def recording(self, mode: Mode) -> Path:
+        """What the driver records in that mode."""
+        return self.folder / f"{mode.word}.mcap"
+
+
+def networked_experiments() -> tuple[Experiment, ...]:
+    """Every networked experiment, those with the same settings one after the other."""
+    everything = (*published_experiments(), *better_experiments(), *joint_experiments())
+    return tuple(sorted(everything, key=lambda each: each.mode is Mode.REDUCED))
+
+
+def networked_step_count() -> int:
+    """How often ``on_step`` is called."""
+    return len(networked_experiments()) + len(Mode) + 3
+
+
+def evaluate_networked(results: Results, plan: NetworkedPlan, on_step: OnStep, check: Callable[[], None]) -> None:
+    """Run everything in real time into ``results``; ``on_step`` and ``check`` may raise to end it early.
+
+    Raises:
+        YumiError: a process or the robot failed; the message says which.
+    """
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        stack.enter_context(paused_collector())
+        open_ros()
+        stack.callback(close_ros)
+        robot = start_robot(plan, stack, check)
+        for mode in Mode:
+            on_step(f"Start the driver, {mode.word}")
+            found: tuple[Measured, tuple[SentGoal, ...], tuple[HeardState, ...]] | None = None
+            with start_driver(plan, robot, mode, check) as driver:
+
+                def watch(driver: Command = driver) -> None:
+                    check()
+                    if driver.exit_code is not None:
+                        raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+
+                _run_mode(results, mode, on_step, watch)
+                if mode is Mode.FULLSPEED:
+                    found = _measure_trips(plan, robot, on_step, watch)
+            if found is not None:  # the recording is complete when the driver has ended
+                measured, goals, states = found
+                trips = join_recorded(goals, states, plan.recording(mode))[: plan.trips]
+                results.measured[System.NETWORKED] = replace(measured, trips=trips)
+    results.close()
+
+
+def start_robot(plan: NetworkedPlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:
+    """The driver's options to find the robot; a virtual one is started on free ports."""
+    if plan.robot:
+        return ("--robot", plan.robot, "--rws-port", str(plan.rws_port))
+    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+    arguments = ("controller", "--rws-port", "0", *ports)
+    command = Command("virtual controller", arguments, plan.folder / "controller.log", plan.secrets)
+    address = stack.enter_context(command).wait_until_ready(_READY, check)
+    host, _, port = address.removeprefix("http://").partition(":")
+    return ("--robot", host, "--rws-port", port, *ports)
+
+
+@contextmanager
+def start_driver(plan: NetworkedPlan, robot: Sequence[str], mode: Mode, check: Callable[[], None]) -> Iterator[Command]:
+    """The driver as shipped, but for MaxSpeedDeviation; it records every cycle."""
+    speed = mode.value.max_speed_deviation
+    settings = plan.folder / f"{mode.word}.yaml"
+    settings.write_text(f"egm_motion: {{max_speed_deviation: {speed:.1f}}}\n", encoding="utf-8")
+    what = ("--config", str(settings), "--record", str(plan.recording(mode)))
+    arguments = ("up", *robot, "--user", plan.user, *what)
+    with Command("driver", arguments, plan.folder / f"driver_{mode.word}.log", plan.secrets) as command:
+        command.wait_until_ready(_READY, check)
+        yield command
+
+
+def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[], None]) -> None:
+    """The experiments with these settings; one that cannot be run does not keep the others from being run."""
+    chosen = [each for each in networked_experiments() if each.mode is mode]
+    for side in dict.fromkeys(each.side for each in chosen):
+        with evaluation_node(side, check) as node:
+            for experiment in (each for each in chosen if each.side is side):
+                on_step(experiment.title)
+                name, repeats = f"{System.NETWORKED.value}/{experiment.name}", list[str]()
+                try:
+                    results.add(System.NETWORKED, run_undisturbed(node, experiment, repeats.append))
+                except RobotNotReady as error:
+                    results.failures[name] = str(error)
+                if repeats:
+                    results.repeats[name] = tuple(repeats)
 
 
 def run_undisturbed(
     node: EvaluationNode, experiment: Experiment, on_repeat: Callable[[str], None] = lambda why: None
 ) -> Trace:
-    """Again, from the same place, when the machine was too busy to keep EGM alive: that says nothing of control.
+    """Run ``experiment``; repeat it from the same place when the machine was too busy to keep EGM running.
 
     Args:
         node: the application.
-        experiment: what is asked.
-        on_repeat: told why, each time a run is thrown away and made again.
+        experiment: what to run.
+        on_repeat: called with the reason each time a run is discarded and repeated.
 
     Raises:
         RobotNotReady: the last attempt failed, too.
@@ -83,17 +209,17 @@ def run_undisturbed(
     start = node.position()
     for _ in range(_ATTEMPTS - 1):
         try:
-            return run_on_wire(node, experiment)
+            return run_networked(node, experiment)
         except RobotNotReady as error:
             on_repeat(str(error))
         node.start_egm()
         with suppress(RobotNotReady):
             _bring_back(node, start)
-    return run_on_wire(node, experiment)
+    return run_networked(node, experiment)
 
 
-def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """Run ``experiment`` with a driver that is up, in an EGM session of its own, and bring the arm back.
+def run_networked(node: EvaluationNode, experiment: Experiment) -> Trace:
+    """Run ``experiment`` with a running driver, in an EGM session of its own, and bring the arm back.
 
     The robot takes one reply a cycle from its queue: a reply that once came too late to its cycle leaves all commands
     after it a cycle late, until the session ends (reference/egm.md §4.3).
@@ -103,32 +229,25 @@ def run_on_wire(node: EvaluationNode, experiment: Experiment) -> Trace:
     """
     node.stop_egm()
     node.start_egm()
-    if experiment.law.is_planned:
+    if experiment.controller.is_planned:
         return _run_planned(node, experiment)
-    node.set_law({**USUAL, **experiment.law.values})
+    node.set_controller({**DELIVERED, **experiment.controller.values})
     node.spin_until(time.monotonic() + _REST)
     start = standing(node)
-    reference, which = experiment.reference, experiment.moved
-    due = list(goal_times(experiment))
+    reference, which, due = experiment.reference, experiment.moved, goal_times(experiment)
     node.states.clear()
     sent = node.stream(lambda moment: moved(start, reference(moment if len(due) > 1 else 0.0), which), due)
     begin = sent[0][0]
     node.spin_until(begin + experiment.duration)
-    states = [state for state in node.states if 0.0 <= state.stamp - begin < experiment.duration]
-    measured = {
-        joint: [(each.stamp - begin, each.position[joint] - start[joint]) for each in states] for joint in which
-    }
-    _check_gaps(experiment.duration, states)
+    measured = _measured(node.states, begin, experiment.duration, start, which)
     _bring_back(node, start)
-    joint = which[0]
-    return Trace(experiment, [(moment - begin, goal[joint] - start[joint]) for moment, goal in sent], measured)
+    goals = series([(moment - begin, goal[which[0]] - start[which[0]]) for moment, goal in sent])
+    return Trace(experiment, goals, measured)
 
 
 def _run_planned(node: EvaluationNode, experiment: Experiment) -> Trace:
-    """A trajectory that ends where it began; nothing has to be brought back."""
-    reference, (joint, *_) = experiment.reference, experiment.moved
-    assert isinstance(reference, Sine), "trajectories are measured with sines"
-    sine = planned_sine(reference)
+    """A trajectory ends where it began: the arm need not be brought back."""
+    sine, joint = planned_sine(experiment.reference), experiment.moved[0]
     node.switch(TRAJECTORY_CONTROLLER, POSITION_CONTROLLER)
     try:
         start = standing(node)
@@ -138,20 +257,28 @@ def _run_planned(node: EvaluationNode, experiment: Experiment) -> Trace:
         node.spin_until(begin + sine.duration)
     finally:
         node.switch(POSITION_CONTROLLER, TRAJECTORY_CONTROLLER)
-    states = [state for state in node.states if 0.0 <= state.stamp - begin < sine.duration]
-    _check_gaps(sine.duration, states)
-    measured = [(each.stamp - begin, each.position[joint] - start[joint]) for each in states]
-    return Trace(experiment, planned_goals(sine), {joint: measured})
+    return Trace(experiment, sine.goals(), _measured(node.states, begin, sine.duration, start, (joint,)))
 
 
-def _check_gaps(duration: float, states: Sequence[HeardJointState]) -> None:
+def _measured(
+    heard: Sequence[HeardJointState], begin: float, duration: float, start: Joints, which: Sequence[int]
+) -> dict[int, Series]:
+    """Where joints were since ``begin``, from ``start``.
+
+    Raises:
+        RobotNotReady: no state came for too long.
+    """
+    states = [state for state in heard if 0.0 <= state.stamp - begin < duration]
     times = [0.0, *(state.stamp - states[0].stamp for state in states), duration]
-    gap = max(new - old for old, new in pairwise(times))
+    gap = float(np.diff(times).max())
     if gap > _LONGEST_GAP:
         raise RobotNotReady(
             f"No joint state came for {1e3 * gap:.0f} ms: the machine is too busy, or the robot was lost; "
             "try again when it is idle."
         )
+    return {
+        joint: series([(each.stamp - begin, each.position[joint] - start[joint]) for each in states]) for joint in which
+    }
 
 
 def standing(node: EvaluationNode) -> Joints:
@@ -160,37 +287,50 @@ def standing(node: EvaluationNode) -> Joints:
     while True:
         node.spin_until(time.monotonic() + _STILL)
         last, position = position, node.position()
-        if max(abs(now - before) for now, before in zip(position, last, strict=True)) < _BACK:
+        if _distance(position, last) < _BACK:
             return position
 
 
 def _bring_back(node: EvaluationNode, start: Joints) -> None:
-    node.set_law(USUAL)
+    node.set_controller(DELIVERED)
     node.send(start)
-
-    def is_back() -> bool:
-        now = node.states[-1].position if node.states else None
-        return now is not None and max(abs(a - b) for a, b in zip(now, start, strict=True)) < 5.0 * _BACK
-
-    node.until(is_back, "coming back to the start", _RETURN)
-
-
-AXIS_6 = 6
-"""By its place in the chain: the last, by which echoes of goals are known."""
-
-_ECHO = 0.1  # [s] until the last goal's state has come
-_ALL = 1e9  # [s] of a recording
+    node.until(
+        lambda: bool(node.states) and _distance(node.states[-1].position, start) < 5.0 * _BACK,
+        "coming back to the start",
+        _RETURN,
+    )
 
 
-class _Unpaced(SystemClock):
-    """A virtual controller bears any number of requests a second, a real one fewer than twenty."""
+def _distance(one: Joints, other: Joints) -> float:
+    """Of the joint where it is largest [rad]."""
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
-    def wait(self, seconds: float) -> None:
-        """Do not."""
+
+def _measure_trips(
+    plan: NetworkedPlan, robot: Sequence[str], on_step: OnStep, check: Callable[[], None]
+) -> tuple[Measured, tuple[SentGoal, ...], tuple[HeardState, ...]]:
+    """What the application knows of round trips; the cycles between are in the driver's recording."""
+    with evaluation_node(Side.RIGHT, check) as node:
+        on_step("Round trips to the EGM loop")
+        node.start_egm()
+        node.set_controller(DELIVERED)
+        before = node.counters()
+        goals = send_nudges(node, plan.trips + plan.trips // _SPARE)
+        states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
+        after = node.counters()
+        on_step("Round trips to the robot manager")
+        services = service_trips(node, plan.trips)
+        node.stop_egm()
+        on_step("Round trips to the state machine")
+        with state_machine_client(plan, f"{robot[1]}:{robot[3]}") as client:
+            requests, answers = machine_trips(node, client, plan.trips)
+    machine = {"ros_service": services, "request": requests, "answer": answers}
+    lost = sum(after[name] - before[name] for name in ("missed", "lost"))
+    return Measured(machine_trips=machine, datagrams=after["cycles"] - before["cycles"], lost=lost), goals, states
 
 
 def send_nudges(node: EvaluationNode, count: int) -> tuple[SentGoal, ...]:
-    """Send goals that hardly move the arm, each with a position of its own; what was heard is in ``node.states``."""
+    """Send goals that hardly move the arm, each with a position of its own; the states heard are in ``node.states``."""
     node.start_egm()
     start = standing(node)
     with node.echoes() as echoes:
@@ -205,7 +345,7 @@ def send_nudges(node: EvaluationNode, count: int) -> tuple[SentGoal, ...]:
     return tuple(SentGoal(value, moment, heard.get(value, moment)) for moment, value in sent)
 
 
-def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recording: Path) -> tuple[Trip, ...]:
+def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recording: Path) -> tuple[RoundTrip, ...]:
     """The round trips of ``goals``, with the cycles of the driver's ``recording``, which is complete."""
     frames = read_recording(recording, before=_ALL, after=_ALL).frames.get(Side.RIGHT, ())
     cycles = [
@@ -216,16 +356,28 @@ def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recor
     return join_trips(goals, cycles, states)
 
 
-def state_machine_client(place: RobotPlace, address: str) -> RwsClient:
-    """Asks a virtual controller as often as it answers, a real one at the pace it bears; not connected yet."""
-    clock = SystemClock() if place.robot else _Unpaced()
-    return RwsClient(address, user=place.user, password=place.password, clock=clock)
+class _Unpaced(SystemClock):
+    """A virtual controller takes any number of requests a second, a real one fewer than twenty."""
+
+    def wait(self, seconds: float) -> None:
+        """Do not."""
+
+
+def state_machine_client(plan: NetworkedPlan, address: str) -> RwsClient:
+    """A client without request pacing for a virtual controller, with it for a real one; not connected yet."""
+    clock = SystemClock() if plan.robot else _Unpaced()
+    return RwsClient(address, user=plan.user, password=plan.password, clock=clock)
 
 
 def service_trips(node: EvaluationNode, count: int) -> tuple[float, ...]:
     """Calls of the driver's robot manager [s]."""
-    node.is_ready()  # finding each other is no round trip
-    return tuple(_lasted(node.is_ready) for _ in range(count))
+    node.is_ready()  # discovery is no round trip
+    durations = []
+    for _ in range(count):
+        begin = time.monotonic()
+        node.is_ready()
+        durations.append(time.monotonic() - begin)
+    return tuple(durations)
 
 
 def machine_trips(node: EvaluationNode, client: RwsClient, count: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -239,155 +391,3 @@ def machine_trips(node: EvaluationNode, client: RwsClient, count: int) -> tuple[
     trips = [machine_trip(client, str(number), time.monotonic, node.check) for number in range(count)]
     requests, answers = zip(*trips, strict=True)
     return requests, answers
-
-
-def _lasted(call: Callable[[], object]) -> float:
-    begin = time.monotonic()
-    call()
-    return time.monotonic() - begin
-
-
-_READY = 60.0  # [s]
-_SPARE = 20  # one more round trip in so many, since some goals are replaced before a cycle takes them
-
-
-@dataclass(frozen=True, slots=True)
-class WirePlan:
-    """How an evaluation in real time is made.
-
-    Attributes:
-        place: where the robot is.
-        trips: round trips of each kind.
-        folder: for logs and the recording.
-    """
-
-    place: RobotPlace
-    trips: int
-    folder: Path
-
-
-def wire_experiments() -> tuple[Experiment, ...]:
-    """Every experiment that runs over the wire, those with the same settings one after the other."""
-    everything = (*published_experiments(), *better_experiments(), *joint_experiments())
-    return tuple(sorted(everything, key=lambda each: each.mode is Mode.REDUCED))
-
-
-def wire_step_count() -> int:
-    """How often ``on_step`` is called."""
-    return len(wire_experiments()) + len(Mode) + 3
-
-
-def evaluate_on_wire(results: Results, plan: WirePlan, on_step: OnStep, check: Callable[[], None]) -> None:
-    """Run everything in real time into ``results``; ``on_step`` and ``check`` may raise to end it early.
-
-    Raises:
-        YumiError: a process or the robot failed; the message says which.
-    """
-    plan.folder.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as stack:
-        stack.enter_context(paused_collector())
-        open_ros()
-        stack.callback(close_ros)
-        where = _robot(plan, stack, check)
-        for mode in Mode:
-            on_step(f"Start the driver, {mode.word}")
-            with _driver(plan, where, mode, check) as driver:
-                watch = _watching(driver, check)
-                _run_mode(results, mode, on_step, watch)
-                heard = _measure_trips(plan, where, on_step, watch) if mode is Mode.FULLSPEED else None
-            if heard is not None:  # the recording is complete when the driver has ended
-                results.measured[System.WIRE] = replace(
-                    heard.measured, trips=join_recorded(heard.goals, heard.states, _recording(plan, mode))[: plan.trips]
-                )
-    results.close()
-
-
-def _run_mode(results: Results, mode: Mode, on_step: OnStep, check: Callable[[], None]) -> None:
-    chosen = [each for each in wire_experiments() if each.mode is mode]
-    for side in Side:
-        mine = [each for each in chosen if each.side is side]
-        if mine:
-            with evaluation_node(side, check) as node:
-                for experiment in mine:
-                    on_step(experiment.title)
-                    _add_run(results, node, experiment)
-
-
-def _add_run(results: Results, node: EvaluationNode, experiment: Experiment) -> None:
-    """One that cannot be run does not keep the others from being run."""
-    name, repeats = f"{System.WIRE.value}/{experiment.name}", list[str]()
-    try:
-        results.add(System.WIRE, run_undisturbed(node, experiment, repeats.append))
-    except RobotNotReady as error:
-        results.failures[name] = str(error)
-    if repeats:
-        results.repeats[name] = tuple(repeats)
-
-
-@dataclass(frozen=True, slots=True)
-class _Heard:
-    """What the application knows of round trips; the cycles between are in the driver's recording."""
-
-    goals: tuple[SentGoal, ...]
-    states: tuple[HeardState, ...]
-    measured: Measured
-
-
-def _measure_trips(plan: WirePlan, where: Sequence[str], on_step: OnStep, check: Callable[[], None]) -> _Heard:
-    with evaluation_node(Side.RIGHT, check) as node:
-        on_step("Round trips to the EGM loop")
-        node.start_egm()
-        node.set_law(USUAL)
-        before = node.counters()
-        goals = send_nudges(node, plan.trips + plan.trips // _SPARE)
-        states = tuple(HeardState(each.stamp, each.heard) for each in node.states)
-        after = node.counters()
-        on_step("Round trips to the robot manager")
-        services = service_trips(node, plan.trips)
-        node.stop_egm()
-        on_step("Round trips to the state machine")
-        with state_machine_client(plan.place, f"{where[1]}:{where[3]}") as client:
-            requests, answers = machine_trips(node, client, plan.trips)
-        machine = {"ros_service": services, "request": requests, "answer": answers}
-    lost = sum(after[name] - before[name] for name in ("missed", "lost"))
-    measured = Measured(machine_trips=machine, datagrams=after["cycles"] - before["cycles"], lost=lost)
-    return _Heard(goals, states, measured)
-
-
-def _robot(plan: WirePlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:
-    """The driver's options to find the robot; a virtual one is started on ports nobody uses."""
-    if plan.place.robot:
-        return ("--robot", plan.place.robot, "--rws-port", str(plan.place.rws_port))
-    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    arguments = ("controller", "--rws-port", "0", *ports)
-    command = Command("virtual controller", arguments, plan.folder / "controller.log", plan.place.secrets)
-    address = stack.enter_context(command).wait_until_ready(_READY, check)
-    host, _, port = address.removeprefix("http://").partition(":")
-    return ("--robot", host, "--rws-port", port, *ports)
-
-
-@contextmanager
-def _driver(plan: WirePlan, where: Sequence[str], mode: Mode, check: Callable[[], None]) -> Iterator[Command]:
-    """The driver as shipped, but for MaxSpeedDeviation; it records every cycle."""
-    settings = plan.folder / f"{mode.word}.yaml"
-    settings.write_text(
-        f"egm_motion: {{max_speed_deviation: {mode.value.max_speed_deviation:.1f}}}\n", encoding="utf-8"
-    )
-    what = ("--config", str(settings), "--record", str(_recording(plan, mode)))
-    arguments = ("up", *where, "--user", plan.place.user, *what)
-    with Command("driver", arguments, plan.folder / f"driver_{mode.word}.log", plan.place.secrets) as command:
-        command.wait_until_ready(_READY, check)
-        yield command
-
-
-def _recording(plan: WirePlan, mode: Mode) -> Path:
-    return plan.folder / f"{mode.word}.mcap"
-
-
-def _watching(driver: Command, check: Callable[[], None]) -> Callable[[], None]:
-    def watch() -> None:
-        check()
-        if driver.exit_code is not None:
-            raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
-
-    return watch

@@ -1,24 +1,18 @@
-"""Round trips from an application to the EGM loop, the robot and back, leg by leg, by joining three lists of times.
+"""Round trips from an application to the EGM loop or to the state machine and back, leg by leg.
 
-Every goal bears a value of its own, so that it can be found again as the reference of the cycle that took it::
+To the EGM loop: three lists of times are joined. Every goal has a value of its own, so that it can be found again as
+the reference of the cycle that took it::
 
-    sent ─ topic ─ heard ─ mailbox ─ datagram ─ cycle ─ reply ─ robot ─ the next datagram but one ─ topic ─ application
+    sent ─ topic ─ heard ─ buffer ─ datagram ─ cycle ─ reply ─ robot ─ the next datagram but one ─ topic ─ application
 
 The robot takes a reply in the cycle after it and shows the motion it makes of it in the datagram after that.
-All times are of one clock [s].
 
-A round trip to the state machine and back, in virtual time and over the wire: it runs a routine that answers.
+To the state machine: the application gives the right arm's task a number, has the state machine run a routine that
+copies it, and reads the copy until the number is there. A subscription would not do: a controller reports the next
+change 50 ms later at the earliest, and round trips in a row would measure that.
 
-The application gives the right arm's task a number, has the state machine run a routine that copies it, and reads the
-copy until the number is there. A subscription would not do: a controller tells the next change 50 ms later at the
-earliest, and a round trip after the other would measure that.
-
-Round trips from an application to the state machine and back in virtual time.
-
-The real client asks a virtual controller that executes the real RAPID. Neither requests nor RAPID take time here, so
-that what is left is the controller's cycle, at whose end the answer is looked for.
-
-Round trips in virtual time, where topics, processors and wires take none: what is left are the cycles.
+All times are of one clock [s]. In virtual time topics, processors, requests and RAPID take no time: what is left are
+the cycles.
 """
 
 from __future__ import annotations
@@ -38,9 +32,10 @@ from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 from yumi.virtual.world import World
-from yumi_evaluation.experiment import CONTROLLER
-from yumi_evaluation.guided_arm import GuidedArm
-from yumi_evaluation.virtual_machine import MemoryRws, moved
+from yumi_evaluation.experiments import AXIS_6
+from yumi_evaluation.memory_rws import MemoryRws
+from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import CONTROLLER, moved
 
 SHOWN_AFTER = 2
 """Datagrams from the one that was answered to the one that shows what the robot made of the answer."""
@@ -89,19 +84,19 @@ class HeardState(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Trip:
+class RoundTrip:
     """A round trip, leg by leg [s].
 
     Attributes:
         topic: from the application through ROS 2 to the driver.
-        mailbox: until a datagram of the robot came and the cycle began.
+        buffer: until a datagram of the robot came and the cycle began.
         cycle: until the reply had left.
         robot: over UDP, through the robot and back.
         state_topic: from the driver through ROS 2 to the application.
     """
 
     topic: float
-    mailbox: float
+    buffer: float
     cycle: float
     robot: float
     state_topic: float
@@ -109,55 +104,42 @@ class Trip:
     @property
     def total(self) -> float:
         """[s]."""
-        return self.topic + self.mailbox + self.cycle + self.robot + self.state_topic
+        return self.topic + self.buffer + self.cycle + self.robot + self.state_topic
 
 
-LEGS = tuple(item.name for item in fields(Trip))
+LEGS = tuple(item.name for item in fields(RoundTrip))
 """The legs in their order."""
 
 
 def join_trips(
     goals: Iterable[SentGoal], cycles: Sequence[LoopCycle], states: Sequence[HeardState]
-) -> tuple[Trip, ...]:
+) -> tuple[RoundTrip, ...]:
     """The round trips of all goals that a cycle took and whose state was heard; newer goals replaced the others."""
-    taken = _first_cycles(cycles)
+    taken: dict[float, int] = {}
+    for index, cycle in enumerate(cycles):
+        taken.setdefault(cycle.value, index)
     stamps = [state.stamp for state in states]
     trips = []
     for goal in goals:
-        index = taken.get(goal.value)
-        if index is None or index + SHOWN_AFTER >= len(cycles):
+        first = taken.get(goal.value)
+        if first is None or first + SHOWN_AFTER >= len(cycles):
             continue
-        cycle, shown = cycles[index], cycles[index + SHOWN_AFTER]
-        state = _state_of(shown, states, stamps)
-        if state is not None:
-            trips.append(_trip(goal, cycle, shown, state))
+        cycle, shown = cycles[first], cycles[first + SHOWN_AFTER]
+        index = bisect_left(stamps, shown.arrived - _SAME)
+        if index == len(states) or abs(stamps[index] - shown.arrived) >= _SAME:
+            continue  # its joint state was not heard
+        # A goal that a cycle took before the second listener had heard it spent no time in the buffer.
+        heard = min(goal.heard, cycle.arrived) if cycle.arrived >= goal.sent else cycle.replied
+        trips.append(
+            RoundTrip(
+                topic=heard - goal.sent,
+                buffer=max(0.0, cycle.arrived - heard),
+                cycle=cycle.replied - max(cycle.arrived, heard),
+                robot=shown.arrived - cycle.replied,
+                state_topic=states[index].heard - shown.arrived,
+            )
+        )
     return tuple(trips)
-
-
-def _first_cycles(cycles: Sequence[LoopCycle]) -> Mapping[float, int]:
-    first: dict[float, int] = {}
-    for index, cycle in enumerate(cycles):
-        first.setdefault(cycle.value, index)
-    return first
-
-
-def _state_of(cycle: LoopCycle, states: Sequence[HeardState], stamps: Sequence[float]) -> HeardState | None:
-    index = bisect_left(stamps, cycle.arrived - _SAME)
-    if index < len(states) and abs(stamps[index] - cycle.arrived) < _SAME:
-        return states[index]
-    return None
-
-
-def _trip(goal: SentGoal, cycle: LoopCycle, shown: LoopCycle, state: HeardState) -> Trip:
-    """A goal that a cycle took before the second listener had heard it spent no time in the mailbox."""
-    heard = min(goal.heard, cycle.arrived) if cycle.arrived >= goal.sent else cycle.replied
-    return Trip(
-        topic=heard - goal.sent,
-        mailbox=max(0.0, cycle.arrived - heard),
-        cycle=cycle.replied - max(cycle.arrived, heard),
-        robot=shown.arrived - cycle.replied,
-        state_topic=state.heard - shown.arrived,
-    )
 
 
 SIDE = Side.RIGHT
@@ -192,10 +174,10 @@ def machine_trip(
     """Have the idle state machine answer ``number``.
 
     Args:
-        client: asks the controller.
-        number: one that it was not asked before.
-        now: tells the time [s].
-        pause: called before each look for the answer.
+        client: of the controller.
+        number: not used before.
+        now: the clock [s].
+        pause: called before each reading of the answer.
 
     Returns:
         Until it had been asked, and from then until its answer was read [s].
@@ -231,7 +213,7 @@ class VirtualRobot(ManualClock):
     """A whole virtual controller in virtual time: waiting is what makes it go on.
 
     Attributes:
-        client: asks it, without the pace that a real controller wants.
+        client: of it, not limited to the request rate of a real controller.
     """
 
     def __init__(self) -> None:
@@ -257,7 +239,7 @@ class VirtualRobot(ManualClock):
 
 
 class _Unpaced:
-    """A virtual controller bears any number of requests at once."""
+    """A virtual controller takes any number of requests at once."""
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
@@ -277,14 +259,12 @@ def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:
         bringup.make_ready()
         RapidRoutines(client, bringup.panel, bringup.machines, robot).load_module(SIDE, FILE_NAME, TEXT)
         prepare(client)
-        trips = [_virtual_machine_trips_trip(robot, client, number) for number in range(count)]
+        trips = []
+        for number in range(count):
+            robot.wait(_SHIFT)
+            trips.append(machine_trip(client, str(number), robot.now, robot.wait_for_cycle))
     requests, replies = zip(*trips, strict=True)
     return {"request": requests, "answer": replies}
-
-
-def _virtual_machine_trips_trip(robot: VirtualRobot, client: RwsClient, number: int) -> tuple[float, float]:
-    robot.wait(_SHIFT)
-    return machine_trip(client, str(number), robot.now, robot.wait_for_cycle)
 
 
 PERIOD = 0.005
@@ -293,32 +273,30 @@ PERIOD = 0.005
 NUDGE = 1e-7
 """Between the positions of two goals; so that the arm need not move, and each is known again [rad]."""
 
-_JOINT = 6
-
 
 def nudge(number: int) -> float:
     """Where goal ``number``, from 0, is relative to where the joint stands [rad]; none is where it stands."""
     return (number + 1) * NUDGE
 
 
-def virtual_trips(count: int) -> tuple[tuple[Trip, ...], int, int]:
+def virtual_trips(count: int) -> tuple[tuple[RoundTrip, ...], int, int]:
     """``count`` round trips to the EGM loop, the datagrams meanwhile, and how many of them were lost."""
     goals = MemoryBuffer[SessionGoal]()
-    arm = GuidedArm({CONTROLLER: JointPositionController(goals)}, side=Side.RIGHT)
-    arm.start()
-    arm.run(0.1)
-    arm.switch_to(CONTROLLER)
-    start, session, begin = arm.robot.arm.planned, arm.snapshot.session, arm.clock.now()
+    rig = VirtualArmRig({CONTROLLER: JointPositionController(goals)}, side=Side.RIGHT)
+    rig.start()
+    rig.run(0.1)
+    rig.switch_to(CONTROLLER)
+    start, session, begin = rig.robot.arm.planned, rig.snapshot.session, rig.clock.now()
     sent: list[SentGoal] = []
     cycles: list[LoopCycle] = []
     while len(sent) < count + 3:
-        while (due := begin + PERIOD * len(sent)) <= arm.clock.now() + CYCLE:
-            position = moved(start, nudge(len(sent)), (_JOINT,))
+        while (due := begin + PERIOD * len(sent)) <= rig.clock.now() + CYCLE:
+            position = moved(start, nudge(len(sent)), (AXIS_6,))
             write_goal(goals, session, position, time=due)
-            sent.append(SentGoal(position[_JOINT], due, due))
-        arm.cycle()
-        taken, now = arm.line.manager.reference, arm.cycles[-1].state.time
-        cycles.append(LoopCycle(now, now, taken[_JOINT] if taken else start[_JOINT]))
+            sent.append(SentGoal(position[AXIS_6], due, due))
+        rig.cycle()
+        taken, now = rig.line.manager.reference, rig.cycles[-1].state.time
+        cycles.append(LoopCycle(now, now, taken[AXIS_6] if taken else start[AXIS_6]))
     states = [HeardState(cycle.arrived, cycle.arrived) for cycle in cycles]
-    snapshot = arm.snapshot
+    snapshot = rig.snapshot
     return join_trips(sent, cycles, states)[:count], len(cycles), snapshot.lost + snapshot.missed

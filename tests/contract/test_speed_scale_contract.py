@@ -28,7 +28,7 @@ from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.shared_state import Factor
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 SIDE = Side.LEFT
 HOME = home(SIDE)
@@ -47,7 +47,7 @@ class ScaledArm:
         self.scale, self.goals, self.speeds, self.feedback = (MemoryBuffer() for _ in range(4))
         self.set(scale)
         speed = SpeedScale(self.scale)
-        self.arm = GuidedArm(
+        self.arm = VirtualArmRig(
             {
                 "trajectory": JointTrajectoryController(SIDE, self.feedback, LIMITS, speed=speed),
                 "goal": JointGoalController(MemoryBuffer(), LIMITS, speed=speed),

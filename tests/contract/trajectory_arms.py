@@ -23,7 +23,7 @@ from yumi.control.trajectory import ArmPlan
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from yumi.settings import Values
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 NAME = "joint_trajectory_controller"
 SIDE = Side.LEFT
@@ -42,7 +42,7 @@ class Loop(Protocol):
 
 
 class PerfectLoop:
-    """A perfect arm in memory, as :class:`GuidedArm` is a virtual one."""
+    """A perfect arm in memory, as :class:`VirtualArmRig` is a virtual one."""
 
     def __init__(self, controller: JointTrajectoryController) -> None:
         self.clock = ManualClock(100.0)
@@ -132,7 +132,7 @@ def perfect_arm() -> TrajectoryArm:
 
 def virtual_arm() -> TrajectoryArm:
     def loop(controller: JointTrajectoryController) -> Loop:
-        arm = GuidedArm({NAME: controller}, side=SIDE)
+        arm = VirtualArmRig({NAME: controller}, side=SIDE)
         arm.start()
         return arm
 

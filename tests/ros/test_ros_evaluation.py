@@ -1,4 +1,4 @@
-"""An evaluation's application over ROS 2 and the wire: an experiment, and round trips joined with the recording."""
+"""An evaluation's application over ROS 2 and the network: an experiment, and round trips joined with the recording."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from ros_bench import TIMEOUT, Robot
 from yumi.errors import RobotNotReady
 from yumi.process.child import Command
 from yumi.robot.joints import Side
-from yumi_evaluation import networked as wire_runs
+from yumi_evaluation import networked
 from yumi_evaluation.evaluation_node import EvaluationNode, evaluation_node
-from yumi_evaluation.experiment import Experiment, Trace, proportional, step
-from yumi_evaluation.experiments import RobotPlace
+from yumi_evaluation.experiments import Experiment, Trace, proportional, step
+from yumi_evaluation.figures import step_figures_of
+from yumi_evaluation.metrics import series
 from yumi_evaluation.networked import (
+    NetworkedPlan,
     join_recorded,
     machine_trips,
     run_undisturbed,
@@ -25,7 +27,6 @@ from yumi_evaluation.networked import (
     state_machine_client,
 )
 from yumi_evaluation.round_trips import HeardState
-from yumi_evaluation.tracking_figures import StepFigures, figures_of
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
@@ -64,32 +65,33 @@ class BusyMachine:
         self.disturbed -= 1
         if self.disturbed >= 0:
             raise RobotNotReady("No joint state came for 90 ms.")
-        return Trace(experiment, (), {})
+        return Trace(experiment, series(()), {})
 
 
 @pytest.mark.parametrize(("disturbed", "repeats"), [(0, 0), (2, 2), (4, 3)])
-def test_disturbed_runs_are_repeated_and_noted(monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int) -> None:
-    machine, told = BusyMachine(disturbed), list[str]()
-    monkeypatch.setattr(wire_runs, "run_on_wire", machine.run)
-    monkeypatch.setattr(wire_runs, "_bring_back", lambda node, start: None)
+def test_disturbed_runs_are_repeated_and_reported(
+    monkeypatch: pytest.MonkeyPatch, disturbed: int, repeats: int
+) -> None:
+    machine, reported = BusyMachine(disturbed), list[str]()
+    monkeypatch.setattr(networked, "run_networked", machine.run)
+    monkeypatch.setattr(networked, "_bring_back", lambda node, start: None)
     with pytest.raises(RobotNotReady) if disturbed > 3 else nullcontext():
-        run_undisturbed(machine, step(proportional(1.2)), told.append)  # type: ignore[arg-type]
-    assert told == ["No joint state came for 90 ms."] * repeats
+        run_undisturbed(machine, step(proportional(1.2)), reported.append)  # type: ignore[arg-type]
+    assert reported == ["No joint state came for 90 ms."] * repeats
 
 
 def test_step_settles_and_round_trips_are_joined_with_the_recording(
     node: EvaluationNode, driver: Command, robot: Robot, recording: Path
 ) -> None:
-    figures = figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
+    figures = step_figures_of(run_undisturbed(node, step(proportional(1.6), duration=1.5)))
     goals = send_nudges(node, 100)
     states = [HeardState(each.stamp, each.heard) for each in node.states]
-    with state_machine_client(RobotPlace(None, robot.rws_port), f"127.0.0.1:{robot.rws_port}") as machine:
+    with state_machine_client(NetworkedPlan(20, recording.parent), f"127.0.0.1:{robot.rws_port}") as machine:
         services = service_trips(node, 20)
         node.stop_egm()
         legs = machine_trips(node, machine, 20)
     driver.stop()
     trips = join_recorded(goals, states, recording)
-    assert isinstance(figures, StepFigures)
     assert figures.final_error_deg < 0.1
     assert len(trips) > 20
     assert all(trip.total > 0.008 for trip in trips)

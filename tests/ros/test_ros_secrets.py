@@ -13,10 +13,9 @@ from click.testing import CliRunner
 from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.ros.move_and_grab import GOALS
-from yumi_evaluation import networked as wire_evaluation
-from yumi_evaluation.experiment import Mode
-from yumi_evaluation.experiments import RobotPlace
-from yumi_evaluation.networked import WirePlan
+from yumi_evaluation import networked
+from yumi_evaluation.experiments import Mode
+from yumi_evaluation.networked import NetworkedPlan, start_driver, start_robot
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 SECRET = "s3cret-4711"
@@ -43,7 +42,7 @@ class Noted:
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Sequence[str], Mapping[str, str]]]:
     Noted.started = []
-    for module in (wire_evaluation, demo):
+    for module in (networked, demo):
         monkeypatch.setattr(module, "Command", Noted)
     return Noted.started
 
@@ -52,10 +51,10 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Sequence[str], Mappin
 def test_evaluation_passes_the_password_on_by_the_environment_alone(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], robot: str | None
 ) -> None:
-    plan = WirePlan(RobotPlace(robot, 80, password=SECRET), 10, tmp_path)
+    plan = NetworkedPlan(10, tmp_path, robot, password=SECRET)
     with ExitStack() as stack:
-        where = wire_evaluation._robot(plan, stack, lambda: None)
-        with wire_evaluation._driver(plan, where, Mode.FULLSPEED, lambda: None):
+        where = start_robot(plan, stack, lambda: None)
+        with start_driver(plan, where, Mode.FULLSPEED, lambda: None):
             pass
     assert len(started) == (1 if robot else 2)
     assert [environment["YUMI_PASSWORD"] for _, environment in started] == [SECRET] * len(started)

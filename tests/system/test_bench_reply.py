@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import pytest
 
 from yumi.errors import RobotNotReady
-from yumi_evaluation.bench.build import (
-    ECHO,
-    Case,
-    Contender,
-    Mode,
-    Runtime,
-    Workshop,
-    compile_programs,
-    fast_line,
-    find_workshop,
-)
-from yumi_evaluation.bench.run import run_case
+from yumi_evaluation.bench.contenders import ECHO, Case, Contender, Mode, Runtime, control_loop
+from yumi_evaluation.bench.run import Workshop, run_case
 
 CYCLES = 200
 pytestmark = [
@@ -29,24 +20,23 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def workshop() -> Workshop:
-    workshop = find_workshop()
-    compile_programs(workshop)
+    workshop = Workshop(Path("build/bench").absolute())
+    workshop.compile_programs()
     return workshop
 
 
-@pytest.mark.parametrize("contender", [ECHO, fast_line("blocking")], ids=lambda each: str(each.name))
+@pytest.mark.parametrize("contender", [ECHO, control_loop("blocking")], ids=lambda each: str(each.name))
 @pytest.mark.parametrize("mode", Mode)
 def test_every_reply_of_both_arms_is_right(workshop: Workshop, contender: Contender, mode: Mode) -> None:
-    run, latencies = run_case(workshop, Case(contender, mode, 2), 1, CYCLES)
+    run = run_case(workshop, Case(contender, mode, 2), 1, CYCLES)
     assert run.count("unparsed") == 0
-    assert [len(each) for each in latencies] == [CYCLES, CYCLES]
-    # A machine under other load may let a few go; what a guard says while it catches up belongs to no certain cycle.
+    assert run.latencies.shape == (2, CYCLES)
+    # A machine under other load may let a few go; the replies of a limiter that catches up belong to no certain cycle.
     assert run.count("bad") + run.count("duplicates") <= 0.05 * 2 * CYCLES
-    answered = sum(value > 0 for each in latencies for value in each)
-    assert answered >= 0.95 * 2 * CYCLES
+    assert (run.latencies > 0).sum() >= 0.95 * 2 * CYCLES
 
 
-def test_server_that_does_not_guide_is_noticed(workshop: Workshop) -> None:
-    unguided = Contender("unguided", "an echo taken for a server", "echo.c", Runtime.COMPILED, gain=0.1)
-    with pytest.raises(RobotNotReady, match="did not guide the robot as it should"):
-        run_case(workshop, Case(unguided, Mode.PACED, 1, lead_in=1.0), 1, CYCLES)
+def test_server_that_does_not_drive_the_robot_is_refused(workshop: Workshop) -> None:
+    no_driver = Contender("no_driver", "an echo taken for a server", "echo.c", Runtime.COMPILED, gain=0.1)
+    with pytest.raises(RobotNotReady, match="did not answer the robot as it should"):
+        run_case(workshop, Case(no_driver, Mode.PACED, 1, lead_in=1.0), 1, CYCLES)

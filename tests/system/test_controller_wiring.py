@@ -11,7 +11,7 @@ from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 SIDE = Side.LEFT
 
@@ -29,7 +29,7 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
     boxes = ArmBuffers()
     place = Place(name, SIDE, boxes, ArmBuffers(), YUMI_LIMITS, CYCLE, SpeedScale(boxes.speed_scale))
-    arm = GuidedArm({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
+    arm = VirtualArmRig({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)
     start = arm.robot.arm.planned

@@ -28,7 +28,7 @@ from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
 from yumi.process.pipe import ChildProcess, PipeEnd
 from yumi.recording.mcap import Recording, read_recording
-from yumi.recording.recorder import Records
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time
@@ -61,10 +61,10 @@ def system() -> System:
 def records_of(system: System, folder: Path) -> Recording:
     """What the driver would have written for the faults of the right arm."""
     arm = system.arms[RIGHT]
-    records = Records(folder, 50, {RIGHT: arm.recorder}, lambda sentence: None)
+    records = Recorder(folder, 50, {RIGHT: arm.recorder}, lambda sentence: None)
     for event in arm.events:
         if event.side is RIGHT:
-            records.note(event, system.now(), EPOCH)
+            records.on_event(event, system.now(), EPOCH)
     records.close()
     (file,) = folder.glob("*.mcap")
     return read_recording(file)
@@ -130,7 +130,7 @@ def control(port: int, events: Queue[Event]) -> Iterator[ControlProcess]:
 def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     control: ControlProcess, port: int, events: Queue[Event], tmp_path: Path
 ) -> None:
-    records = Records(tmp_path, 50, control.recorders, lambda sentence: None)
+    records = Recorder(tmp_path, 50, control.recorders, lambda sentence: None)
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
         control.call(Commands.switch_controllers, RIGHT, (POSITION,))
@@ -139,7 +139,7 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
             robot.exchange(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE))
     while not is_fault(event := events.get(timeout=5.0)):
         continue
-    records.note(event, SystemClock().now(), EPOCH)
+    records.on_event(event, SystemClock().now(), EPOCH)
     records.close()
     recording = read_recording(next(tmp_path.glob("*_right.mcap")))
     assert recording.stop is not None

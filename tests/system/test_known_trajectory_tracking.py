@@ -6,20 +6,24 @@ from math import radians
 
 import pytest
 
-from yumi_evaluation.virtual_machine import Sine, follow_sine
+from yumi_evaluation.virtual_time import PlannedSine, follow_sine
 
 
 @pytest.mark.parametrize(("amplitude_deg", "allowed_deg"), [(10.0, 0.05), (60.0, 0.3)])
 def test_arm_follows_a_known_sine_without_lag(amplitude_deg: float, allowed_deg: float) -> None:
-    tracking = follow_sine(Sine(radians(amplitude_deg)))
+    tracking = follow_sine(PlannedSine(radians(amplitude_deg)))
     assert tracking.max_error_deg <= allowed_deg
     assert abs(tracking.mean_lag) <= 0.004
     assert tracking.slowed == 0
 
 
-def test_arm_is_told_a_whole_delay_too_late_without_lookahead() -> None:
-    assert follow_sine(Sine(radians(10.0), periods=1), {"lookahead": 0.0}).mean_lag == pytest.approx(0.032, abs=0.002)
+def test_arm_is_a_whole_delay_late_without_lookahead() -> None:
+    assert follow_sine(PlannedSine(radians(10.0), periods=1), {"lookahead": 0.0}).mean_lag == pytest.approx(
+        0.032, abs=0.002
+    )
 
 
 def test_arm_lags_by_the_gain_of_its_own_loop_without_feedforward() -> None:
-    assert follow_sine(Sine(radians(10.0), periods=1), {"feedforward": 0.0}).mean_lag == pytest.approx(0.2, abs=0.02)
+    assert follow_sine(PlannedSine(radians(10.0), periods=1), {"feedforward": 0.0}).mean_lag == pytest.approx(
+        0.2, abs=0.02
+    )

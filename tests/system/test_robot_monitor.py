@@ -264,8 +264,10 @@ def test_monitor_reports_each_change_once(monitored: Monitored) -> None:
 
 def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
-    exchange = monitored.system.http.exchange
-    monkeypatch.setattr(monitored.system.http, "exchange", lambda *request: asked.append(request) or exchange(*request))
+    exchange = monitored.system.http.handle_request
+    monkeypatch.setattr(
+        monitored.system.http, "handle_request", lambda *request: asked.append(request) or exchange(*request)
+    )
     monitored.wait(10.0)
     assert len(asked) <= 20
 

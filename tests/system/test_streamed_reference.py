@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import radians
 
 import pytest
 
-from yumi_evaluation.experiment import FEED_FORWARD, Run, Sine, Step, Stream, acceleration_limit, follow
+from yumi_evaluation.experiments import AXIS_6, FEED_FORWARD, Sine, Step
+from yumi_evaluation.virtual_time import FULL_SPEED_LIMITS, Stream, follow
 
 START = 2.0
 """A sine that begins at full speed cannot be followed from its first moment [s]."""
@@ -41,19 +43,18 @@ def test_step_has_no_overshoot_and_keeps_the_acceleration_limit(size_deg: float)
     run = follow(Step(radians(size_deg)), 1.0, FEED_FORWARD)
     assert run.overshoot_deg < 0.1
     assert run.settling_time(0.1) < 0.5
-    assert run.max_acceleration <= acceleration_limit()
+    assert run.max_acceleration <= FULL_SPEED_LIMITS.acceleration[AXIS_6]
 
 
 def test_stream_that_ends_in_mid_motion_does_not_run_on() -> None:
-    """Nobody can know that it ends until it is late: the arm goes on for that time, brakes and comes back."""
+    """That it ends is known when it is late: the arm goes on for that time, brakes and comes back."""
     sine, end = Sine(radians(60.0)), 1.0
     run = follow(sine, 3.0, FEED_FORWARD, Stream(until=end))
-    ended = Run(lambda _: sine(end), run.samples, 0).after(end)
-    past = max(each.measured - sine(end) for each in ended.samples)
-    assert past < radians(75.0) * (0.030 + 0.032) + radians(2.0)
-    assert ended.samples[-1].measured == pytest.approx(sine(end), abs=1e-4)
+    ended = replace(run, reference=Step(sine(end), 0.0)).after(end)
+    assert ended.errors.max() < radians(75.0) * (0.030 + 0.032) + radians(2.0)
+    assert ended.measured[-1] == pytest.approx(sine(end), abs=1e-4)
 
 
 @pytest.mark.parametrize("amplitude_deg", [10.0, 60.0])
-def test_guard_has_nothing_to_slow_down(amplitude_deg: float) -> None:
+def test_limiter_has_nothing_to_slow_down(amplitude_deg: float) -> None:
     assert follow(Sine(radians(amplitude_deg)), 3.0, FEED_FORWARD).slowed == 0

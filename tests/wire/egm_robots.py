@@ -63,7 +63,7 @@ class ObedientRobot:
         return datagram
 
 
-class GuidedArm:
+class VirtualArmRig:
     """A virtual YuMi arm under EGM."""
 
     def __init__(self, run: EgmRun | None) -> None:

@@ -14,7 +14,7 @@ from threading import Event
 from typing import Any
 
 import pytest
-from egm_robots import GuidedArm, ObedientRobot, Wired
+from egm_robots import ObedientRobot, VirtualArmRig, Wired
 
 from yumi import EgmServer
 from yumi.egm.udp import free_port
@@ -34,7 +34,7 @@ def server() -> Iterator[EgmServer]:
 
 
 def test_joint_example_swings_the_last_axis_and_comes_back(server: EgmServer) -> None:
-    arm = GuidedArm(EgmRun(cond_time=1e6))
+    arm = VirtualArmRig(EgmRun(cond_time=1e6))
     start = arm.arm.position
     with Wired(server.port, arm.cycle):
         example("joint")["swing"](server, 4.0)
@@ -56,7 +56,7 @@ def test_pose_example_leads_the_tool_round_and_back(server: EgmServer) -> None:
 
 
 def test_velocity_example_turns_the_last_axis_and_stops(server: EgmServer) -> None:
-    arm = GuidedArm(EgmRun(cond_time=1e6, pos_corr_gain=0.0))
+    arm = VirtualArmRig(EgmRun(cond_time=1e6, pos_corr_gain=0.0))
     start = arm.arm.position[-1]
     with Wired(server.port, arm.cycle):
         example("velocity")["turn"](server, 4.0)
@@ -66,7 +66,7 @@ def test_velocity_example_turns_the_last_axis_and_stops(server: EgmServer) -> No
 
 
 def test_stream_example_shows_where_the_robot_is_and_says_nothing(server: EgmServer) -> None:
-    arm, lines = GuidedArm(None), []
+    arm, lines = VirtualArmRig(None), []
 
     def show(line: str) -> None:
         lines.append(line)

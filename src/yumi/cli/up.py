@@ -37,7 +37,7 @@ from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
 from yumi.process.realtime import brisk_threads, release_process, settle_memory
 from yumi.process.single_instance import Only
 from yumi.process.supervision import start_thread
-from yumi.recording.recorder import Records
+from yumi.recording.recorder import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
@@ -129,7 +129,7 @@ def run_driver(
     clock = SystemClock()
 
     def on_event(event: Event) -> None:
-        records.note(event, clock.now(), time.time())
+        records.on_event(event, clock.now(), time.time())
         parts.manager.note(event)
         ros.on_event(event)
 
@@ -161,7 +161,7 @@ def run_driver(
         control, manager, plan, rate = parts.control, parts.manager, parts.plan, settings.ros.merged_rate
         ros = RosDriver(control, plan.controllers, manager, grippers, rate, clock, plan.limits)
         stack.callback(ros.stop)
-        records = Records(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
+        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
         stack.callback(records.close)
         if record:
             records.record_all(record, time.time() - clock.now())

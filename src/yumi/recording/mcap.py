@@ -1,10 +1,8 @@
-"""Cycles and events as the JSON objects of a recording, and the schemas that describe them.
+"""Recordings: cycles and events of both arms as an MCAP file, for our own table and picture and for Foxglove.
 
-Recordings: cycles and events of both arms as an MCAP file, for our own table and picture and for Foxglove.
-
-A topic an arm (``r/cycle``, ``l/cycle``) and one for what happened (``events``), each message a JSON object whose
-schema, with units, is in the file. A message's log time is the time of day; ``time`` inside is the machine's monotonic
-clock, by which cycles and events compare.
+A topic an arm (``r/cycle``, ``l/cycle``) and one for events (``events``), each message a JSON object whose schema, with
+units, is in the file. A message's log time is the time of day; ``time`` inside is the machine's monotonic clock, by
+which cycles and events compare.
 """
 
 from __future__ import annotations
@@ -12,11 +10,11 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from math import isfinite, nan
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 from yumi import __version__
 from yumi.control.events import Event, is_fault
@@ -35,7 +33,7 @@ class RecordedEvent:
         side: which arm; None when it concerns both.
         kind: the event's class, e.g. ``SessionLost``.
         sentence: what the log says of it.
-        is_fault: whether nobody asked for it.
+        is_fault: whether it was a fault, and not requested.
     """
 
     time: float
@@ -63,7 +61,7 @@ def _vector(description: str) -> dict[str, object]:
 STAGES = tuple(item.name for item in fields(StageTimes))
 """The stages of a cycle in their order."""
 
-CYCLE_SCHEMA: Mapping[str, object] = {
+CYCLE_SCHEMA: Mapping[str, Any] = {
     "title": "yumi.Cycle",
     "type": "object",
     "properties": {
@@ -76,8 +74,8 @@ CYCLE_SCHEMA: Mapping[str, object] = {
         "velocity": _vector("measured velocities [rad/s]"),
         "planned": _vector("positions the controller was heading for [rad]"),
         "desired": {**_vector("positions the controllers asked for [rad], null: hold"), "type": ["array", "null"]},
-        "sent": _vector("positions sent to the arm [rad]"),
-        "sent_velocity": _vector("velocities sent to the arm [rad/s]"),
+        "sent": _vector("positions that were sent to the arm [rad]"),
+        "sent_velocity": _vector("velocities that were sent to the arm [rad/s]"),
         "reference": {**_vector("goal of the active controller [rad], null: none"), "type": ["array", "null"]},
         "stages": {
             "type": "object",
@@ -96,29 +94,23 @@ EVENT_SCHEMA: Mapping[str, object] = {
         "side": {"enum": [*(side.value for side in Side), None], "description": "which arm, null: both"},
         "kind": {"type": "string"},
         "sentence": {"type": "string"},
-        "is_fault": {"type": "boolean", "description": "whether nobody asked for it"},
+        "is_fault": {"type": "boolean", "description": "whether it was a fault, and not requested"},
     },
 }
 """JSON schema of an event."""
 
 
+_VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
+
+
 def frame_message(frame: Frame) -> dict[str, object]:
-    """The object of a cycle; what is no finite number becomes null, which JSON has."""
-    return {
-        "number": frame.number,
-        "time": frame.time,
-        "dt": frame.dt,
-        "session": frame.session,
-        "is_running": frame.is_running,
-        "position": _numbers(frame.position),
-        "velocity": _numbers(frame.velocity),
-        "planned": _numbers(frame.planned),
-        "desired": None if frame.desired is None else _numbers(frame.desired),
-        "sent": _numbers(frame.sent),
-        "sent_velocity": _numbers(frame.sent_velocity),
-        "reference": None if frame.reference is None else _numbers(frame.reference),
-        "stages": {name: getattr(frame.stages, name) for name in STAGES},
-    }
+    """The object of a cycle; what is not a finite number becomes null, which JSON has."""
+    message: dict[str, object] = {name: getattr(frame, name) for name in CYCLE_SCHEMA["properties"]}
+    for name in _VECTORS:
+        values = getattr(frame, name)
+        message[name] = None if values is None else [value if isfinite(value) else None for value in values]
+    message["stages"] = {name: getattr(frame.stages, name) for name in STAGES}
+    return message
 
 
 def frame_from_message(message: Mapping[str, Any]) -> Frame:
@@ -129,67 +121,35 @@ def frame_from_message(message: Mapping[str, Any]) -> Frame:
         TypeError: a part is of the wrong kind.
         ValueError: a vector has not seven numbers.
     """
-    wanted, reference = message["desired"], message["reference"]
+
+    def vector(name: str) -> Joints:
+        return joints([nan if value is None else value for value in message[name]])
+
     return Frame(
         number=int(message["number"]),
         time=float(message["time"]),
         dt=float(message["dt"]),
         session=int(message["session"]),
         is_running=bool(message["is_running"]),
-        position=_joints(message["position"]),
-        velocity=_joints(message["velocity"]),
-        planned=_joints(message["planned"]),
-        desired=None if wanted is None else _joints(wanted),
-        sent=_joints(message["sent"]),
-        sent_velocity=_joints(message["sent_velocity"]),
-        reference=None if reference is None else _joints(reference),
+        position=vector("position"),
+        velocity=vector("velocity"),
+        planned=vector("planned"),
+        desired=None if message["desired"] is None else vector("desired"),
+        sent=vector("sent"),
+        sent_velocity=vector("sent_velocity"),
+        reference=None if message["reference"] is None else vector("reference"),
         stages=StageTimes(*(float(message["stages"][name]) for name in STAGES)),
     )
 
 
-def event_message(event: RecordedEvent) -> dict[str, object]:
-    """The object of an event."""
-    return {
-        "time": event.time,
-        "side": event.side.value if event.side else None,
-        "kind": event.kind,
-        "sentence": event.sentence,
-        "is_fault": event.is_fault,
-    }
-
-
-def event_from_message(message: Mapping[str, Any]) -> RecordedEvent:
-    """The event of an object.
-
-    Raises:
-        KeyError: a part is missing.
-        ValueError: there is no such arm.
-    """
-    return RecordedEvent(
-        time=float(message["time"]),
-        side=None if message["side"] is None else Side(message["side"]),
-        kind=str(message["kind"]),
-        sentence=str(message["sentence"]),
-        is_fault=bool(message["is_fault"]),
-    )
-
-
-def _numbers(values: Joints) -> list[float | None]:
-    return [value if isfinite(value) else None for value in values]
-
-
-def _joints(values: list[float | None]) -> Joints:
-    return joints([nan if value is None else value for value in values])
-
-
 EVENTS = "events"
-"""Topic of what happened."""
+"""The topic of events."""
 
 BEFORE = 11.0
 """A flight record as a whole: its ten seconds end a little before the event [s]."""
 
 AFTER = 1.0
-"""What the robot did once it was told to hold [s]."""
+"""What the robot did once it was to hold [s]."""
 
 _MISSING = "Recordings need mcap; install yumi-ros2[record]."
 _LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of about one million
@@ -245,7 +205,14 @@ class RecordingWriter:
         self._epoch = epoch
         self._writer = Writer(self._stream)
         self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
-        self._channels = self._register()
+        cycle, event = (
+            self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+            for name, schema in (("yumi.Cycle", CYCLE_SCHEMA), ("yumi.Event", EVENT_SCHEMA))
+        )
+        self._channels = {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
+        for side in Side:
+            names = {"joints": " ".join(joint_names(side))}
+            self._channels[_topic(side)] = self._writer.register_channel(_topic(side), "json", cycle, names)
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -260,8 +227,8 @@ class RecordingWriter:
         self._add(_topic(side), frame.time, frame.number, frame_message(frame))
 
     def add_event(self, event: RecordedEvent) -> None:
-        """Append what happened."""
-        self._add(EVENTS, event.time, 0, event_message(event))
+        """Append an event."""
+        self._add(EVENTS, event.time, 0, {**asdict(event), "side": event.side.value if event.side else None})
 
     def close(self) -> None:
         """Write the index; without it the file is readable, but slowly."""
@@ -274,19 +241,6 @@ class RecordingWriter:
         data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
         nanoseconds = round((self._epoch + time) * 1e9)
         self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds, sequence)
-
-    def _register(self) -> dict[str, int]:
-        cycle, event = (
-            self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-            for name, schema in (("yumi.Cycle", CYCLE_SCHEMA), ("yumi.Event", EVENT_SCHEMA))
-        )
-        channels = {
-            _topic(side): self._writer.register_channel(
-                _topic(side), "json", cycle, {"joints": " ".join(joint_names(side))}
-            )
-            for side in Side
-        }
-        return channels | {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
 
 
 def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
@@ -312,68 +266,56 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
         after: cycles until so long after it [s].
 
     Raises:
-        ProtocolError: the file is no such recording.
+        ProtocolError: the file is not such a recording.
         MissingPrerequisite: the library is not installed.
     """
-    events, last, is_complete = _read_events(file)
-    stops = [event for event in events if event.is_fault]
-    stop = stops[-1] if stops else None
-    middle = stop.time if stop else last
-    frames = _read_frames(file, middle - before, middle + after)
-    return Recording(events, stop, frames, is_complete)
-
-
-def _read_events(file: Path) -> tuple[tuple[RecordedEvent, ...], float, bool]:
-    """All events, the time of the last cycle, and whether the file was closed."""
-    events, last, is_complete = [], 0.0, False
+    events, last, is_complete = list[RecordedEvent](), 0.0, False
     for topic, message in _messages(file):
         if topic is None:
             is_complete = True
         elif topic == EVENTS:
-            events.append(event_from_message(message))
+            side = None if message["side"] is None else Side(message["side"])
+            kind, sentence = str(message["kind"]), str(message["sentence"])
+            events.append(RecordedEvent(float(message["time"]), side, kind, sentence, bool(message["is_fault"])))
         else:
             last = max(last, float(message["time"]))
-    return tuple(events), last, is_complete
+    stop = next((event for event in reversed(events) if event.is_fault), None)
+    middle = stop.time if stop else last
 
-
-def _read_frames(file: Path, begin: float, end: float) -> dict[Side, tuple[Frame, ...]]:
+    # A second pass, so that of a long recording only the cycles that are shown are kept in memory.
     frames: dict[Side, list[Frame]] = {side: [] for side in Side}
     sides = {_topic(side): side for side in Side}
     for topic, message in _messages(file):
-        if topic in sides and begin <= message["time"] <= end:
+        if topic in sides and middle - before <= message["time"] <= middle + after:
             frames[sides[topic]].append(frame_from_message(message))
-    return {side: tuple(each) for side, each in frames.items() if each}
+    recorded = {side: tuple(each) for side, each in frames.items() if each}
+    return Recording(tuple(events), stop, recorded, is_complete)
 
 
 def _messages(file: Path) -> Iterator[tuple[str | None, Any]]:
     """Topic and content of every message in the order of the file; at last (None, None) where it was closed."""
     try:
         from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra; nothing else needs it
+        from mcap.records import Channel, Footer, Message  # noqa: PLC0415
+        from mcap.stream_reader import StreamReader  # noqa: PLC0415
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError as error:
         raise MissingPrerequisite(_MISSING) from error
+    topics: dict[int, str] = {}
     try:
         with file.open("rb") as stream:
-            yield from _contents(stream)
+            for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message):
+                    yield topics[record.channel_id], json.loads(record.data)
+                elif isinstance(record, Footer):
+                    yield None, None
     except EndOfFile:
-        return  # whoever wrote it was stopped; what is whole has been read
+        return  # its writer was stopped; what is complete has been read
     except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         # The last two: a damaged length asks for more than there is.
-        raise ProtocolError(f"{file} is no recording of yumi, or it is damaged: {error!r}.") from error
-
-
-def _contents(stream: IO[bytes]) -> Iterator[tuple[str | None, Any]]:
-    from mcap.records import Channel, Footer, Message  # noqa: PLC0415 - an extra; nothing else needs it
-    from mcap.stream_reader import StreamReader  # noqa: PLC0415
-
-    topics: dict[int, str] = {}
-    for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
-        if isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            yield topics[record.channel_id], json.loads(record.data)
-        elif isinstance(record, Footer):
-            yield None, None
+        raise ProtocolError(f"{file} is not a recording of yumi, or it is damaged: {error!r}.") from error
 
 
 def _topic(side: Side) -> str:

@@ -1,9 +1,4 @@
-"""A recording as a table: what stopped the motion on top, then the cycles around it, then where the time went.
-
-A recording as a picture: a panel a joint with measured, desired and sent positions, one for the stages.
-
-A picture of the paths that joints took: one panel an arm, one line a joint.
-"""
+"""Recordings for the eye: a table of the cycles around an event, a picture of them, and a picture of joint paths."""
 
 from __future__ import annotations
 
@@ -20,7 +15,7 @@ from rich.text import Text
 
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import STAGES, RecordedEvent, Recording
+from yumi.recording.mcap import STAGES, Recording
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 
@@ -32,28 +27,18 @@ def recording_table(recording: Recording, side: Side, cycles: int) -> Renderable
     frames = recording.frames.get(side, ())
     if not frames:
         return Text(f"No cycle of the {side.word} arm is recorded.")
-    zero = recording.stop.time if recording.stop else frames[-1].time
-    shown = [frame for frame in frames if frame.time <= zero][-cycles:]
-    return Group(
-        Text(_headline(recording.stop), style="bold red" if recording.stop else "bold"),
-        Text(_summary(side, frames, is_complete=recording.is_complete)),
-        _cycles(shown, zero),
-        _stages(frames),
-    )
-
-
-def _headline(stop: RecordedEvent | None) -> str:
-    return stop.sentence if stop else "Nothing stopped a motion; these are the last cycles."
-
-
-def _summary(side: Side, frames: Sequence[Frame], *, is_complete: bool) -> str:
-    span = frames[-1].time - frames[0].time
+    stop = recording.stop
+    zero = stop.time if stop else frames[-1].time
+    headline = stop.sentence if stop else "Nothing stopped a motion; these are the last cycles."
     gap = max((new.time - old.time for old, new in pairwise(frames)), default=0.0)
-    cut = "" if is_complete else " The file was cut off."
-    return (
-        f"{side.word.capitalize()} arm: {len(frames)} cycles in {span:.2f} s, sessions {frames[0].session} to "
-        f"{frames[-1].session}, longest gap between two datagrams {gap * 1e3:.1f} ms.{cut}"
+    summary = (
+        f"{side.word.capitalize()} arm: {len(frames)} cycles in {frames[-1].time - frames[0].time:.2f} s, sessions "
+        f"{frames[0].session} to {frames[-1].session}, longest gap between two datagrams {gap * 1e3:.1f} ms."
+        + ("" if recording.is_complete else " The file was cut off.")
     )
+    shown = [frame for frame in frames if frame.time <= zero][-cycles:]
+    style = "bold red" if stop else "bold"
+    return Group(Text(headline, style=style), Text(summary), _cycles(shown, zero), _stages(frames))
 
 
 def _cycles(frames: Sequence[Frame], zero: float) -> Table:
@@ -103,6 +88,9 @@ _GAP = 0.1
 
 _LINES = (("reference", ":", "0.6"), ("sent", "-", "C1"), ("desired", "--", "C2"), ("position", "-", "C0"))
 
+JointPath = Sequence[tuple[float, Joints]]
+"""Times [s] and positions [rad] of one arm."""
+
 
 def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     """Draw one arm's cycles over the time from the event and save the picture as ``file``.
@@ -111,21 +99,35 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
         CommandRefused: no cycle of that arm is recorded.
         MissingPrerequisite: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
-    except ImportError as error:
-        raise MissingPrerequisite("Pictures need matplotlib; install yumi-ros2[plot].") from error
-    frames = _with_gaps(recording.frames.get(side, ()))
+    frames = recording.frames.get(side, ())
     if not frames:
         raise CommandRefused(f"No cycle of the {side.word} arm is recorded; choose the other arm with --arm.")
-    zero = recording.stop.time if recording.stop else recording.frames[side][-1].time
-    times = [frame.time - zero for frame in frames]
-    figure = Figure(figsize=(14.0, 8.0), layout="constrained")
+    figure = _figure(14.0, 8.0)
     panels = figure.subplots(2, 4, sharex=True).flat
+    # None stands where lines break: after a cycle that no other followed in time.
+    rows: list[Frame | None] = [frames[0]]
+    times = [frames[0].time]
+    for before, frame in pairwise(frames):
+        if frame.time - before.time > _GAP:
+            rows.append(None)
+            times.append(before.time)
+        rows.append(frame)
+        times.append(frame.time)
+    zero = recording.stop.time if recording.stop else frames[-1].time
+    times = [time - zero for time in times]
     for index, axis in enumerate(CHAIN_AXES):
-        _draw_joint(panels[index], times, frames, index)
+        for name, style, color in _LINES:
+            vectors = [getattr(frame, name, None) for frame in rows]
+            values = [nan if vector is None else degrees(vector[index]) for vector in vectors]
+            label = "measured" if name == "position" else name
+            panels[index].plot(times, values, style, color=color, linewidth=1.0, label=label)
         panels[index].set_title(f"axis {axis} [°]")
-    _draw_stages(panels[-1], times, frames)
+
+    # Stacked, so that the upper edge is the whole cycle.
+    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for frame in rows] for name in STAGES]
+    panels[-1].stackplot(times, *layers, labels=[name.replace("_", " ") for name in STAGES], linewidth=0.0)
+    panels[-1].set_title("stages of a cycle [µs]")
+    panels[-1].legend(loc="upper left", fontsize="x-small", ncols=2)
     for panel in panels:
         panel.axvline(0.0, color="red", linewidth=0.8)
         panel.grid(alpha=0.3)
@@ -135,71 +137,31 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     figure.savefig(file, dpi=120)
 
 
-def _with_gaps(frames: Sequence[Frame]) -> list[Frame | _Gap]:
-    """The frames, with a gap after each one that nothing followed in time."""
-    following: list[Frame | _Gap] = []
-    for frame in frames:
-        if following and frame.time - following[-1].time > _GAP:
-            following.append(_Gap(following[-1].time))
-        following.append(frame)
-    return following
-
-
-class _Gap:
-    """Nothing was recorded from here on: every line breaks."""
-
-    def __init__(self, time: float) -> None:
-        self.time = time
-
-
-def _draw_joint(panel: Any, times: Sequence[float], frames: Sequence[Frame | _Gap], index: int) -> None:
-    for name, style, color in _LINES:
-        values = [_angle(getattr(frame, name, None), index) for frame in frames]
-        panel.plot(times, values, style, color=color, linewidth=1.0, label="measured" if name == "position" else name)
-
-
-def _angle(positions: Sequence[float] | None, index: int) -> float:
-    return nan if positions is None else degrees(positions[index])
-
-
-def _draw_stages(panel: Any, times: Sequence[float], frames: Sequence[Frame | _Gap]) -> None:
-    """Stacked, so that the upper edge is the whole cycle."""
-    layers = [
-        [0.0 if isinstance(frame, _Gap) else getattr(frame.stages, name) * 1e6 for frame in frames] for name in STAGES
-    ]
-    panel.stackplot(times, *layers, labels=[name.replace("_", " ") for name in STAGES], linewidth=0.0)
-    panel.set_title("stages of a cycle [µs]")
-    panel.legend(loc="upper left", fontsize="x-small", ncols=2)
-
-
-JointPath = Sequence[tuple[float, Joints]]
-"""Times [s] and positions [rad] of one arm."""
-
-
 def draw_joint_paths(paths: Mapping[Side, JointPath], file: Path) -> None:
-    """Draw ``paths`` over the time since the first of all and save the picture as ``file``.
+    """Draw ``paths``, a panel an arm, over the time since the first of all and save the picture as ``file``.
 
     Raises:
         MissingPrerequisite: matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
-    except ImportError as error:
-        raise MissingPrerequisite("Pictures need matplotlib; install yumi-ros2[plot].") from error
-    figure = Figure(figsize=(10.0, 4.5), layout="constrained")
+    figure = _figure(10.0, 4.5)
     panels = figure.subplots(1, len(paths), sharex=True, sharey=True, squeeze=False)[0]
     begin = min(time for path in paths.values() for time, _ in path)
     for panel, (side, path) in zip(panels, paths.items(), strict=True):
-        _draw_arm(panel, path, begin)
+        times = [time - begin for time, _ in path]
+        for index, axis in enumerate(CHAIN_AXES):
+            panel.plot(times, [degrees(position[index]) for _, position in path], label=str(axis))
+        panel.grid(alpha=0.3)
+        panel.set_xlabel("time [s]")
         panel.set_title(f"{side.word.capitalize()} arm")
     panels[0].set_ylabel("joint position [°]")
     panels[-1].legend(title="ABB axis", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     figure.savefig(file, dpi=150)
 
 
-def _draw_arm(panel: object, path: JointPath, begin: float) -> None:
-    times = [time - begin for time, _ in path]
-    for index, axis in enumerate(CHAIN_AXES):
-        panel.plot(times, [degrees(position[index]) for _, position in path], label=str(axis))  # type: ignore[attr-defined]
-    panel.grid(alpha=0.3)  # type: ignore[attr-defined]
-    panel.set_xlabel("time [s]")  # type: ignore[attr-defined]
+def _figure(width: float, height: float) -> Any:
+    """An empty picture of that size [inch]."""
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
+    except ImportError as error:
+        raise MissingPrerequisite("Pictures need matplotlib; install yumi-ros2[plot].") from error
+    return Figure(figsize=(width, height), layout="constrained")

@@ -1,14 +1,7 @@
-"""Everything the driver writes down: flight records, and the recording of a whole session when it was asked for.
+"""What the driver writes down: a flight record when something stops a motion, and every cycle when that was requested.
 
-The full recorder: every cycle of both arms, from start to end, into one file.
-
-It follows the memory of the flight recorders, which holds ten seconds: a disk that hesitates loses nothing, and what is
-lost all the same is counted.
-
-Flight records: what the flight recorder remembers, written out when something stops a motion.
-
-The fast line only tells what happened; this end reads the memory it shares and writes the file, on a thread of its
-own, so that neither a cycle nor an answer waits for a disk.
+The control loop only reports events; this end reads the memory it shares (ten seconds of each arm) and writes the
+files, on threads of its own, so that neither a cycle nor a reply waits for a disk.
 """
 
 from __future__ import annotations
@@ -22,40 +15,61 @@ from threading import Event as Flag
 from threading import Thread
 
 from yumi.control.events import Event, is_fault
-from yumi.control.flight_recorder import FlightRecorder, Frame
+from yumi.control.flight_recorder import FlightRecorder
 from yumi.errors import SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.mcap import BEFORE, RecordedEvent, RecordingWriter, recorded_event, write_flight_record
 from yumi.robot.joints import Side
 
+PERIOD = 0.02
+"""How often a full recording reads the memories [s]: the less there is to write at once, the less others wait."""
+
 _NAME = "flight_"
 
 
-class FlightRecords:
-    """A folder of flight records.
+class Recorder:
+    """Writes the files that an event, or a recording of the whole session, asks for.
 
     Args:
-        folder: where they go; made when the first one is written.
-        keep: how many stay; the oldest ones make room.
+        folder: where flight records go; made when the first one is written.
+        keep: how many of them stay; the oldest ones are deleted.
         recorders: the memory of each arm.
-        say: told one sentence for each record.
+        report: called with one sentence for each file; on another thread.
     """
 
     def __init__(
-        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
+        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], report: Callable[[str], None]
     ) -> None:
         self._folder = folder
         self._keep = keep
         self._recorders = recorders
-        self._say = say
+        self._report = report
         self._failures = Failures()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
+        self._full: FullRecorder | None = None
 
-    def note(self, event: Event, now: float, time_of_day: float) -> None:
-        """Write a record when ``event`` stopped a motion.
+    def record_all(self, file: Path, epoch: float) -> None:
+        """Write every cycle from now on to ``file``.
 
         Args:
-            event: what the fast line told.
+            file: a new one, or one to be replaced.
+            epoch: time of day when the monotonic clock was 0 [s since 1970].
+
+        Raises:
+            SettingsError: the file cannot be written.
+            MissingPrerequisite: the library is not installed.
+        """
+        try:
+            self._full = FullRecorder(file, epoch, self._recorders, self._report)
+        except OSError as error:
+            raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
+        self._full.start()
+
+    def on_event(self, event: Event, now: float, time_of_day: float) -> None:
+        """Write down what happened; does not wait for a disk.
+
+        Args:
+            event: of the control loop.
             now: monotonic clock [s].
             time_of_day: at the same moment [s since 1970].
         """
@@ -64,53 +78,47 @@ class FlightRecords:
             try:
                 self._thread.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
             except RuntimeError as error:  # the operating system permits no thread
-                self._say(f"The flight record of the {event.side.word} arm could not be begun: {error}.")
+                self._report(f"The flight record of the {event.side.word} arm could not be begun: {error}.")
+        if self._full:
+            self._full.on_event(event, now)
 
     def close(self) -> None:
         """Wait until everything is written."""
         self._thread.shutdown()
+        if self._full:
+            self._full.close()
 
     def _write(self, event: RecordedEvent, side: Side, memory: FlightRecorder, time_of_day: float) -> None:
-        file, frames = self._folder / _file_name(side, time_of_day), _recent(memory, event.time)
+        moment = datetime.fromtimestamp(time_of_day)
+        name = f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
+        file = self._folder / name
+        # The cycles that led to the event; not those of an earlier session.
+        frames = tuple(frame for frame in memory.frames() if frame.time >= event.time - BEFORE)
         try:
             write_flight_record(file, time_of_day - event.time, event, {side: frames})
-            self._make_room()
+            for oldest in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
+                oldest.unlink()
         except (YumiError, OSError) as error:
-            self._say(f"The flight record could not be written to {file}: {error}")
+            self._report(f"The flight record could not be written to {file}: {error}")
             return
-        except Exception as error:  # the pool would keep it to itself
+        except Exception as error:  # the thread pool would keep it to itself
             self._failures.note(f"Writing the flight record {file}", error)
             return
         seconds = frames[-1].time - frames[0].time if frames else 0.0
-        self._say(f"The last {seconds:.1f} s of the {side.word} arm are in {file}: yumi record show {file}")
-
-    def _make_room(self) -> None:
-        for file in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
-            file.unlink()
-
-
-def _recent(memory: FlightRecorder, now: float) -> tuple[Frame, ...]:
-    """The cycles that led to an event; not those of an earlier session."""
-    return tuple(frame for frame in memory.frames() if frame.time >= now - BEFORE)
-
-
-def _file_name(side: Side, time_of_day: float) -> str:
-    moment = datetime.fromtimestamp(time_of_day)
-    return f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
-
-
-PERIOD = 0.02
-"""How often the memories are read [s]: the less there is to write at once, the less others wait."""
+        self._report(f"The last {seconds:.1f} s of the {side.word} arm are in {file}: yumi record show {file}")
 
 
 class FullRecorder:
-    """Writes one recording on a thread of its own, between start and close.
+    """Writes every cycle of both arms to one file, on a thread of its own, between start and close.
+
+    It follows the memories, which hold ten seconds: a disk that hesitates loses nothing, and what is lost all the same
+    is counted.
 
     Args:
         file: where to.
         epoch: time of day when the monotonic clock was 0 [s since 1970].
         recorders: the memory of each arm.
-        say: told one sentence when it ends.
+        report: called with one sentence when it ends.
 
     Raises:
         MissingPrerequisite: the library is not installed.
@@ -118,12 +126,12 @@ class FullRecorder:
     """
 
     def __init__(
-        self, file: Path, epoch: float, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
+        self, file: Path, epoch: float, recorders: Mapping[Side, FlightRecorder], report: Callable[[str], None]
     ) -> None:
         self._file = file
         self._writer = RecordingWriter(file, epoch)
         self._recorders = recorders
-        self._say = say
+        self._report = report
         self._last = {side: recorder.newest for side, recorder in recorders.items()}
         self._written = self._lost = 0
         self._events: SimpleQueue[RecordedEvent] = SimpleQueue()
@@ -132,10 +140,10 @@ class FullRecorder:
         self._thread = Thread(target=self._run, name="full-recorder", daemon=True)
 
     def start(self) -> None:
-        """Begin; the thread ends with the process if nobody closes it."""
+        """Begin; without a call of close the thread ends with the process."""
         self._thread.start()
 
-    def note(self, event: Event, now: float) -> None:
+    def on_event(self, event: Event, now: float) -> None:
         """Record ``event``, which happened at ``now`` on the monotonic clock [s]."""
         self._events.put(recorded_event(event, now))
 
@@ -152,10 +160,10 @@ class FullRecorder:
             self._writer.close()
         except Exception as error:  # not begun again: what the file holds after that is not known
             self._failures.note(f"Recording to {self._file}", error)
-            self._say(f"The recording to {self._file} ended early: {type(error).__name__}: {error}.")
+            self._report(f"The recording to {self._file} ended early: {type(error).__name__}: {error}.")
             return
         lost = f"; {self._lost} were lost, the disk is too slow" if self._lost else ""
-        self._say(f"{self._written} cycles are in {self._file}{lost}.")
+        self._report(f"{self._written} cycles are in {self._file}{lost}.")
 
     def _follow(self) -> None:
         for side, recorder in self._recorders.items():
@@ -169,57 +177,3 @@ class FullRecorder:
                 self._writer.add_event(self._events.get_nowait())
             except Empty:
                 return
-
-
-class Records:
-    """Told of every event, it knows which files to write.
-
-    Args:
-        folder: where flight records go.
-        keep: how many of them stay; the oldest ones make room.
-        recorders: the memory of each arm.
-        say: told one sentence for each file; on another thread.
-    """
-
-    def __init__(
-        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], say: Callable[[str], None]
-    ) -> None:
-        self._recorders = recorders
-        self._say = say
-        self._flights = FlightRecords(folder, keep, recorders, say)
-        self._full: FullRecorder | None = None
-
-    def record_all(self, file: Path, epoch: float) -> None:
-        """Write every cycle from now on to ``file``.
-
-        Args:
-            file: a new one, or one to be replaced.
-            epoch: time of day when the monotonic clock was 0 [s since 1970].
-
-        Raises:
-            SettingsError: the file cannot be written.
-            MissingPrerequisite: the library is not installed.
-        """
-        try:
-            self._full = FullRecorder(file, epoch, self._recorders, self._say)
-        except OSError as error:
-            raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
-        self._full.start()
-
-    def note(self, event: Event, now: float, time_of_day: float) -> None:
-        """Write down what happened; waits for no disk.
-
-        Args:
-            event: what the fast line told.
-            now: monotonic clock [s].
-            time_of_day: at the same moment [s since 1970].
-        """
-        self._flights.note(event, now, time_of_day)
-        if self._full:
-            self._full.note(event, now)
-
-    def close(self) -> None:
-        """Wait until everything is written."""
-        self._flights.close()
-        if self._full:
-            self._full.close()

@@ -1,26 +1,36 @@
-"""The benchmark's report: a JSON document under stable names (docs/reference/benchmark.md), and tables for a person."""
+"""The benchmark's report: a JSON document (docs/reference/benchmark.md), tables, and a picture of the latencies."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
-from math import isfinite
+from math import log10
+from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 from rich.box import SIMPLE
 from rich.table import Table
 
-from yumi_evaluation.bench.build import Case
-from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, Figures, Run, Spread
-from yumi_evaluation.bench.targets import targets
+from yumi_evaluation.bench.contenders import Case, Mode
+from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, Figures, Run, Spread, targets
+from yumi_evaluation.results import finite
 
 FORMAT = "yumi-bench/1"
 LATENCY_TITLES = ("p50", "p99", "p99.9", "max")
+BINS_PER_DECADE = 40
+LOWEST_US, HIGHEST_US = 1.0, 100_000.0
+
+_PANELS = {(Mode.PACED, 1): "one arm, 250 Hz", (Mode.PACED, 2): "two arms, 250 Hz", (Mode.PING_PONG, 1): "ping-pong"}
 
 
 def document(
     figures: Figures, settings: dict[str, Any], machine: dict[str, Any], *, is_complete: bool
 ) -> dict[str, Any]:
-    """Every figure, ready for JSON; what is no number is null."""
+    """Every figure, ready for JSON."""
     content = {
         "format": FORMAT,
         "complete": is_complete,
@@ -32,19 +42,16 @@ def document(
         },
         "runs": [_run(run) for run in figures.runs],
     }
-    return dict(_finite(content))
+    return dict(finite(content))
 
 
 def latency_table(figures: Figures) -> Table:
     """One line a case: latencies, and what went wrong in all rounds."""
     table = _table("send to reply [µs], median of rounds", *LATENCY_TITLES, *COUNTERS[:3])
     for case in figures.cases:
-        runs = figures.of(case.name)
-        table.add_row(
-            case.name,
-            *(_median(figures.spread(case, _latency(figure)), ".0f") for figure in LATENCIES),
-            *(str(sum(run.count(counter) for run in runs)) for counter in COUNTERS[:3]),
-        )
+        medians = [_median(figures.spread(case, _latency(figure)), ".0f") for figure in LATENCIES]
+        counts = [str(sum(run.count(counter) for run in figures.of(case.name))) for counter in COUNTERS[:3]]
+        table.add_row(case.name, *medians, *counts)
     return table
 
 
@@ -52,9 +59,10 @@ def ratio_table(figures: Figures) -> Table:
     """One line a case: the ratio to the better peer of the same round with its range, the rate, and the CPU used."""
     table = _table("to the better PyPI peer, median (range) of rounds", "p50", "p99", "cycles/s", "CPU %")
     for case in figures.cases:
+        spreads = [figures.ratio_to_peers(case, figure) for figure in ("p50_us", "p99_us")]
         table.add_row(
             case.name,
-            *(_with_range(figures.ratio_to_peers(case, figure)) for figure in ("p50_us", "p99_us")),
+            *(f"{each.median:.2f} ({each.lowest:.2f}-{each.highest:.2f})" if each else "–" for each in spreads),
             _median(figures.spread(case, lambda run: run.cycles_per_second), ".0f"),
             _median(figures.spread(case, lambda run: run.cpu_percent), ".1f"),
         )
@@ -69,6 +77,55 @@ def target_table(figures: Figures) -> Table:
         verdict = "[green]yes[/]" if each.holds else "[red]no[/]"
         table.add_row(each.name, f"{each.bound:g}", f"{each.measured.median:.2f}", spread, verdict)
     return table
+
+
+def draw_histograms(figures: Figures, file: Path) -> None:
+    """Draw the latencies of each contender, one panel a mode and number of arms, and save the picture as ``file``."""
+    panels = {key: title for key, title in _PANELS.items() if any(_key(run) == key for run in figures.runs)}
+    figure = Figure(figsize=(10.0, 3.2 * max(1, len(panels))), layout="constrained")
+    axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+    titles = list(dict.fromkeys(case.contender.title for case in sorted(figures.cases, key=lambda each: each.name)))
+    styles = dict(zip(titles, line_styles(len(titles)), strict=True))  # a contender looks the same in all panels
+    for panel, (key, title) in zip(axes, panels.items(), strict=False):
+        for name in titles:
+            runs = [run for run in figures.runs if _key(run) == key and run.case.contender.title == name]
+            latencies = np.concatenate([run.latencies.ravel() for run in runs]) if runs else np.empty(0)
+            answered = latencies[latencies > 0] / 1000.0
+            if answered.size:
+                edges, shares = histogram(answered)
+                panel.stairs(shares, edges, label=f"{name} ({answered.size} replies)", linewidth=1.4, **styles[name])
+        panel.set(title=title, xscale="log", yscale="log", ylabel="fraction of replies", xlim=(5.0, 20_000.0))
+        panel.grid(alpha=0.3, which="both")
+        if panel.get_legend_handles_labels()[0]:
+            panel.legend(loc="upper right", fontsize="small", frameon=False)
+    axes[-1].set_xlabel("send to reply [µs]")
+    figure.savefig(file, dpi=150)
+
+
+def histogram(latencies_us: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Edges [µs] of bins of equal width on a log scale, and the fraction of the latencies in each bin.
+
+    What lies outside of 1 µs to 0.1 s is counted in the outermost bins.
+    """
+    latencies = np.asarray(latencies_us, dtype=np.float64)
+    decades = log10(HIGHEST_US / LOWEST_US)
+    edges = LOWEST_US * 10.0 ** (np.arange(round(BINS_PER_DECADE * decades) + 1) / BINS_PER_DECADE)
+    counts, _ = np.histogram(np.clip(latencies, edges[0], edges[-1]), edges)
+    return edges, counts / latencies.size
+
+
+def line_styles(count: int) -> list[dict[str, Any]]:
+    """As many line styles, no two alike: strong colours first, then the pale ones, then both dashed and dotted."""
+    palette = mpl.color_sequences["tab20"]
+    colors = [mpl.colors.to_hex(each) for each in (*palette[::2], *palette[1::2])]
+    return [
+        {"color": colors[index % len(colors)], "linestyle": ("-", "--", ":")[index // len(colors) % 3]}
+        for index in range(count)
+    ]
+
+
+def _key(run: Run) -> tuple[Mode, int]:
+    return run.case.mode, run.case.arms
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -107,22 +164,9 @@ def _run(run: Run) -> dict[str, Any]:
     }
 
 
-def _latency(figure: str) -> Any:
+def _latency(figure: str) -> Callable[[Run], float]:
     return lambda run: run.latency(figure)
 
 
-def _median(spread: Spread | None, form: str, unit: str = "") -> str:
-    return f"{spread.median:{form}}{unit}" if spread else "–"
-
-
-def _with_range(spread: Spread | None) -> str:
-    return f"{spread.median:.2f} ({spread.lowest:.2f}-{spread.highest:.2f})" if spread else "–"
-
-
-def _finite(value: Any) -> Any:
-    """JSON knows no nan."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
+def _median(spread: Spread | None, form: str) -> str:
+    return f"{spread.median:{form}}" if spread else "–"

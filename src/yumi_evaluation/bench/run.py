@@ -1,14 +1,18 @@
 """The processes of one run: a fresh server, the load generator against it, and what the kernel says they used.
 
-The soak: both arms of one fast line paced for minutes, in chunks, and the C echo in between for comparison.
+``sources`` has their programs: the load generator and the echo in C, compiled when they are older than their source,
+and Python for ours and for the PyPI peers, which get a virtual environment of their own.
+
+The soak: both arms of one control loop paced for minutes, in chunks, and the C echo in between for comparison.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
-from array import array
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -19,21 +23,99 @@ from time import monotonic
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from yumi.egm.udp import free_port
-from yumi.errors import RobotNotReady
-from yumi_evaluation.bench.build import ECHO, GOAL_DEG, Case, Contender, Mode, Runtime, Workshop
-from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, ArmRun, Run, latency_figures
+from yumi.errors import MissingPrerequisite, RobotNotReady
+from yumi_evaluation.bench.contenders import ECHO, GOAL_DEG, Case, Contender, Mode, Runtime
+from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, MISSED_OVER_ECHO, ArmRun, Run, latency_figures
 
 PERIOD_US = 4000
 WARM_UP = 250
 """Cycles sent before counting begins."""
 
+CHUNK = 30.0
+"""How long one of the two of a soak is under load before the other is [s]."""
+
+SOURCES = Path(__file__).with_name("sources")
+ARMS = 2
+COMPILERS = ("cc", "gcc", "clang", "c++", "g++", "clang++")
+
 _READY_TIMEOUT = 60.0
 _STOP_TIMEOUT = 15.0
 _SLACK = 60.0
 _GENERATOR_PRIORITY = 80
-_PORTS = 2
 _SHORTEST_COUNTED = 0.1  # [s]; the kernel counts CPU time in ticks of 10 ms
+
+
+@dataclass(frozen=True, slots=True)
+class Workshop:
+    """Where the benchmark's sources are and where its products go.
+
+    Attributes:
+        products: programs, the peers' environment, logs.
+        sources: part of the package.
+    """
+
+    products: Path
+    sources: Path = SOURCES
+
+    @property
+    def peers(self) -> Path:
+        """The virtual environment of the PyPI peers."""
+        return self.products / "peers"
+
+    def command(self, contender: Contender) -> list[str]:
+        """The command of ``contender``, without its arguments."""
+        if contender.runtime is Runtime.COMPILED:
+            return [str(self.products.absolute() / Path(contender.program).stem)]
+        python = sys.executable if contender.runtime is Runtime.OURS else str(self.peers / "bin" / "python")
+        return [python, str(self.sources / contender.program)]
+
+    def compile_programs(self) -> None:
+        """Compile what is older than its source.
+
+        Raises:
+            MissingPrerequisite: there is no compiler, it refuses, or the machine does not run Linux.
+        """
+        if not sys.platform.startswith("linux"):
+            raise MissingPrerequisite("The benchmark needs Linux: it uses kernel receive time stamps and /proc.")
+        self.products.mkdir(parents=True, exist_ok=True)
+        newest = max((source.stat().st_mtime for source in self.sources.glob("*.[ch]")), default=0.0)
+        for source in sorted(self.sources.glob("*.c")):
+            program = self.products / source.stem
+            if program.exists() and program.stat().st_mtime >= newest:
+                continue
+            names = [name for name in (os.environ.get("CC", ""), *COMPILERS) if name and shutil.which(name)]
+            if not names:
+                raise MissingPrerequisite(
+                    "The benchmark's load generator needs a C compiler: install one (apt install g++)."
+                )
+            arguments = ["-x", "c", "-O2", "-Wall", "-Wextra", str(source), "-o", str(program), "-lm"]
+            _run_tool([names[0], *arguments], f"The compiler refused {source.name}")
+
+    def install_peers(self) -> None:
+        """Install the PyPI peers into an environment of their own, once per list of requirements.
+
+        Raises:
+            MissingPrerequisite: they cannot be fetched.
+        """
+        requirements = self.sources / "requirements.txt"
+        required, done = requirements.read_text(encoding="utf-8"), self.peers / "installed.txt"
+        if done.exists() and done.read_text(encoding="utf-8") == required:
+            return
+        _run_tool([sys.executable, "-m", "venv", "--clear", str(self.peers)], "The peers' environment cannot be made")
+        pip = [str(self.peers / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
+        _run_tool([*pip, "-r", str(requirements)], "The PyPI peers could not be installed (--only leaves them out)")
+        done.write_text(required, encoding="utf-8")
+
+
+def _run_tool(command: Sequence[str], complaint: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    if done.returncode != 0:
+        words = done.stderr.strip().splitlines() or ["no reason given"]
+        raise MissingPrerequisite(f"{complaint}: {words[-1]}")
 
 
 class Server:
@@ -43,17 +125,35 @@ class Server:
         workshop: where its program is.
         contender: which.
         arms: ports a server of ours always has two of, others as many as are used.
-        log: where its words go.
+        log: where its standard error goes.
+
+    Raises:
+        RobotNotReady: on entering, when it does not start.
     """
 
     def __init__(self, workshop: Workshop, contender: Contender, arms: int, log: Path) -> None:
-        self.ports = [free_port() for _ in range(_PORTS)]
+        self.ports = [free_port() for _ in range(ARMS)]
         self.pids: list[int] = []
         self.heard: dict[str, int] = {}
         self._contender = contender
         self._log = log
-        self._command = [*workshop.command(contender), *_arguments(contender, self.ports, arms)]
-        self._environment = _environment(workshop)
+        used = [str(port) for port in self.ports[:arms]]
+        arguments = {
+            Runtime.COMPILED: used,
+            Runtime.PEERS: [used[0], f"{contender.gain:g}", _goal()],
+            Runtime.OURS: [
+                *("--ports", *map(str, self.ports)), "--gain", f"{contender.gain:g}", f"--goal={_goal()}",
+                *contender.options,
+            ],
+        }  # fmt: skip
+        self._command = [*workshop.command(contender), *arguments[contender.runtime]]
+        # A ROS domain of its own on this machine only, and its logs beside the other products.
+        self._environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(workshop.products.absolute() / "ros"),
+        }
 
     def __enter__(self) -> Server:
         with self._log.open("w", encoding="utf-8") as log:
@@ -67,10 +167,15 @@ class Server:
                 env=self._environment,
             )
         try:
-            self._wait_until_ready()
+            assert self._process.stdout is not None
+            with _at_most(_READY_TIMEOUT, self._process):
+                first = self._process.stdout.readline().split()
+            if first[:1] != ["ready"]:
+                raise RobotNotReady(f"The {self._contender.title} did not start; see {self._log}.")
         except BaseException:
             self.stop()
             raise
+        self.pids = [int(word) for word in first[1:]]
         return self
 
     def __exit__(
@@ -79,7 +184,7 @@ class Server:
         self.stop()
 
     def stop(self) -> None:
-        """End it, in order where it knows how; its last words are kept."""
+        """End it; ours ends by itself when its standard input does, and reports what its subscriber heard."""
         if self._contender.runtime is not Runtime.OURS:
             self._process.terminate()
         try:
@@ -97,46 +202,55 @@ class Server:
 
     def resident_kib(self) -> int:
         """Memory of the processes that answer [KiB]."""
-        return sum(_resident_kib(pid) for pid in self.pids)
-
-    def _wait_until_ready(self) -> None:
-        assert self._process.stdout is not None
-        with _at_most(_READY_TIMEOUT, self._process):
-            first = self._process.stdout.readline().split()
-        if first[:1] != ["ready"]:
-            raise RobotNotReady(f"The {self._contender.title} did not start; see {self._log}.")
-        self.pids = [int(word) for word in first[1:]]
+        lines = [line for pid in self.pids for line in Path(f"/proc/{pid}/status").read_text("ascii").splitlines()]
+        return sum(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Load:
     """What the load generator did and saw.
 
     Attributes:
         summary: its JSON.
-        latencies: per arm, of every counted cycle [ns]; 0 without a reply.
+        latencies: of each arm and counted cycle [ns], 0 without a reply; shape (arms, cycles).
         cpu: CPU time of the answering process and of all while it ran [s].
         wall: how long that was [s].
     """
 
     summary: Mapping[str, Any]
-    latencies: tuple[array[int], ...]
+    latencies: NDArray[np.int64]
     cpu: tuple[float, float]
     wall: float
+
+    @property
+    def arms(self) -> tuple[ArmRun, ...]:
+        """The figures of each arm."""
+        return tuple(
+            ArmRun(latency_figures(latencies), *(int(arm[counter]) for counter in COUNTERS))
+            for arm, latencies in zip(self.summary["arms"], self.latencies, strict=True)
+        )
 
 
 def put_load(workshop: Workshop, server: Server, case: Case, cycles: int) -> Load:
     """Run the load generator against ``server``.
 
     Raises:
-        RobotNotReady: the server did not guide the robot, or stopped answering.
+        RobotNotReady: the server did not answer as it should, or stopped answering.
     """
-    output = workshop.products / "latencies.bin"
-    command = _generator_command(workshop, server, case, cycles, output)
-    words = workshop.products / "load_generator.log"
+    output, log = workshop.products / "latencies.bin", workshop.products / "load_generator.log"
+    ports = [word for port in server.ports[: case.arms] for word in ("--port", str(port))]
+    numbers = {
+        "--cycles": cycles, "--warm-up": WARM_UP, "--period-us": PERIOD_US, "--gain": case.contender.gain,
+        "--priority": _GENERATOR_PRIORITY, "--lead-in-ms": round(case.lead_in * 1e3),
+    }  # fmt: skip
+    options = [word for name, value in numbers.items() for word in (name, str(value))]
+    options += ["--cpu", "0"] if (os.cpu_count() or 1) > 1 else []
+    options += ["--ping-pong"] if case.mode is Mode.PING_PONG else []
+    program = str(workshop.products.absolute() / "load_generator")
+    command = [program, *ports, *options, f"--goal={_goal()}", "--output", str(output)]
     with (
-        words.open("w", encoding="utf-8") as log,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, start_new_session=True) as process,
+        log.open("w", encoding="utf-8") as words,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=words, text=True, start_new_session=True) as process,
     ):
         assert process.stdout is not None
         try:
@@ -150,23 +264,22 @@ def put_load(workshop: Workshop, server: Server, case: Case, cycles: int) -> Loa
             process.kill()
             raise
     if process.returncode != 0:
-        reason = words.read_text(encoding="utf-8").strip() or "The load generator was killed."
+        reason = log.read_text(encoding="utf-8").strip() or "The load generator was killed."
         raise RobotNotReady(f"{case.name}: {reason}")
-    parsed: dict[str, Any] = json.loads(summary)
-    used = (after[0] - before[0], after[1] - before[1])
-    return Load(parsed, _read_latencies(output, case.arms), used, end - begin)
+    latencies = np.fromfile(output, dtype=np.int64).reshape(case.arms, -1)
+    return Load(json.loads(summary), latencies, (after[0] - before[0], after[1] - before[1]), end - begin)
 
 
-def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> tuple[Run, tuple[array[int], ...]]:
-    """One fresh server under load: its figures and its latencies [ns] per arm.
+def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> Run:
+    """One fresh server under load.
 
     Raises:
-        RobotNotReady: it did not start, did not guide the robot, or stopped answering.
+        RobotNotReady: it did not start, did not answer as it should, or stopped answering.
     """
     log = workshop.products / f"{case.name.replace('/', '-')}.log"
     with Server(workshop, case.contender, case.arms, log) as server:
         load = put_load(workshop, server, case, cycles)
-    run = Run(
+    return Run(
         round=number,
         case=case,
         cycles=load.summary["cycles"],
@@ -174,60 +287,87 @@ def run_case(workshop: Workshop, case: Case, number: int, cycles: int) -> tuple[
         cpu_percent=cpu_percent(load.cpu[0], load.wall),
         cpu_all_percent=cpu_percent(load.cpu[1], load.wall),
         generator_late_max_us=load.summary["generator_late_max_us"],
-        arms=arm_runs(load),
+        arms=load.arms,
         heard=server.heard,
-    )
-    return run, load.latencies
-
-
-def arm_runs(load: Load) -> tuple[ArmRun, ...]:
-    """The figures of each arm."""
-    return tuple(
-        ArmRun(
-            latency_figures(latencies),
-            missed=arm["missed"],
-            stale=arm["stale"],
-            bad=arm["bad"],
-            recovering=arm["recovering"],
-            unparsed=arm["unparsed"],
-            duplicates=arm["duplicates"],
-        )
-        for arm, latencies in zip(load.summary["arms"], load.latencies, strict=True)
+        latencies=load.latencies,
     )
 
 
-def _arguments(contender: Contender, ports: Sequence[int], arms: int) -> list[str]:
-    used = [str(port) for port in ports[:arms]]
-    goal = ",".join(f"{value:g}" for value in GOAL_DEG)
-    if contender.runtime is Runtime.COMPILED:
-        return used
-    if contender.runtime is Runtime.PEERS:
-        return [used[0], f"{contender.gain:g}", goal]
-    both = [str(port) for port in ports]
-    return ["--ports", *both, "--gain", f"{contender.gain:g}", f"--goal={goal}", *contender.options]
+def cpu_percent(used: float, wall: float) -> float:
+    """``used`` [s] of ``wall`` [s] in percent of one core; nan of a run that is too short for the kernel's ticks."""
+    return 100.0 * used / wall if wall >= _SHORTEST_COUNTED else nan
 
 
-def _generator_command(workshop: Workshop, server: Server, case: Case, cycles: int, output: Path) -> list[str]:
-    ports = [word for port in server.ports[: case.arms] for word in ("--port", str(port))]
-    numbers = {
-        "--cycles": cycles, "--warm-up": WARM_UP, "--period-us": PERIOD_US, "--gain": case.contender.gain,
-        "--priority": _GENERATOR_PRIORITY, "--lead-in-ms": round(case.lead_in * 1e3),
-    }  # fmt: skip
-    options = [word for name, value in numbers.items() for word in (name, str(value))]
-    goal = f"--goal={','.join(f'{value:g}' for value in GOAL_DEG)}"
-    pin = ["--cpu", "0"] if (os.cpu_count() or 1) > 1 else []
-    ping_pong = ["--ping-pong"] if case.mode is Mode.PING_PONG else []
-    return [str(workshop.load_generator), *ports, *options, goal, "--output", str(output), *pin, *ping_pong]
+@dataclass(slots=True)
+class Endured:
+    """One server over all its chunks.
+
+    Attributes:
+        chunks: per chunk, both arms.
+        cycles: of each arm, in all.
+        resident_kib: memory of the process that answers, after each chunk [KiB].
+        cpu_percent: of one core, per chunk, used by that process.
+    """
+
+    chunks: list[tuple[ArmRun, ...]] = field(default_factory=list)
+    cycles: int = 0
+    resident_kib: list[int] = field(default_factory=list)
+    cpu_percent: list[float] = field(default_factory=list)
 
 
-def _environment(workshop: Workshop) -> dict[str, str]:
-    """A ROS domain of its own on this machine only, and nothing written outside of the clone."""
-    own = {
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_LOG_DIR": str(workshop.products / "ros"),
-    }
-    return {**os.environ, **own}
+def chunks_of(minutes: float) -> int:
+    """How many chunks each server has; at least two, so that growth can be seen."""
+    return max(2, round(minutes * 60.0 / CHUNK))
+
+
+def soak(workshop: Workshop, contender: Contender, minutes: float, on_chunk: Callable[[], None]) -> dict[str, Endured]:
+    """Load ``contender`` and the C echo in turn, each for ``minutes``; Ctrl-C ends it with what there is.
+
+    Raises:
+        RobotNotReady: one of them did not start, did not answer as it should, or stopped answering.
+    """
+    endured = {contender.name: Endured(), ECHO.name: Endured()}
+    with ExitStack() as stack:
+        servers = {
+            each: stack.enter_context(Server(workshop, each, ARMS, workshop.products / f"soak-{each.name}.log"))
+            for each in (contender, ECHO)
+        }
+        with suppress(KeyboardInterrupt):  # the report is made of the chunks that are there
+            for _ in range(chunks_of(minutes)):
+                for each, server in servers.items():
+                    load = put_load(workshop, server, Case(each, Mode.PACED, ARMS), round(CHUNK / PERIOD_US * 1e6))
+                    found = endured[each.name]
+                    found.chunks.append(load.arms)
+                    found.cycles += load.summary["cycles"]
+                    found.resident_kib.append(server.resident_kib())
+                    found.cpu_percent.append(100.0 * load.cpu[0] / load.wall)
+                    on_chunk()
+    return {name: each for name, each in endured.items() if each.chunks}
+
+
+def soak_document(endured: dict[str, Endured]) -> dict[str, Any]:
+    """The figures of a soak under stable names; of latencies those of the worst arm and chunk."""
+    content: dict[str, Any] = {}
+    for name, each in endured.items():
+        arms = [arm for chunk in each.chunks for arm in chunk]
+        content[name] = {
+            "cycles_per_arm": each.cycles,
+            **{counter: sum(int(getattr(arm, counter)) for arm in arms) for counter in COUNTERS},
+            **{f"worst_{figure}": max(float(getattr(arm.latency, figure)) for arm in arms) for figure in LATENCIES},
+            "resident_kib": each.resident_kib,
+            "growth_kib": each.resident_kib[-1] - each.resident_kib[0],
+            "cpu_percent": each.cpu_percent,
+            "missed_per_chunk": [sum(arm.missed for arm in chunk) for chunk in each.chunks],
+        }
+    if ECHO.name in content:
+        allowed = content[ECHO.name]["missed"] + MISSED_OVER_ECHO
+        for each in content.values():
+            each["missed_allowed"] = allowed
+    return content
+
+
+def _goal() -> str:
+    return ",".join(f"{value:g}" for value in GOAL_DEG)
 
 
 @contextmanager
@@ -240,22 +380,6 @@ def _at_most(seconds: float, process: subprocess.Popen[str]) -> Iterator[None]:
     finally:
         timer.cancel()
         timer.join()
-
-
-def _read_latencies(file: Path, arms: int) -> tuple[array[int], ...]:
-    values = array("q", file.read_bytes())
-    each = len(values) // arms
-    return tuple(values[index * each : (index + 1) * each] for index in range(arms))
-
-
-def _resident_kib(pid: int) -> int:
-    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
-    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
-
-
-def cpu_percent(used: float, wall: float) -> float:
-    """``used`` [s] of ``wall`` [s] in percent of one core; nan of a run that is too short for the kernel's ticks."""
-    return 100.0 * used / wall if wall >= _SHORTEST_COUNTED else nan
 
 
 def _cpu_seconds(pids: Sequence[int]) -> float:
@@ -279,88 +403,3 @@ def _family(pid: int) -> list[int]:
     for each in family:  # grows while it is walked: children of children
         family += [child for child, parent in parents.items() if parent == each]
     return family
-
-
-CHUNK = 30.0
-"""How long one of the two is under load before the other is [s]."""
-
-ARMS = 2
-
-
-@dataclass(slots=True)
-class Endured:
-    """One server over all its chunks.
-
-    Attributes:
-        chunks: per chunk, both arms.
-        cycles: of each arm, in all.
-        resident_kib: memory of the process that answers, after each chunk [KiB].
-        cpu_percent: of one core, per chunk, used by that process.
-    """
-
-    chunks: list[tuple[ArmRun, ...]] = field(default_factory=list)
-    cycles: int = 0
-    resident_kib: list[int] = field(default_factory=list)
-    cpu_percent: list[float] = field(default_factory=list)
-
-    def count(self, counter: str) -> int:
-        """A counter over all arms and chunks."""
-        return sum(int(getattr(arm, counter)) for arms in self.chunks for arm in arms)
-
-    def worst(self, figure: str) -> float:
-        """A latency figure of the worst arm and chunk [µs]."""
-        return max(float(getattr(arm.latency, figure)) for arms in self.chunks for arm in arms)
-
-    @property
-    def growth_kib(self) -> int:
-        """Memory after the last chunk less that after the first [KiB]."""
-        return self.resident_kib[-1] - self.resident_kib[0]
-
-
-def chunks_of(minutes: float) -> int:
-    """How many chunks each server has; at least two, so that growth can be seen."""
-    return max(2, round(minutes * 60.0 / CHUNK))
-
-
-def soak(workshop: Workshop, contender: Contender, minutes: float, on_chunk: Callable[[], None]) -> dict[str, Endured]:
-    """Load ``contender`` and the C echo in turn, each for ``minutes``; Ctrl-C ends it with what there is.
-
-    Raises:
-        RobotNotReady: one of them did not start, did not guide the robot, or stopped answering.
-    """
-    endured = {contender.name: Endured(), ECHO.name: Endured()}
-    with ExitStack() as stack:
-        servers = {
-            each.name: stack.enter_context(Server(workshop, each, ARMS, workshop.products / f"soak-{each.name}.log"))
-            for each in (contender, ECHO)
-        }
-        with suppress(KeyboardInterrupt):  # the report is made of the chunks that are there
-            for _ in range(chunks_of(minutes)):
-                for each in (contender, ECHO):
-                    _endure(workshop, servers[each.name], each, endured[each.name])
-                    on_chunk()
-    return {name: each for name, each in endured.items() if each.chunks}
-
-
-def soak_document(endured: dict[str, Endured]) -> dict[str, Any]:
-    """The figures of a soak under stable names."""
-    return {
-        name: {
-            "cycles_per_arm": each.cycles,
-            **{counter: each.count(counter) for counter in COUNTERS},
-            **{f"worst_{figure}": each.worst(figure) for figure in LATENCIES},
-            "resident_kib": each.resident_kib,
-            "growth_kib": each.growth_kib,
-            "cpu_percent": each.cpu_percent,
-            "missed_per_chunk": [sum(arm.missed for arm in arms) for arms in each.chunks],
-        }
-        for name, each in endured.items()
-    }
-
-
-def _endure(workshop: Workshop, server: Server, contender: Contender, endured: Endured) -> None:
-    load = put_load(workshop, server, Case(contender, Mode.PACED, ARMS), round(CHUNK / PERIOD_US * 1e6))
-    endured.chunks.append(arm_runs(load))
-    endured.cycles += load.summary["cycles"]
-    endured.resident_kib.append(server.resident_kib())
-    endured.cpu_percent.append(100.0 * load.cpu[0] / load.wall)

@@ -21,7 +21,7 @@ def moved(position: Joints, *steps_deg: float) -> Joints:
     return joints([value + radians(step) for value, step in zip(position, steps, strict=True)])
 
 
-class GuidedArm:
+class VirtualArmRig:
     """A controller and an arm that is one cycle behind what it is told; ``stuck`` holds it fast."""
 
     def __init__(self) -> None:
@@ -65,17 +65,17 @@ class GuidedArm:
 
 
 @pytest.fixture
-def arm() -> GuidedArm:
-    return GuidedArm()
+def arm() -> VirtualArmRig:
+    return VirtualArmRig()
 
 
-def test_goal_controller_stays_where_it_was_activated(arm: GuidedArm) -> None:
+def test_goal_controller_stays_where_it_was_activated(arm: VirtualArmRig) -> None:
     arm.run(0.1)
     assert arm.told[-1] == ArmCommand(HOME)
     assert arm.controller.reference == HOME
 
 
-def test_goal_controller_reaches_its_goal_and_says_so_once(arm: GuidedArm) -> None:
+def test_goal_controller_reaches_its_goal_and_says_so_once(arm: VirtualArmRig) -> None:
     goal = moved(HOME, 10.0, 5.0, -20.0)
     arm.order(JointGoal(goal, 1))
     assert arm.controller.reference == goal
@@ -84,7 +84,7 @@ def test_goal_controller_reaches_its_goal_and_says_so_once(arm: GuidedArm) -> No
     assert arm.notices == [REACHED]
 
 
-def test_goal_controller_feeds_the_speed_of_its_way_forward(arm: GuidedArm) -> None:
+def test_goal_controller_feeds_the_speed_of_its_way_forward(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 30.0)))
     arm.run(0.3)
     (before, _), (now, speed) = arm.told[-2:]
@@ -93,7 +93,7 @@ def test_goal_controller_feeds_the_speed_of_its_way_forward(arm: GuidedArm) -> N
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 1.0])
-def test_goal_controller_keeps_its_share_of_the_speed(arm: GuidedArm, share: float) -> None:
+def test_goal_controller_keeps_its_share_of_the_speed(arm: VirtualArmRig, share: float) -> None:
     arm.values(speed_scale=share, acceleration_scale=1.0)
     arm.order(JointGoal(moved(HOME, 150.0, 1)))
     arm.until(lambda: bool(arm.notices))
@@ -101,20 +101,20 @@ def test_goal_controller_keeps_its_share_of_the_speed(arm: GuidedArm, share: flo
     assert fastest == pytest.approx(share * YUMI_LIMITS.velocity[0], rel=1e-5)
 
 
-def test_goal_controller_plans_no_joint_faster_than_egm_moves_it(arm: GuidedArm) -> None:
+def test_goal_controller_plans_no_joint_faster_than_egm_moves_it(arm: VirtualArmRig) -> None:
     arm.values(speed_scale=1.0, acceleration_scale=1.0, top_speed=2.0)
     arm.order(JointGoal((*HOME[:6], 3.0)))
     arm.until(lambda: bool(arm.notices))
     assert max(command.velocity[6] for command in arm.told) == pytest.approx(2.0)
 
 
-def test_goal_controller_takes_the_scales_of_a_goal_before_its_own(arm: GuidedArm) -> None:
+def test_goal_controller_takes_the_scales_of_a_goal_before_its_own(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), speed_scale=0.1, acceleration_scale=0.3))
     arm.until(lambda: bool(arm.notices))
     assert max(command.velocity[0] for command in arm.told) == pytest.approx(0.1 * YUMI_LIMITS.velocity[0])
 
 
-def test_goal_controller_bends_into_a_new_goal_without_a_jump(arm: GuidedArm) -> None:
+def test_goal_controller_bends_into_a_new_goal_without_a_jump(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 60.0), 1))
     arm.run(0.4)
     arm.order(JointGoal(moved(HOME, -20.0, 10.0), 2))
@@ -127,7 +127,7 @@ def test_goal_controller_bends_into_a_new_goal_without_a_jump(arm: GuidedArm) ->
     assert max(map(abs, steps)) <= YUMI_LIMITS.acceleration[0] * CYCLE * 1.001
 
 
-def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: GuidedArm) -> None:
+def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.run(0.5)
     begun = len(arm.told)
@@ -142,7 +142,7 @@ def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: GuidedArm) -> 
     assert arm.told[-1].velocity is ZERO
 
 
-def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: GuidedArm) -> None:
+def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: VirtualArmRig) -> None:
     near_the_end = (YUMI_LIMITS.upper[0] - 0.02, *HOME[1:])
     arm.order(JointGoal(near_the_end, 1, 1.0, 1.0))
     arm.until(lambda: arm.state.velocity[0] > 2.5)
@@ -153,7 +153,7 @@ def test_goal_controller_brakes_harder_rather_than_leave_the_range(arm: GuidedAr
 
 
 @pytest.mark.parametrize("what", ["planned", "velocity"])
-def test_goal_controller_holds_an_arm_until_it_stands(arm: GuidedArm, what: str) -> None:
+def test_goal_controller_holds_an_arm_until_it_stands(arm: VirtualArmRig, what: str) -> None:
     arm.controller.activate(arm.state)
     for step in range(20):
         moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO, 0.1 * 57.0)}
@@ -164,14 +164,14 @@ def test_goal_controller_holds_an_arm_until_it_stands(arm: GuidedArm, what: str)
     assert 9 <= commands.count(None) <= 11
 
 
-def test_goal_controller_does_not_wait_for_ever_for_an_arm_that_trembles(arm: GuidedArm) -> None:
+def test_goal_controller_does_not_wait_for_ever_for_an_arm_that_trembles(arm: VirtualArmRig) -> None:
     arm.controller.activate(arm.state)
     trembling = arm.state._replace(velocity=moved(ZERO, 10.0))
     commands = [arm.controller.update(trembling) for _ in range(260)]
     assert commands.index(ArmCommand(HOME)) == pytest.approx(1.0 / CYCLE, abs=2)
 
 
-def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands(arm: GuidedArm) -> None:
+def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands(arm: VirtualArmRig) -> None:
     arm.controller.activate(arm.state)
     goal = moved(HOME, 5.0)
     arm.order(JointGoal(goal, 1))
@@ -183,7 +183,7 @@ def test_goal_controller_begins_an_order_that_came_too_early_once_the_arm_stands
     assert arm.notices == [REACHED]
 
 
-def test_goal_controller_says_which_joint_did_not_arrive(arm: GuidedArm) -> None:
+def test_goal_controller_says_which_joint_did_not_arrive(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 0.0, 10.0), 1))
     arm.stuck = True
     arm.until(lambda: bool(arm.notices))
@@ -196,7 +196,7 @@ def test_goal_controller_says_which_joint_did_not_arrive(arm: GuidedArm) -> None
     ]
 
 
-def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: GuidedArm) -> None:
+def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.stuck = True
     arm.until(lambda: bool(arm.notices))
@@ -206,7 +206,7 @@ def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: GuidedA
     assert arm.controller.reference == pytest.approx(arm.state.planned, abs=0.02)
 
 
-def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm) -> None:
+def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.controller.deactivate()
     assert arm.controller.take_reports() == [
@@ -216,20 +216,20 @@ def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: GuidedArm)
     assert arm.controller.reference == HOME
 
 
-def test_goal_controller_takes_goals_from_its_mailbox(arm: GuidedArm) -> None:
+def test_goal_controller_takes_goals_from_its_mailbox(arm: VirtualArmRig) -> None:
     goal = moved(HOME, 5.0)
     write_goal(arm.goals, 1, goal)
     arm.run(2.0)
     assert arm.state.position == goal
 
 
-def test_goal_controller_ignores_goals_of_another_session(arm: GuidedArm) -> None:
+def test_goal_controller_ignores_goals_of_another_session(arm: VirtualArmRig) -> None:
     write_goal(arm.goals, 2, moved(HOME, 5.0))
     arm.run(1.0)
     assert arm.state.position == HOME
 
 
-def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: GuidedArm) -> None:
+def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: VirtualArmRig) -> None:
     write_goal(arm.goals, 1, (4.0, *HOME[1:]))
     arm.run(0.1)
     assert arm.notices == [
@@ -249,7 +249,7 @@ def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: 
         ("home", "takes a JointGoal or StopMotion, not str"),
     ],
 )
-def test_goal_controller_refuses_and_goes_on_as_before(arm: GuidedArm, message: object, sentence: str) -> None:
+def test_goal_controller_refuses_and_goes_on_as_before(arm: VirtualArmRig, message: object, sentence: str) -> None:
     goal = moved(HOME, 10.0)
     arm.order(JointGoal(goal, 1))
     for ask in (arm.controller.check, arm.controller.receive):

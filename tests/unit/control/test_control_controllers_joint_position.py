@@ -7,7 +7,7 @@ from yumi.control.commands import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.robot.joints import CYCLE, ZERO, Joints
-from yumi_evaluation.guided_arm import GuidedArm
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 
 @pytest.fixture
@@ -149,7 +149,7 @@ def test_broadcaster_hands_on_time_positions_and_velocities(middle: Joints) -> N
 
 
 def test_gain_that_is_set_between_two_cycles_counts_in_the_next(goals: MemoryBuffer) -> None:
-    arm = GuidedArm({"controller": JointPositionController(goals)})
+    arm = VirtualArmRig({"controller": JointPositionController(goals)})
     arm.start()
     arm.switch_to("controller")
     goal = moved(arm.robot.arm.planned, 6, 0.2)

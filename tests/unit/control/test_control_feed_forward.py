@@ -14,7 +14,7 @@ from yumi.control.controller import Controller
 from yumi.control.limiter import FeedForwardLimiter, Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
-from yumi_evaluation.guided_arm import FULL_SPEED, GuidedArm
+from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmRig
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""
@@ -42,14 +42,14 @@ def added(base: Joints, value: float) -> Joints:
     return joints([each + value * (index in MOVING) for index, each in enumerate(base)])
 
 
-def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> GuidedArm:
-    arm = GuidedArm({"dictated": Dictated(wants)}, guard=Limiter(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
+def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> VirtualArmRig:
+    arm = VirtualArmRig({"dictated": Dictated(wants)}, guard=Limiter(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
     arm.start(motion)
     arm.switch_to("dictated")
     return arm
 
 
-def planned_speeds(arm: GuidedArm, seconds: float) -> list[Joints]:
+def planned_speeds(arm: VirtualArmRig, seconds: float) -> list[Joints]:
     speeds = []
     for _ in range(round(seconds / CYCLE)):
         arm.cycle()

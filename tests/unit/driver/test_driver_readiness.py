@@ -138,7 +138,7 @@ def test_every_condition_says_a_reason_and_a_remedy(condition: Condition) -> Non
         (Snapshot(), "EGM is not running on the left arm"),
         (Snapshot(is_running=True), ""),
         (
-            Snapshot(is_running=True, problem=Problem.NOT_FOLLOWING),
+            Snapshot(is_running=True, problem=Problem.REFERENCES_IGNORED),
             "left arm: the robot does not follow the references",
         ),
     ],

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from yumi_evaluation.bench.build import ECHO, PEERS, Case, Contender, Mode, busy_ros_graph, fast_line, ros_graph
+from yumi_evaluation.bench.contenders import ECHO, PEERS, Case, Contender, Mode, busy_ros_graph, control_loop, ros_graph
 from yumi_evaluation.bench.figures import ArmRun, Figures, LatencyFigures, Run
 
-LINE = fast_line("blocking")
+LOOP = control_loop("blocking")
 
 
 def run(number: int, contender: Contender, *p50_us: float, mode: Mode = Mode.PACED, bad: int = 0) -> Run:
@@ -31,9 +31,9 @@ def figures() -> Figures:
     return Figures(
         (
             run(1, ECHO, 50.0), run(1, first, 100.0), run(1, second, 200.0),
-            run(1, LINE, 80.0), run(1, LINE, 85.0, 96.0),
+            run(1, LOOP, 80.0), run(1, LOOP, 85.0, 96.0),
             run(2, ECHO, 60.0), run(2, first, 400.0), run(2, second, 200.0),
-            run(2, LINE, 120.0), run(2, LINE, 120.0, 60.0),
+            run(2, LOOP, 120.0), run(2, LOOP, 120.0, 60.0),
             run(2, ros_graph("blocking"), 100.0), run(2, busy_ros_graph("blocking"), 150.0),
         )
     )  # fmt: skip

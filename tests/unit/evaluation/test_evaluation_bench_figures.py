@@ -3,37 +3,36 @@
 from __future__ import annotations
 
 import pytest
-from bench_runs import LINE, figures, run
+from bench_runs import LOOP, figures, run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi_evaluation.bench.build import ECHO, PEERS, Case, Mode, cases_of, contenders, schedule
-from yumi_evaluation.bench.figures import Figures, Spread
-from yumi_evaluation.bench.targets import targets
+from yumi_evaluation.bench.contenders import ECHO, PEERS, Case, Mode, cases_of, contenders, schedule
+from yumi_evaluation.bench.figures import Figures, Spread, targets
 
 
 def test_ratio_to_peers_takes_the_better_one_of_each_round() -> None:
-    spread = figures().ratio_to_peers(Case(LINE, Mode.PACED, 1), "p50_us")
+    spread = figures().ratio_to_peers(Case(LOOP, Mode.PACED, 1), "p50_us")
     assert spread == Spread(median=pytest.approx(0.7), lowest=0.6, highest=0.8, rounds=2)
 
 
 def test_ratio_to_peers_is_none_when_no_peer_took_part() -> None:
-    alone = Figures((run(1, LINE, 80.0),))
-    assert alone.ratio_to_peers(Case(LINE, Mode.PACED, 1), "p50_us") is None
+    alone = Figures((run(1, LOOP, 80.0),))
+    assert alone.ratio_to_peers(Case(LOOP, Mode.PACED, 1), "p50_us") is None
 
 
 def test_ratio_to_peers_does_not_mix_paced_and_ping_pong() -> None:
-    mixed = Figures((run(1, LINE, 80.0), run(1, PEERS[0], 40.0, mode=Mode.PING_PONG)))
-    assert mixed.ratio_to_peers(Case(LINE, Mode.PACED, 1), "p50_us") is None
+    mixed = Figures((run(1, LOOP, 80.0), run(1, PEERS[0], 40.0, mode=Mode.PING_PONG)))
+    assert mixed.ratio_to_peers(Case(LOOP, Mode.PACED, 1), "p50_us") is None
 
 
 def test_two_arms_count_by_the_slower_one() -> None:
-    spread = figures().ratio_to_case("fast_line_blocking/paced/2", "fast_line_blocking/paced/1", "p50_us")
+    spread = figures().ratio_to_case("control_loop_blocking/paced/2", "control_loop_blocking/paced/1", "p50_us")
     assert spread == Spread(median=pytest.approx(1.1), lowest=1.0, highest=pytest.approx(1.2), rounds=2)
 
 
 def test_excess_over_the_echo_is_taken_within_a_round() -> None:
-    spread = figures().excess_over("fast_line_blocking/paced/1", "c_echo/paced/1", "max_us")
+    spread = figures().excess_over("control_loop_blocking/paced/1", "c_echo/paced/1", "max_us")
     assert spread == Spread(median=180.0, lowest=120.0, highest=240.0, rounds=2)
 
 
@@ -41,16 +40,15 @@ def test_targets_are_met_or_missed_by_the_median() -> None:
     holds = {each.name: each.holds for each in targets(figures())}
     assert holds == {
         "bad_replies": True,
-        "fast_line_blocking/p50_us_to_peer": True,
-        "fast_line_blocking/p99_us_to_peer": True,
-        "fast_line_blocking/p50_us_two_arms_to_one": True,
-        "fast_line_blocking/max_us_over_echo": True,
+        "control_loop_blocking/p50_us_to_peer": True,
+        "control_loop_blocking/p99_us_to_peer": True,
+        "control_loop_blocking/max_us_over_echo": True,
         "ros_graph_busy_blocking/p99_us_to_calm": False,
     }
 
 
 def test_one_bad_reply_in_many_runs_misses_its_target() -> None:
-    runs = [run(number, LINE, 80.0, bad=int(number == 1)) for number in range(1, 6)]
+    runs = [run(number, LOOP, 80.0, bad=int(number == 1)) for number in range(1, 6)]
     (target,) = [each for each in targets(Figures(tuple(runs))) if each.name == "bad_replies"]
     assert not target.holds
 
@@ -73,4 +71,4 @@ def test_schedule_is_the_same_for_a_seed_and_differs_between_rounds() -> None:
 def test_contenders_have_ours_in_every_wake_mode_and_distinct_names() -> None:
     names = [each.name for each in contenders(("blocking", "auto"))]
     assert len(set(names)) == len(names)
-    assert {"fast_line_auto", "ros_graph_auto", "ros_graph_busy_auto", ECHO.name} <= set(names)
+    assert {"control_loop_auto", "ros_graph_auto", "ros_graph_busy_auto", ECHO.name} <= set(names)

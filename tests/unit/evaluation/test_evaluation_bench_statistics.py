@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi_evaluation.bench.figures import Spread, latency_figures, quantile, ratio, spread_of
+from yumi_evaluation.bench.figures import Spread, latency_figures, ratio, spread_of
+from yumi_evaluation.metrics import quantiles
 
 LATENCIES = st.lists(st.integers(1, 10**9), min_size=1, max_size=200)
 FIGURES = st.lists(st.floats(0.0, 1e9), min_size=1, max_size=20)
@@ -16,17 +17,17 @@ FIGURES = st.lists(st.floats(0.0, 1e9), min_size=1, max_size=20)
 
 @pytest.mark.parametrize(("share", "value"), [(0.5, 50.0), (0.99, 99.0), (0.999, 100.0), (1.0, 100.0)])
 def test_quantile_of_one_to_a_hundred(share: float, value: float) -> None:
-    assert quantile([float(number) for number in range(1, 101)], share) == value
+    assert quantiles(range(100, 0, -1), (share,)) == [value]
 
 
 def test_quantile_of_nothing_is_no_number() -> None:
-    assert isnan(quantile([], 0.5))
+    assert isnan(quantiles([], (0.5,))[0])
 
 
 @given(LATENCIES, st.floats(0.01, 1.0))
 def test_quantile_is_not_exceeded_by_its_share_and_no_smaller_one_is(values: list[int], share: float) -> None:
     ordered = sorted(map(float, values))
-    found = quantile(ordered, share)
+    (found,) = quantiles(ordered, (share,))
     assert sum(value <= found for value in ordered) >= share * len(ordered) - 1e-6
     assert sum(value < found for value in ordered) < share * len(ordered)
 

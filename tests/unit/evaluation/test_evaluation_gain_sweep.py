@@ -2,14 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from yumi_evaluation.experiment import Trace, proportional, step
-from yumi_evaluation.experiments import GainPoint, Recommendation, Task, onset_of, recommend
-from yumi_evaluation.screen import recommendation_text
-from yumi_evaluation.tracking_figures import StepFigures
+from yumi_evaluation.figures import StepFigures
+from yumi_evaluation.gain_sweep import GainPoint, Recommendation, Task, onset_of, recommend
 
 
 def point(gain: float, overshoot_deg: float) -> GainPoint:
-    return GainPoint(gain, StepFigures(0.5, overshoot_deg, 0, 0.0), Trace(step(proportional(gain)), (), {}))
+    return GainPoint(gain, StepFigures(0.5, overshoot_deg, 0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -21,14 +19,14 @@ def test_onset_is_the_gain_from_which_on_all_oscillate(overshoots: tuple[float, 
     assert onset_of(points) == onset
 
 
-def test_recommended_gain_is_the_quickest_that_swings_with_neither_robot() -> None:
+def test_recommended_gain_is_the_quickest_that_oscillates_with_neither_robot() -> None:
     found = recommend((1.6, 2.4), Task())
     assert found.gain == 1.6
     assert found.settling_s == pytest.approx(0.66, abs=0.03)
     assert found.onset == 2.4
-    assert "Recommended: P = 1.6" in recommendation_text(found)
+    assert "Recommended: P = 1.6" in str(found)
 
 
 def test_text_says_that_no_gain_does() -> None:
-    text = recommendation_text(Recommendation(None, None, 1.0, (), ()))
+    text = str(Recommendation(None, None, 1.0, (), ()))
     assert text == "No gain up to 2 settles without overshoot; oscillation is seen from P = 1."

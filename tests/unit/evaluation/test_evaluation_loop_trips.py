@@ -5,7 +5,7 @@ from dataclasses import astuple
 import pytest
 
 from yumi_evaluation.kpis import Measured, kpis, legs, machine_legs
-from yumi_evaluation.round_trips import HeardState, LoopCycle, SentGoal, Trip, join_trips
+from yumi_evaluation.round_trips import HeardState, LoopCycle, RoundTrip, SentGoal, join_trips
 
 PERIOD = 0.004
 
@@ -27,19 +27,19 @@ def test_goal_whose_state_was_not_heard_has_no_trip() -> None:
     assert join_trips([SentGoal(1.0, 1.001, 1.002)], CYCLES, STATES[:3]) == ()
 
 
-def test_goal_taken_before_its_echo_was_heard_spent_no_time_in_the_mailbox() -> None:
+def test_goal_taken_before_its_echo_was_heard_spent_no_time_in_the_buffer() -> None:
     (trip,) = join_trips([SentGoal(1.0, 1.001, 1.006)], CYCLES, STATES)
-    assert (trip.topic, trip.mailbox) == (pytest.approx(0.003), 0.0)
+    assert (trip.topic, trip.buffer) == (pytest.approx(0.003), 0.0)
     assert trip.total == pytest.approx(STATES[3].heard - 1.001)
 
 
 def test_indicators_are_those_of_the_worse_path() -> None:
-    trips = tuple(Trip(0.0, 0.0, 0.0, total, 0.0) for total in (0.010, 0.010, 0.040))
+    trips = tuple(RoundTrip(0.0, 0.0, 0.0, total, 0.0) for total in (0.010, 0.010, 0.040))
     machine = {"ros_service": (0.1, 0.1), "robot_web_services": (0.1, 0.3)}
     found = {each.name: each for each in kpis(Measured(trips=trips, machine_trips=machine, datagrams=1000, lost=2))}
     assert found["worst_to_mean_round_trip"].value == pytest.approx(2.0)
-    told = "to the state machine: of 2 the longest took 400 ms, the mean 300.0 ms"
-    assert told in found["worst_to_mean_round_trip"].note
+    sentence = "to the state machine: of 2 the longest took 400 ms, the mean 300.0 ms"
+    assert sentence in found["worst_to_mean_round_trip"].note
     assert found["end_to_end_s"].value == pytest.approx(0.15)
     assert found["jitter_s"].value == pytest.approx(0.05)
     assert (found["packet_loss"].value, found["packet_loss"].holds) == (0.002, False)
@@ -51,8 +51,8 @@ def test_indicators_that_were_not_measured_neither_hold_nor_fail() -> None:
     assert {each.holds for each in found} == {None}
 
 
-def test_legs_are_told_with_their_total() -> None:
-    trips = (Trip(0.001, 0.002, 0.0, 0.008, 0.001),)
+def test_legs_come_with_their_total() -> None:
+    trips = (RoundTrip(0.001, 0.002, 0.0, 0.008, 0.001),)
     assert legs(trips)["total"].mean == pytest.approx(0.012)
     assert machine_legs({"ros_service": (0.001,), "robot_web_services": (0.002,)})["total"].mean == pytest.approx(0.003)
     assert machine_legs({}) == {}

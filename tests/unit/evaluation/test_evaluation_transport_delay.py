@@ -13,14 +13,14 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.guided_arm import GuidedArm
-from yumi_evaluation.metrics import transport_delay
+from yumi_evaluation.transport_delay import transport_delay
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 
 def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:
-    """Three seconds of an arm that swings."""
+    """Three seconds of an arm that follows a sine."""
     goals, recorder = MemoryBuffer(), FlightRecorder(flight_memory())
-    arm = GuidedArm({"controller": JointPositionController(goals)}, model=model)
+    arm = VirtualArmRig({"controller": JointPositionController(goals)}, model=model)
     arm.manager.set_parameters("controller", values or {})
     arm.start()
     arm.switch_to("controller")
@@ -51,12 +51,12 @@ def test_delay_is_that_of_the_arm(delay: float) -> None:
     assert found.delay == pytest.approx(DELAY + delay - 0.016, abs=0.0015)
 
 
-def test_few_cycles_tell_no_delay() -> None:
+def test_few_cycles_have_no_delay() -> None:
     with pytest.raises(CommandRefused, match="There are 100 cycles in which the robot followed; a delay needs 250"):
         transport_delay(recorded()[:100])
 
 
-def test_arm_that_stands_tells_no_delay() -> None:
+def test_arm_that_stands_has_no_delay() -> None:
     frames = recorded()
     still = [replace(frame, position=frames[0].position) for frame in frames]
     with pytest.raises(CommandRefused, match=r"The arm moved by 0\.0000 rad; a delay needs a motion of 0.02 rad"):

@@ -69,7 +69,7 @@ def test_show_refuses_a_file_of_another_kind(runner: CliRunner, tmp_path: Path) 
     result = runner.invoke(main, ["record", "show", str(tmp_path / "x.mcap")])
     assert result.exit_code == 1
     assert "Error:" in result.output
-    assert "is no recording of yumi" in result.output
+    assert "is not a recording of yumi" in result.output
 
 
 def test_list_prints_what_stopped_each_motion(runner: CliRunner, file: Path) -> None:

@@ -1,4 +1,4 @@
-"""What an installation has that is no Python: settings, RAPID, configurations, the grammar, the EGM schema."""
+"""What an installation has beside Python: settings, RAPID, configurations, the grammar, the EGM schema."""
 
 from __future__ import annotations
 
@@ -58,6 +58,15 @@ def test_installation_has_every_file_of_the_package(installed: Path) -> None:
     assert {Path("rapid/grammar.lark"), Path("egm/egm.proto"), Path("virtual/controller/stock/EIO.cfg")} < files
     assert {Path("controller_files/TRobSG.mod"), Path("controller_files/TRobSystem.sys")} < files
     assert [str(path) for path in sorted(files) if not (installed / "yumi" / path).is_file()] == []
+
+
+def test_installation_has_the_programs_of_the_benchmark_and_the_template_of_the_report(installed: Path) -> None:
+    package = ROOT / "src" / "yumi_evaluation"
+    files = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    sources = Path("bench/sources")
+    assert {sources / "load_generator.c", sources / "echo.c", sources / "requirements.txt"} < files
+    assert {sources / "abb_robot_egm_loop.py", Path("report.html.jinja")} < files
+    assert [str(path) for path in sorted(files) if not (installed / "yumi_evaluation" / path).is_file()] == []
 
 
 def test_installation_reads_its_own_settings(installed: Path) -> None:

@@ -18,7 +18,7 @@ from yumi.control.events import (
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
 from yumi.recording.mcap import read_recording
-from yumi.recording.recorder import FullRecorder, Records
+from yumi.recording.recorder import FullRecorder, Recorder
 from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -36,8 +36,8 @@ def said() -> list[str]:
 
 
 @pytest.fixture
-def records(tmp_path: Path, recorders: dict[Side, FlightRecorder], said: list[str]) -> Records:
-    return Records(tmp_path / "flights", 3, recorders, said.append)
+def records(tmp_path: Path, recorders: dict[Side, FlightRecorder], said: list[str]) -> Recorder:
+    return Recorder(tmp_path / "flights", 3, recorders, said.append)
 
 
 def files(folder: Path) -> list[Path]:
@@ -55,9 +55,9 @@ def files(folder: Path) -> list[Path]:
     ],
 )
 def test_whatever_stops_a_motion_leaves_a_record(
-    records: Records, recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, event: Event
+    records: Recorder, recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, event: Event
 ) -> None:
-    records.note(event, 0.25, EPOCH)
+    records.on_event(event, 0.25, EPOCH)
     records.close()
     (file,) = files(tmp_path)
     assert said == [f"The last 0.2 s of the right arm are in {file}: yumi record show {file}"]
@@ -71,40 +71,40 @@ def test_whatever_stops_a_motion_leaves_a_record(
     "event",
     [SessionStarted(RIGHT, 1), RobotFollows(RIGHT), SessionLost(RIGHT, 0.05, ()), RobotStoppedFollowing(RIGHT, ())],
 )
-def test_what_was_ordered_leaves_no_record(records: Records, tmp_path: Path, event: Event) -> None:
-    records.note(event, 0.25, EPOCH)
+def test_what_was_ordered_leaves_no_record(records: Recorder, tmp_path: Path, event: Event) -> None:
+    records.on_event(event, 0.25, EPOCH)
     records.close()
     assert files(tmp_path) == []
 
 
 def test_record_shows_the_moment_of_the_event_though_the_line_goes_on(
-    records: Records, recorders: dict[Side, FlightRecorder], tmp_path: Path
+    records: Recorder, recorders: dict[Side, FlightRecorder], tmp_path: Path
 ) -> None:
-    records.note(LOST, 0.25, EPOCH)
+    records.on_event(LOST, 0.25, EPOCH)
     record_motion(recorders[RIGHT], 10)
     records.close()
     assert len(read_recording(files(tmp_path)[0]).frames[RIGHT]) == 50
 
 
 def test_record_leaves_out_what_was_long_before(
-    records: Records, recorders: dict[Side, FlightRecorder], tmp_path: Path
+    records: Recorder, recorders: dict[Side, FlightRecorder], tmp_path: Path
 ) -> None:
-    records.note(LOST, 0.101 + 11.0, EPOCH)
+    records.on_event(LOST, 0.101 + 11.0, EPOCH)
     records.close()
     assert read_recording(files(tmp_path)[0]).frames[RIGHT] == recorders[RIGHT].frames()[25:]
 
 
-def test_oldest_records_make_room(records: Records, tmp_path: Path) -> None:
+def test_oldest_records_make_room(records: Recorder, tmp_path: Path) -> None:
     for second in range(5):
-        records.note(LOST, 0.25, EPOCH + second)
+        records.on_event(LOST, 0.25, EPOCH + second)
     records.close()
     assert len(files(tmp_path)) == 3
     assert read_recording(files(tmp_path)[0]).stop is not None
 
 
-def test_record_that_cannot_be_written_is_told(records: Records, said: list[str], tmp_path: Path) -> None:
+def test_record_that_cannot_be_written_is_told(records: Recorder, said: list[str], tmp_path: Path) -> None:
     (tmp_path / "flights").write_text("a file where the folder should be")
-    records.note(LOST, 0.25, EPOCH)
+    records.on_event(LOST, 0.25, EPOCH)
     records.close()
     assert len(said) == 1
     assert said[0].startswith("The flight record could not be written to ")
@@ -118,7 +118,7 @@ def test_recording_has_every_cycle_and_event_of_both_arms(
     full.start()
     record_motion(recorders[RIGHT], 20)
     record_motion(recorders[LEFT], 30)
-    full.note(LOST, 0.3)
+    full.on_event(LOST, 0.3)
     full.close()
     recording = read_recording(file)
     assert [frame.number for frame in recording.frames[RIGHT]] == list(range(51, 71))
@@ -137,13 +137,13 @@ def test_recording_says_how_many_cycles_it_lost(
     assert said[0].endswith("session.mcap; 5 were lost, the disk is too slow.")
 
 
-def test_recording_is_asked_for_once_the_driver_runs(records: Records, said: list[str], tmp_path: Path) -> None:
+def test_recording_is_asked_for_once_the_driver_runs(records: Recorder, said: list[str], tmp_path: Path) -> None:
     records.record_all(tmp_path / "session.mcap", EPOCH)
-    records.note(RobotFollows(LEFT), 1.0, EPOCH)
+    records.on_event(RobotFollows(LEFT), 1.0, EPOCH)
     records.close()
     assert [event.kind for event in read_recording(tmp_path / "session.mcap").events] == ["RobotFollows"]
 
 
-def test_recording_to_a_folder_is_refused(records: Records, tmp_path: Path) -> None:
+def test_recording_to_a_folder_is_refused(records: Recorder, tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=f"Cannot record to {tmp_path}: Is a directory"):
         records.record_all(tmp_path, EPOCH)

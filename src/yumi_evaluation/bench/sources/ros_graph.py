@@ -1,4 +1,4 @@
-"""Our fast line with the whole ROS 2 graph of the driver, and a subscriber process on each of its topics.
+"""Our control loop with the whole ROS 2 graph of the driver, and a subscriber process on each of its topics.
 
 The load generator is the robot, so there is no controller to talk to: the robot manager and the grippers behind the
 services, actions and topics are stand-ins that say so. All else is the driver's own.
@@ -16,7 +16,7 @@ from threading import Thread
 from typing import NoReturn
 
 import rclpy
-from guided_line import GuidedLine, read_arguments, read_plan
+from driven_loop import DrivenLoop, read_arguments, read_plan
 from parent import end_with_parent
 from rclpy.executors import SingleThreadedExecutor
 
@@ -106,7 +106,7 @@ class Subscriber:
         self._process.stdout.readline()  # it listens
 
     def stop(self) -> str:
-        """End it; its account of what it heard."""
+        """End it; returns what it heard."""
         heard, _ = self._process.communicate()
         return heard.strip()
 
@@ -114,7 +114,7 @@ class Subscriber:
 def main() -> None:
     arguments = read_arguments()
     settings, plan = read_plan(arguments)
-    line = GuidedLine(settings, plan, arguments.goal)
+    line = DrivenLoop(settings, plan, arguments.goal)
     open_ros()
     absent = AbsentRobot()
     grippers = GripperParts(dict.fromkeys(Side, absent), absent, settings.gripper)
@@ -132,6 +132,6 @@ def main() -> None:
     close_ros()
 
 
-if __name__ == "__main__":  # the fast-line process imports this module again
+if __name__ == "__main__":  # the control process imports this module again
     end_with_parent()
     main()

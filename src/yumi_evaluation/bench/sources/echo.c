@@ -1,6 +1,6 @@
 /* A UDP echo, the physical limit of the reply benchmark: what the kernel alone costs, without a look at the datagram.
  *
- * It has what the fast line has where permitted: SCHED_FIFO 50 and locked memory. With one port it blocks in recvfrom,
+ * It has what the control loop has where permitted: SCHED_FIFO 50 and locked memory. With one port it blocks in recvfrom,
  * with more it polls them, as a server of several arms must.
  */
 #define _GNU_SOURCE

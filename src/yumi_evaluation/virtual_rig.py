@@ -1,6 +1,6 @@
-"""Both ends of one arm's EGM in virtual time: a virtual arm, a wire that may be tampered with, and our fast line.
+"""Both ends of one arm's EGM in virtual time: a virtual arm, a link that may be tampered with, and our control loop.
 
-It has no RAPID and no RWS, so that it is fast: what a controller, the guard, the wire and the robot's motion make of
+It has no RAPID and no RWS, so that it is fast: what a controller, the limiter, the link and the robot's motion make of
 a reference is there, and nothing else.
 """
 
@@ -35,7 +35,7 @@ Wire = Callable[[bytes], Sequence[bytes]]
 """What becomes of a datagram on its way: itself, nothing, several, another one."""
 
 
-class LoneArm:
+class VirtualArmEnd:
     """The robot's end: one arm with its EGM client and what the state machine does to it.
 
     Args:
@@ -73,13 +73,13 @@ class LoneArm:
         return datagram
 
 
-class GuidedArm:
-    """A lone arm and our fast line with some controllers; a reply arrives one cycle after its datagram.
+class VirtualArmRig:
+    """A virtual arm and our control loop with some controllers; a reply arrives one cycle after its datagram.
 
     Args:
         controllers: by name; all are configured and none is active.
         side: which arm.
-        guard: of the fast line; one with the limits of the YuMi when left out.
+        guard: of the control loop; one with the limits of the YuMi when left out.
         model: dynamics of the virtual arm.
         position: where it stands at first [rad], (7,); home when left out.
         speed: the factor on its speeds, which its controllers share.
@@ -89,8 +89,8 @@ class GuidedArm:
         manager: the controllers.
         clock: the time of everything.
         cycles: what our end did, cycle by cycle.
-        events: what it told.
-        to_us, to_robot: the two directions of the wire; anything may be put in their place.
+        events: what it reported.
+        to_us, to_robot: the two directions of the link; a test may replace them.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class GuidedArm:
         position: Joints | None = None,
         speed: SpeedScale | None = None,
     ) -> None:
-        self.robot = LoneArm(side, model, position=position)
+        self.robot = VirtualArmEnd(side, model, position=position)
         self.clock = ManualClock(100.0)
         self.manager = ControllerManager(joint_names(side))
         self.cycles: list[Cycle] = []

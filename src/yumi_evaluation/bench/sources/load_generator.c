@@ -8,16 +8,16 @@
  * Both are CLOCK_REALTIME. The generator's own wake-up is not in it.
  *
  * Every server under test obeys reply = measured + gain * (goal - measured) on all seven axes (gain 0: an echo). Axis 1
- * moves by a ten-thousandth of a degree per cycle and never comes back, so a reply's axis 1 tells which cycle it
+ * moves by a ten-thousandth of a degree per cycle and never comes back, so a reply's axis 1 shows which cycle it
  * answers; the other axes swing smoothly by 10 degrees. All seven values of every reply are checked. A robot that got
- * no answer is not where its server thinks it is led, and a server with a guard catches up in steps that are safe: for a
+ * no answer is not where its server expects it, and a server with a limiter catches up in safe steps: for a
  * while after an unanswered cycle a reply with other values counts as "recovering", and as the answer to the newest cycle.
  *
- *   lead-in   the robot stands until the server has guided it rightly 25 cycles in a row
+ *   lead-in   the robot stands until 25 replies in a row were right
  *   warm-up   cycles that are sent but not counted; "begin" is printed before
  *   counted   --cycles cycles; "end" is printed after, then one line of JSON
  *
- * Exit codes: 0 done, 1 the server did not guide or stopped answering, 2 wrong option.
+ * Exit codes: 0 done, 1 the server did not answer as it should or stopped answering, 2 wrong option.
  */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
@@ -41,12 +41,12 @@
 
 enum { AXES = 7, ROBAX = 6, MAX_ARMS = 2, LEAD_IN_RIGHT = 25, LOST_IN_A_ROW = 500 };
 
-static const double CODE_DEG = 1e-4;      /* axis 1 per cycle: a guard that bounds speed, acceleration and jerk passes it */
-static const double OFFSET_DEG = 0.005;   /* goal - start: the reply of a guided arm differs from that of a held one */
+static const double CODE_DEG = 1e-4;      /* axis 1 per cycle: a limiter that bounds speed, acceleration and jerk passes it */
+static const double OFFSET_DEG = 0.005;   /* goal - start: the reply that moves an arm differs from that of a held one */
 static const double SWING_DEG = 10.0;
 static const double SWING_CYCLES = 1000.0;
 static const double TOLERANCE_DEG = 1e-6;
-static const long RECOVERY = 50;          /* cycles after an unanswered one in which a guard may still catch up */
+static const long RECOVERY = 50;          /* cycles after an unanswered one in which a limiter may still catch up */
 static const int64_t SECOND = 1000000000;
 static const int64_t ANSWER_TIMEOUT = 100000000;  /* ping-pong: after this the reply counts as missed [ns] */
 static const int64_t STRAGGLERS = 50000000;       /* how long replies are still read after the last cycle [ns] */
@@ -202,7 +202,7 @@ static void send_all(uint32_t seqno, long cycle)
     for (int i = 0; i < set.arms; ++i) {
         if (cycle > 0 && !arms[i].latency[cycle - 1]) arms[i].gap = cycle - 1;
         if (cycle >= 0) arms[i].sent[cycle] = clock_ns(CLOCK_REALTIME);
-        if (send(arms[i].socket, message.bytes, message.size, 0) < 0) continue; /* nobody listens: the cycle is missed */
+        if (send(arms[i].socket, message.bytes, message.size, 0) < 0) continue; /* no listener: the cycle is missed */
     }
 }
 
@@ -244,8 +244,8 @@ static void next_tick(void)
     if (late > latest) latest = late;
 }
 
-/* Paced: the kernel notes when each reply came, nobody has to be awake for it. A robot shares no processor with who guides
- * it; a generator that read the first arm's reply at once would take time from the second arm, on the same processor. */
+/* Paced: the kernel notes when each reply came, no process has to be awake for it. A robot shares no processor with its driver;
+ * a generator that read the first arm's reply at once would take time from the second arm, on the same processor. */
 static void sleep_and_read(long cycle)
 {
     sleep_until(due + set.period / 2);
@@ -273,7 +273,7 @@ static void begin_counting(void) /* what was wrong stays counted: it is wrong at
     for (int i = 0; i < set.arms; ++i) arms[i].stale = arms[i].duplicates = 0;
 }
 
-static long guide(long cycles)
+static long run_cycles(long cycles)
 {
     long cycle = 0;
     for (int lost = 0; cycle < cycles && !is_over && lost < LOST_IN_A_ROW; ++cycle) {
@@ -376,14 +376,14 @@ static int read_options(int count, char **words)
 
 int main(int count, char **words)
 {
-    prctl(PR_SET_PDEATHSIG, SIGKILL); /* whoever started it reads its figures; without them it has no purpose */
+    prctl(PR_SET_PDEATHSIG, SIGKILL); /* its parent reads its figures; without it there is no purpose */
     if (!read_options(count, words)) { fputs("load generator: wrong option; its source says which there are\n", stderr); return 2; }
     signal(SIGINT, end), signal(SIGTERM, end);
     for (int i = 0; i < set.arms; ++i) open_arm(i);
     become_prompt();
-    if (!lead_in()) { fputs("The server did not guide the robot as it should.\n", stderr); return 1; }
+    if (!lead_in()) { fputs("The server did not answer the robot as it should.\n", stderr); return 1; }
     puts("begin"), fflush(stdout);
-    long moved = guide(set.warm_up + set.cycles);
+    long moved = run_cycles(set.warm_up + set.cycles);
     int64_t duration = clock_ns(CLOCK_MONOTONIC) - counted_since;
     puts("end"), fflush(stdout);
     struct timespec rest = timespec_of(STRAGGLERS);

@@ -1,4 +1,4 @@
-"""The control process as the driver starts it, with both arms' position controllers held on the benchmark's goal."""
+"""The control loops as the driver starts them, with both arms' position controllers held on the benchmark's goal."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from yumi.settings import Entry
 
 POSITION = "joint_position_controller"
 PROCESS = "yumi-control"
-GLANCE = 0.25
-"""How often it is looked whether an arm has begun a session and wants its controller [s]."""
+POLL_PERIOD = 0.25
+"""How often each arm is checked for a new session, whose controller must be activated [s]."""
 
 
 def read_arguments() -> Namespace:
@@ -57,11 +57,11 @@ def read_plan(arguments: Namespace) -> tuple[Settings, EgmPlan]:
     return settings, plan_egm(settings, controllers)
 
 
-class GuidedLine:
-    """Started, it guides each arm towards the goal from the moment its robot speaks, in every session anew."""
+class DrivenLoop:
+    """It drives each arm towards the goal in every session, from the first datagram on."""
 
     def __init__(self, settings: Settings, plan: EgmPlan, goal_deg: str) -> None:
-        self.control = ControlProcess(partial(build_arms, plan), self._tell, settings.egm.wake)
+        self.control = ControlProcess(partial(build_arms, plan), self._report, settings.egm.wake)
         axes = [radians(float(value)) for value in goal_deg.split(",")]
         self._goal: Joints = chain_from_abb(axes[:6], axes[6])
 
@@ -70,27 +70,27 @@ class GuidedLine:
         print(self.control.started_as, file=sys.stderr, flush=True)
 
     def run(self) -> None:
-        """Keep both arms guided until standard input ends."""
+        """Keep both arms driven until standard input ends."""
         is_over = Flag()
         Thread(target=_wait_for_end_of_input, args=(is_over,), daemon=True).start()
         say_ready(*(each.pid or 0 for each in multiprocessing.active_children() if each.name.startswith(PROCESS)))
-        while not is_over.wait(GLANCE):
+        while not is_over.wait(POLL_PERIOD):
             for side in Side:
-                self._guide(side)
+                self._drive(side)
         self.control.stop()
 
-    def _guide(self, side: Side) -> None:
+    def _drive(self, side: Side) -> None:
         snapshot = read_snapshot(self.control.buffers[side].snapshots)
         if not snapshot.is_running or snapshot.is_commanded:
             return
         try:
             self.control.call(Commands.switch_controllers, side, (POSITION,))
-        except CommandRefused as refusal:  # the robot fell silent in this moment; it will be looked at again
+        except CommandRefused as refusal:  # the session ended in this moment; the next poll tries again
             print(refusal, file=sys.stderr, flush=True)
         else:
             write_goal(self.control.buffers[side].goals, snapshot.session, self._goal)
 
-    def _tell(self, event: Event) -> None:
+    def _report(self, event: Event) -> None:
         print(event, file=sys.stderr, flush=True)
 
 

@@ -140,5 +140,5 @@ def test_damaged_recording_is_refused_or_read_but_nothing_else(file: Path, place
 def test_file_of_another_kind_is_refused(file: Path) -> None:
     file.parent.mkdir()
     file.write_text("time,position\n0.0,1.0\n")
-    with pytest.raises(ProtocolError, match=r"record.mcap is no recording of yumi"):
+    with pytest.raises(ProtocolError, match=r"record.mcap is not a recording of yumi"):
         read_recording(file)
