@@ -12,7 +12,8 @@ from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost, Listener
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.http_server import Upgrade
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import Upgrade
 
 
 class MemoryChannel:
