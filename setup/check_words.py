@@ -49,6 +49,9 @@ FOLDERS = ("src", "docs", "examples", "launch", "config", "README.md")
 ALLOWED = {"docs/reference/glossary.md"}
 """Files that name the words to explain them."""
 
+TERMS_OF_THE_FIELD = {("externally", "guided", "motion")}
+"""Terms that contain one of the words and stay."""
+
 _TERMS = {tuple(words.split()): instead for words, instead in WORDS.items()}
 _LONGEST = max(map(len, _TERMS))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -63,6 +66,8 @@ def check(file: Path) -> list[str]:
         words = [word.lower() for word in _WORD.findall(piece)]
         for begin in range(len(words)):
             for count in range(1, _LONGEST + 1):
+                if any(tuple(words[begin + count - len(term) : begin + count]) == term for term in TERMS_OF_THE_FIELD):
+                    continue
                 instead = _TERMS.get(tuple(words[begin : begin + count]))
                 if instead and begin + count <= len(words):
                     term = " ".join(words[begin : begin + count])
