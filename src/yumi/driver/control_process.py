@@ -205,7 +205,7 @@ class ControlServer:
         self._poller.watch(pipe, self._note_command)
 
     def run(self) -> None:
-        """Serve datagrams and commands until told to stop, and until the arms stand."""
+        """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
         while not self._may_end():
             if self._processors is not None:
