@@ -156,7 +156,9 @@ MATERIALS = {
 SERVO_GRIPPERS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
 
 
-def robot_description(limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS) -> str:
+def robot_description(
+    limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS
+) -> str:
     """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
 
     Args:

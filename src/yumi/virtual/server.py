@@ -21,7 +21,7 @@ from typing import TypeVar
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient
 from yumi.errors import RapidError
-from yumi.process.realtime import short_switch_interval, prefer_process, release_process
+from yumi.process.realtime import prefer_process, release_process, short_switch_interval
 from yumi.rapid.ast import Module
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_expression, parse_module

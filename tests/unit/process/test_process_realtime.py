@@ -3,7 +3,7 @@ from __future__ import annotations
 import gc
 import sys
 
-from yumi.process.realtime import short_switch_interval, paused_collector
+from yumi.process.realtime import paused_collector, short_switch_interval
 
 
 def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> None:
