@@ -108,4 +108,4 @@ class ProtocolError(YumiError):
 
 
 class RapidError(YumiError):
-    """A RAPID module does not parse, or a RAPID program stopped with an error nobody handled."""
+    """A RAPID module does not parse, or a RAPID program stopped with an unhandled error."""

@@ -10,6 +10,7 @@ import pytest
 from dual_arms import NAME, DualArms
 from trajectories import dual_arm_trajectory, swing
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
+from yumi.control.shared_state import Factor
 from yumi.control.trajectory import ResultCode
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side
@@ -58,16 +59,16 @@ def test_arms_that_start_at_once_are_in_step_whatever_the_phase_of_their_datagra
 def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualArms) -> None:
     arms.arms[Side.LEFT].clock.advance(0.0015)
     for box in arms.scales.values():
-        box.write((0.5,))
+        box.write(Factor(0.5))
     arms.run(0.5)
     arms.send(dual_arm_trajectory())
     arms.run(3.0)
     for box in arms.scales.values():
-        box.write((0.2,))
+        box.write(Factor(0.2))
     arms.run(3.0)
     assert {arms.feedback(side).scale for side in Side} == {0.2}
     for box in arms.scales.values():
-        box.write((1.0,))
+        box.write(Factor(1.0))
     arms.run_until(lambda: arms.is_over, 20.0)
     for (ended,) in arms.ended.values():
         assert (ended.outcome, ended.sentence) == (Outcome.SUCCEEDED, "The goal is reached.")

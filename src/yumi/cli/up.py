@@ -34,7 +34,7 @@ from yumi.driver.settings import Settings, read_controllers
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
-from yumi.process.realtime import brisk_threads, release_process, settle_memory
+from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import Only
 from yumi.process.supervision import start_thread
 from yumi.recording.recorder import Recorder
@@ -133,7 +133,7 @@ def run_driver(
         parts.manager.note(event)
         ros.on_event(event)
 
-    with brisk_threads(), ExitStack() as stack:
+    with short_switch_interval(), ExitStack() as stack:
         stack.callback(release_process)
         only_in_ros_domain = Only(
             f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",

@@ -3,7 +3,7 @@
 :class:`TargetPredictor` estimates position, velocity and acceleration of each joint's goal from the goals and their
 times, by a filter with fading memory for motions of constant acceleration (Morrison, *Introduction to Sequential
 Smoothing and Prediction*, 1969): it follows such a motion without lag, and what is older counts less by a factor e
-each ``memory``. Beside it goes a plain comparison with the last goals, which tells a jump from a motion: a jump moves
+each ``memory``. Beside it goes a plain comparison with the last goals, which finds jumps: a jump moves
 the prediction and leaves its speed alone, two in a row are a new speed.
 
 :class:`TrackingFilter` brings the joints to the predicted target. Near it the difference dies away as a critically

@@ -1,6 +1,6 @@
 """Trajectories: checked where they come in, as splines that one arm can follow, and the blend onto a running one.
 
-Everything that can be checked without the arm is checked here, by whoever takes the trajectory from the outside; the
+Everything that can be checked without the arm is checked here, when the trajectory is received; the
 splines are calculated here, too, so that nothing of it costs the control loop time.
 
 The order of a segment is that of what both of its ends give: positions make it linear, velocities cubic, accelerations
@@ -10,7 +10,7 @@ Polynomials over a stretch of time: whether they stay within a range, and where 
 
 A polynomial is the sequence of its coefficients, the constant one first.
 
-The way from what an arm is told now onto a trajectory: without a step, within the limits.
+The path from the present command of an arm onto a trajectory: without a step, within the limits.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ class ControlServer:
         self._poller.watch(pipe, self._note_command)
 
     def run(self) -> None:
-        """Serve datagrams and commands until told to stop, and until the arms stand."""
+        """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
         while not self._may_end():
             if self._processors is not None:
@@ -218,9 +218,14 @@ class ControlServer:
             self._settle()
             if self._has_command and not any(arm.is_datagram_due(self._clock.now()) for arm in arms):
                 self._read_command()
-            for arm in arms:
-                arm.watch_silence(looked)
-                for event in arm.take_events():
+            for side, arm in self._arms.items():
+                try:
+                    arm.watch_silence(looked)
+                    events = arm.take_events()
+                except Exception as error:  # the other arm is served whatever happens to this one
+                    self._fail(side, error)
+                    continue
+                for event in events:
                     self._report(event)
         if self._processors is not None:
             self._processors.release()

@@ -1,4 +1,4 @@
-"""The monitor: keeps what is known of the robot fresh, whoever changes it, and logs each change once, with its cause.
+"""The monitor: keeps the state of the robot up to date, and logs each change once, with its cause.
 
 The controller reports changes of mode, motors, program, speed ratio and event log over a subscription, and the edges of
 the state machines' signals. The states of the state machines are variables without subscription: they are read after

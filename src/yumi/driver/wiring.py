@@ -4,7 +4,7 @@
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, hands, robot-watch, watchdog, control-events,
+                                            joint-states-l, grippers, robot-monitor, watchdog, control-events,
                                             automatic-recovery (recovery.automatic), all of them supervised
                                             (process/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
@@ -299,8 +299,8 @@ class DriverParts(NamedTuple):
         plan: where the control process listens.
         control: the control process.
         manager: the robot's state.
-        signals: what the controller tells of the hands.
-        grippers: the hands.
+        signals: the grippers' signals, by subscription.
+        grippers: both.
     """
 
     client: RwsClient
@@ -363,7 +363,7 @@ def only_at_robot(settings: Settings) -> Only:
 def build_grippers(
     client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
 ) -> dict[Side, Gripper]:
-    """Both hands of a connected robot; without ``signals`` they ask for everything."""
+    """Both grippers of a connected robot; without ``signals`` they read everything by request."""
     routines, own = GripperRoutines(client, clock), settings.gripper
     return {
         side: Gripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)

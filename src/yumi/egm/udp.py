@@ -22,7 +22,7 @@ class UdpServer:
     """Listens on one port and answers one sender at a time; never waits.
 
     Who that is, address and port, can be pinned: then nothing of any other sender is handed out. As long as it is not,
-    :meth:`receive` hands out what one sender sent, and at the next call what another one did.
+    :meth:`receive` returns what one sender sent, and at the next call what another one did.
 
     Attributes:
         foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned.

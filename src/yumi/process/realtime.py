@@ -91,7 +91,7 @@ def paused_collector() -> Iterator[None]:
 
 
 @contextmanager
-def brisk_threads() -> Iterator[None]:
+def short_switch_interval() -> Iterator[None]:
     """A thread that waits for the interpreter gets it soon: a message on its way changes threads several times."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL)

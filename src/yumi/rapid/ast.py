@@ -1,4 +1,4 @@
-"""The syntax tree of RAPID: what the parser hands to the compiler.
+"""The syntax tree of RAPID: what the parser gives to the compiler.
 
 Names keep the spelling of the source; RAPID compares them without case (`yumi.rapid.program`). Nodes are equal
 wherever they stand.

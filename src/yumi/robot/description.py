@@ -153,10 +153,12 @@ MATERIALS = {
 }
 
 
-SERVO_HANDS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
+SERVO_GRIPPERS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
 
 
-def robot_description(limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_HANDS) -> str:
+def robot_description(
+    limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS
+) -> str:
     """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
 
     Args:

@@ -109,7 +109,7 @@ def _md5(text: str) -> str:
 
 
 def _bytes(text: str) -> bytes:
-    """As they came: a header may hold bytes that are no text, which Python keeps as lone surrogates."""
+    """As they came: a header may hold bytes that are not text, which Python keeps as surrogates."""
     return text.encode(errors="surrogateescape")
 
 

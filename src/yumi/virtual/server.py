@@ -21,7 +21,7 @@ from typing import TypeVar
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient
 from yumi.errors import RapidError
-from yumi.process.realtime import brisk_threads, prefer_process, release_process
+from yumi.process.realtime import prefer_process, release_process, short_switch_interval
 from yumi.rapid.ast import Module
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_expression, parse_module
@@ -197,7 +197,7 @@ class VirtualController:
         gc.set_threshold(700, 10, _RARELY)  # a full collection takes longer than a cycle once programs are long
         self._background.start()
         try:
-            with brisk_threads(), self._server as server:
+            with short_switch_interval(), self._server as server:
                 on_ready(server.port)
                 pace = Pace(self._clock)
                 while not is_over.is_set():

@@ -169,6 +169,32 @@ def test_control_process_serves_one_arm_while_the_other_fails(
     assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == {Side.LEFT}
 
 
+@pytest.mark.parametrize("method", ["watch_silence", "take_events", "settle"])
+def test_control_process_serves_one_arm_while_another_part_of_the_other_fails(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch, method: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("a defect")
+
+    arms[Side.LEFT] = Arm(clock, parent, is_broken=False)
+    monkeypatch.setattr(arms[Side.LEFT], method, fail)
+    done = run(arms, parent, clock)
+    assert done[Side.RIGHT] >= 1
+    assert arms[Side.LEFT].deactivated >= 1
+    assert {str(each.side) for each in parent.received if isinstance(each, CycleFailed)} == {str(Side.LEFT)}
+
+
+def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock
+) -> None:
+    parent.messages = [Call(4, "list_controllers", (Side.LEFT,), {"no": 1}), Call(5, "nothing", (), {}), Stop()]
+    run(arms, parent, clock)
+    answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
+    assert isinstance(answers[4], Refusal)
+    assert answers[4].sentence.startswith("The command list_controllers failed with TypeError: ")
+    assert answers[5] == Refusal("There is no command 'nothing'.")
+
+
 def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
     parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
     run(arms, parent, clock)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import gc
 import sys
 
-from yumi.process.realtime import brisk_threads, paused_collector
+from yumi.process.realtime import paused_collector, short_switch_interval
 
 
 def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> None:
@@ -15,6 +15,6 @@ def test_collector_pauses_while_something_is_measured_and_goes_on_after_it() -> 
 
 def test_threads_take_turns_more_often_meanwhile() -> None:
     before = sys.getswitchinterval()
-    with brisk_threads():
+    with short_switch_interval():
         assert sys.getswitchinterval() < before
     assert sys.getswitchinterval() == before

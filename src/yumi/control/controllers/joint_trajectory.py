@@ -423,7 +423,7 @@ class JointTrajectoryController(Controller):
         self._state: ArmState | None = None
         self._checked: tuple[FollowTrajectory, ArmState, Spline, float] | None = None
         self._feedback_due = -inf
-        self._calming: StandstillDetector | None = None
+        self._standstill: StandstillDetector | None = None
         self._is_judged = True
         self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
@@ -444,7 +444,7 @@ class JointTrajectoryController(Controller):
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
         self._rest_at(state.planned)
-        self._calming = StandstillDetector(state)
+        self._standstill = StandstillDetector(state)
 
     def deactivate(self) -> None:
         self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
@@ -470,11 +470,11 @@ class JointTrajectoryController(Controller):
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
-        if self._calming is not None:
+        if self._standstill is not None:
             self._rest_at(state.planned)
-            if not self._calming.is_over(state):
+            if not self._standstill.is_over(state):
                 return None
-            self._calming = None
+            self._standstill = None
         goal, dt, share = self._goal, state.dt, self._settings.feedforward
         if goal is None or goal.is_cancelled:
             self._time += dt
@@ -518,7 +518,7 @@ class JointTrajectoryController(Controller):
         """The whole way, and the time on it that the newest command belongs to."""
         if state is None:
             raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
-        if self._calming is not None and max(map(abs, state.velocity)) > STANDING:
+        if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
             raise refused("the arm still moves from before this controller was activated; wait until it stands.")
         if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
             return self._checked[2:]
@@ -553,7 +553,7 @@ class JointTrajectoryController(Controller):
         if isinstance(self._source, _Brake):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
-        self._source, self._time, self._checked, self._calming = SplineSampler(spline), now, None, None
+        self._source, self._time, self._checked, self._standstill = SplineSampler(spline), now, None, None
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
