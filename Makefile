@@ -11,7 +11,7 @@ export MPLCONFIGDIR ?= $(CURDIR)/build/matplotlib
 help:
 	@echo 'make setup         everything the project needs, into .venv; make demo and make test do it first'
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
-	@echo 'make test          the whole check: format, lint, types, layers, spelling, then all tests'
+	@echo 'make test          the whole check: format, lint, types, layers, spelling, terms, then all tests'
 	@echo 'make check         the same without the tests'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
@@ -31,6 +31,7 @@ check: setup
 	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/installation.py interfaces/build.py
 	.venv/bin/lint-imports
 	.venv/bin/codespell
+	.venv/bin/python setup/check_words.py
 
 # What runs in virtual time runs on two processes; what runs in real time has the machine to itself, one by one.
 test: check
