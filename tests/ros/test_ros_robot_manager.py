@@ -163,10 +163,10 @@ def test_recover_says_what_it_did(rig: RobotManagerRig) -> None:
 
 
 def test_action_whose_step_fails_is_aborted_with_the_reason(rig: RobotManagerRig) -> None:
-    rig.manager.refusals["recover"] = "The controller is in MANUAL; turn it to AUTO on the pendant."
+    rig.manager.refusals["recover"] = "The controller is in MANUAL; turn it to AUTO on the FlexPendant."
     status, result = Goal(rig, Recover, "recover").end()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
-    assert result.message == "The controller is in MANUAL; turn it to AUTO on the pendant."
+    assert result.message == "The controller is in MANUAL; turn it to AUTO on the FlexPendant."
 
 
 def test_unknown_mode_is_answered_with_those_there_are(rig: RobotManagerRig) -> None:

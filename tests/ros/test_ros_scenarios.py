@@ -57,9 +57,9 @@ STOPS = [
     ),
     Scenario(
         Fault.MANUAL_MODE,
-        "not ready: the controller is not in AUTO",
+        "not ready: the controller is in MANR",
         BACK,
-        "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the pendant",
+        "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the FlexPendant",
         Fault.AUTO_MODE,
     ),
     Scenario(Fault.COLLISION, "see what it touched and free it, then recover", "50204 Motion supervision"),
