@@ -47,6 +47,7 @@ class Robot:
             "--calibrated",
             *self.egm_options,
         ]
+        self.stop()
         self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
         self._command.wait_until_ready(TIMEOUT)
 
@@ -68,6 +69,7 @@ class Robot:
     def stop(self) -> None:
         if self._command is not None:
             self._command.stop()
+            self._command = None
 
 
 class Client:

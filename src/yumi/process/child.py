@@ -58,7 +58,8 @@ class Command:
             start_new_session=True,
             env={**os.environ, **self._environment},
         )
-        self._reader = Thread(target=self._read, name=f"{self.name}-output")
+        # A daemon: a child that was never stopped must not keep its parent from ending.
+        self._reader = Thread(target=self._read, name=f"{self.name}-output", daemon=True)
         self._reader.start()
         return self
 
