@@ -115,11 +115,11 @@ def test_one_arm_is_under_egm_alone_and_then_both_and_then_none(manager: RobotMa
 
 
 def test_signals_and_variables_are_read_and_written(manager: RobotManagerClient) -> None:
-    assert manager.panel.read_variable("T_ROB_L", "TRobMain", "current_state") == "0"
+    assert manager.read_variable("T_ROB_L", "TRobMain", "current_state") == "0"
     manager.write_signal("RUN_SG_ROUTINE", "0")
-    assert manager.panel.read_signal("RUN_SG_ROUTINE") == "0"
+    assert manager.read_signal("RUN_SG_ROUTINE") == "0"
     with pytest.raises(RobotNotReady, match="no_such_signal"):
-        manager.panel.read_signal("no_such_signal")
+        manager.read_signal("no_such_signal")
 
 
 def test_routine_of_a_loaded_module_is_stopped_by_who_does_not_wait_for_its_end(

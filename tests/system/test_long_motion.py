@@ -54,7 +54,7 @@ class Watch:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._lines = robot.guidance._control  # type: ignore[attr-defined]
+        self._lines = robot.executor._control  # type: ignore[attr-defined]
         self._seen = {side: self._lines.recorders[side].newest for side in Side}
         self._first = {side: self._lines.snapshot(side) for side in Side}
         self.slowest = 0.0

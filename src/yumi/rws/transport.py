@@ -240,8 +240,8 @@ class _Stream(httpcore.NetworkStream):
 HEARTBEAT = 10.0
 """Time between two pings on a WebSocket [s]; without an answer within half of it, the connection is lost."""
 
-_CLOSE_TIMEOUT = 1.0  # [s]
-_END_TIMEOUT = 3.0  # [s] a thread that has not ended by then is left to itself
+_CLOSE_TIMEOUT = 0.3  # [s]; websockets waits so long for the peer, twice: its answer, then its end of the connection
+_END_TIMEOUT = 0.5  # [s] a thread that has not ended by then is left to itself
 _MAX_TEXT = 1024 * 1024
 
 
