@@ -46,7 +46,8 @@ class MoveOneJoint(Node):
         end = self.get_clock().now().nanoseconds + 10e9
         while abs(self.positions[JOINT] - goal) > TOLERANCE:
             rclpy.spin_once(self, timeout_sec=0.1)
-            if self.egm.level != DiagnosticStatus.OK:
+            # Feedback that is interrupted for some cycles comes back, or is lost within 80 ms.
+            if self.egm.level != DiagnosticStatus.OK and "interrupted" not in self.egm.message:
                 raise RuntimeError(f"The arm was stopped ({self.egm.message}); the driver's log says why.")
             if self.get_clock().now().nanoseconds > end:
                 raise RuntimeError(f"{JOINT} is not at its goal after 10 s; the driver's log says why.")
