@@ -18,7 +18,7 @@ class MoveOneJoint(Node):
     def __init__(self) -> None:
         super().__init__("move_one_joint")
         self.positions = {}
-        self.egm = DiagnosticStatus(level=DiagnosticStatus.STALE)
+        self.egm = {}
         self.create_subscription(JointState, "r/joint_states", self.take_state, 10)
         self.create_subscription(DiagnosticStatus, "r/egm_state", self.take_egm_state, 10)
         self.goals = self.create_publisher(JointState, "r/joint_commands", 10)
@@ -29,7 +29,7 @@ class MoveOneJoint(Node):
         self.positions = dict(zip(message.name, message.position, strict=True))
 
     def take_egm_state(self, message: DiagnosticStatus) -> None:
-        self.egm = message
+        self.egm = {pair.key: pair.value for pair in message.values}
 
     def call(self, client) -> str:
         future = client.call_async(Trigger.Request())
@@ -46,9 +46,8 @@ class MoveOneJoint(Node):
         end = self.get_clock().now().nanoseconds + 10e9
         while abs(self.positions[JOINT] - goal) > TOLERANCE:
             rclpy.spin_once(self, timeout_sec=0.1)
-            # Feedback that is interrupted for some cycles comes back, or is lost within 80 ms.
-            if self.egm.level != DiagnosticStatus.OK and "interrupted" not in self.egm.message:
-                raise RuntimeError(f"The arm was stopped ({self.egm.message}); the driver's log says why.")
+            if self.egm["commanded"] != "True":
+                raise RuntimeError("The arm was stopped; the driver's log says why.")
             if self.get_clock().now().nanoseconds > end:
                 raise RuntimeError(f"{JOINT} is not at its goal after 10 s; the driver's log says why.")
         return abs(self.positions[JOINT] - goal)
@@ -58,7 +57,7 @@ class MoveOneJoint(Node):
             raise RuntimeError("There is no service yumi_robot_manager/start_egm; start the driver with `yumi up`.")
         print(self.call(self.start_egm))
         is_listening = self.goals.get_subscription_count
-        while JOINT not in self.positions or self.egm.level != DiagnosticStatus.OK or not is_listening():
+        while JOINT not in self.positions or self.egm.get("commanded") != "True" or not is_listening():
             rclpy.spin_once(self, timeout_sec=0.1)
         start = self.positions[JOINT]
         for goal in (start + STEP, start):

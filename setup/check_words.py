@@ -13,6 +13,7 @@ import tokenize
 from pathlib import Path
 
 WORDS = {
+    "fast lines": "control loop, control process",
     "fast line": "control loop, control process",
     "arm line": "control loop",
     "mailbox": "buffer",

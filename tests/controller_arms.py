@@ -129,7 +129,7 @@ class PerfectArmUnderTest(ArmUnderTest):
         self._manager = ControllerManager(joint_names(SIDE))
         self._manager.load(NAME, self._controller)
         self._manager.configure(NAME, case.values)
-        self._arm, self._guard, self._now = PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS), 0.0
+        self._arm, self._limiter, self._now = PerfectArm(home(SIDE)), Limiter(YUMI_LIMITS), 0.0
         self.cycle()
         self.activate()
 
@@ -143,7 +143,7 @@ class PerfectArmUnderTest(ArmUnderTest):
 
     def cycle(self) -> Joints:
         self._now += CYCLE
-        cycle = run_cycle(self._arm, self._manager, self._guard, self._now, StageClock())
+        cycle = run_cycle(self._arm, self._manager, self._limiter, self._now, StageClock())
         assert cycle is not None
         self._state = cycle.state
         return cycle.state.position

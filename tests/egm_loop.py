@@ -40,9 +40,9 @@ class EgmLoop(VirtualArmRig):
         model: dynamics of the virtual arm.
     """
 
-    def __init__(self, side: Side = Side.LEFT, guard: Limiter | None = None, model: ArmModel = SUPERVISED) -> None:
+    def __init__(self, side: Side = Side.LEFT, limiter: Limiter | None = None, model: ArmModel = SUPERVISED) -> None:
         self._goals = MemoryBuffer()
-        super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, guard=guard, model=model)
+        super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, limiter=limiter, model=model)
 
     def begin(self, motion: EgmMotionSettings = FULL_SPEED) -> None:
         """Start EGM, and let the controller command as soon as the robot follows."""

@@ -22,16 +22,16 @@ def swinging(time: float) -> Joints:
 def record_motion(recorder: FlightRecorder, count: int) -> float:
     """Record ``count`` more cycles of a motion, the first of them held; returns the time of the last one [s]."""
     times = iter([80e-6, 100e-6] * count)
-    stations = StageClock(lambda: next(times))
+    stages = StageClock(lambda: next(times))
     for number in range(recorder.newest + 1, recorder.newest + count + 1):
         time = number * CYCLE
         state = ArmState(time, CYCLE, 1, swinging(time), swinging(0.1), swinging(time), is_running=True)
         command = ArmCommand(swinging(time + 0.02))
-        stations.begin(0.0)
-        stations.note(SEND)
-        stations.note(AFTER_REPLY)
+        stages.begin(0.0)
+        stages.note(SEND)
+        stages.note(AFTER_REPLY)
         wanted = None if number == 1 else command
-        recorder.record(Cycle(state, wanted, command), swinging(1.0), stations)
+        recorder.record(Cycle(state, wanted, command), swinging(1.0), stages)
     return recorder.newest * CYCLE
 
 

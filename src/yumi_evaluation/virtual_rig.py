@@ -79,7 +79,7 @@ class VirtualArmRig:
     Args:
         controllers: by name; all are configured and none is active.
         side: which arm.
-        guard: of the control loop; one with the limits of the YuMi when left out.
+        limiter: of the control loop; one with the limits of the YuMi when left out.
         model: dynamics of the virtual arm.
         position: where it stands at first [rad], (7,); home when left out.
         speed: the factor on its speeds, which its controllers share.
@@ -98,7 +98,7 @@ class VirtualArmRig:
         controllers: Mapping[str, Controller],
         *,
         side: Side = Side.LEFT,
-        guard: Limiter | None = None,
+        limiter: Limiter | None = None,
         model: ArmModel | None = None,
         position: Joints | None = None,
         speed: SpeedScale | None = None,
@@ -116,7 +116,7 @@ class VirtualArmRig:
             self.manager.configure(name)
         near, self._far = memory_links()
         arm = EgmArm(near, SensorSession(JointCodec()))
-        self.line = ArmLoop(side, arm, self.manager, guard or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
+        self.line = ArmLoop(side, arm, self.manager, limiter or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
     def snapshot(self) -> Snapshot:

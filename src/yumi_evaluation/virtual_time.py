@@ -105,11 +105,17 @@ class _Streaming:
     """An arm in virtual time whose joint position controller is active and is sent goals."""
 
     def __init__(
-        self, limits: JointLimits, values: Values, mode: Mode, side: Side, guard: Limiter, model: ArmModel | None = None
+        self,
+        limits: JointLimits,
+        values: Values,
+        mode: Mode,
+        side: Side,
+        limiter: Limiter,
+        model: ArmModel | None = None,
     ) -> None:
         self._goals = MemoryBuffer[SessionGoal]()
         controller = AnyGainController(self._goals, limits)
-        self.rig = VirtualArmRig({CONTROLLER: controller}, side=side, guard=guard, model=model)
+        self.rig = VirtualArmRig({CONTROLLER: controller}, side=side, limiter=limiter, model=model)
         self.rig.manager.set_parameters(CONTROLLER, values)
         self.rig.start(mode.value)
         self.rig.run(_TAKEOVER)

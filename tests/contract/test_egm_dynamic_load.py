@@ -33,7 +33,7 @@ def loop() -> EgmLoop:
 
 
 def begun(motion: object = FULL_SPEED) -> EgmLoop:
-    loop = EgmLoop(guard=OpenLimiter())
+    loop = EgmLoop(limiter=OpenLimiter())
     loop.begin(motion)
     loop.run(0.15)
     return loop
@@ -115,7 +115,7 @@ def test_ten_degrees_per_second_make_every_step_bearable():
 
 
 def test_arm_that_is_not_supervised_bears_everything():
-    loop = EgmLoop(guard=OpenLimiter(), model=ArmModel(supervises_load=False))
+    loop = EgmLoop(limiter=OpenLimiter(), model=ArmModel(supervises_load=False))
     loop.begin()
     loop.run(0.15)
     loop.go(beside({0: 40.0, 2: -40.0, 3: 40.0, 5: 40.0}))

@@ -71,12 +71,12 @@ class PerfectArmUnderGoals(ArmUnderGoals):
         manager.load(NAME, JointGoalController(MemoryBuffer()))
         manager.configure(NAME, FULL)
         super().__init__(manager)
-        self._arm, self._guard, self._stations = PerfectArm(start), Limiter(YUMI_LIMITS), StageClock()
+        self._arm, self._limiter, self._stages = PerfectArm(start), Limiter(YUMI_LIMITS), StageClock()
         self.cycle()
         manager.switch([NAME], [], self.cycles[-1].state)
 
     def next_cycle(self) -> Cycle | None:
-        return run_cycle(self._arm, self.manager, self._guard, len(self.cycles) * CYCLE, self._stations)
+        return run_cycle(self._arm, self.manager, self._limiter, len(self.cycles) * CYCLE, self._stages)
 
     def next_notices(self) -> list[object]:
         return [notice for _, notice in self.manager.take_reports()]

@@ -58,7 +58,7 @@ class ScaledArm:
                 "forward_velocity": JointGroupVelocityController(self.goals, self.speeds, LIMITS, speed),
             },
             side=SIDE,
-            guard=Limiter(LIMITS),
+            limiter=Limiter(LIMITS),
             speed=speed,
         )
         self.arm.manager.set_parameters("goal", {"speed_scale": 0.8, "acceleration_scale": 0.5})

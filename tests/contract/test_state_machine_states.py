@@ -73,7 +73,7 @@ def test_request_is_accepted(bench: Bench, signal: str, state: int, action: int)
         assert ACCEPTED[signal, state, action] in bench.screen(side)
 
 
-@pytest.mark.parametrize(("signal", "state", "action"), [guard for guard in GUARDS if guard not in ACCEPTED])
+@pytest.mark.parametrize(("signal", "state", "action"), [limiter for limiter in GUARDS if limiter not in ACCEPTED])
 def test_request_is_ignored_without_a_word(shared_bench: Bench, signal: str, state: int, action: int) -> None:
     put(shared_bench, state, action)
     before = [shared_bench.screen(side) for side in ARMS]

@@ -85,8 +85,8 @@ class MemoryLine:
         self.may_answer = Event()
         self.may_answer.set()
         manager = ControllerManager(joint_names(Side.RIGHT), {KIND: self._make}, "ROB_R")
-        arm, guard = PerfectArm(home(Side.RIGHT)), Limiter(YUMI_LIMITS)
-        loop = ArmLoop(Side.RIGHT, arm, manager, guard, MemoryBuffer())
+        arm, limiter = PerfectArm(home(Side.RIGHT)), Limiter(YUMI_LIMITS)
+        loop = ArmLoop(Side.RIGHT, arm, manager, limiter, MemoryBuffer())
         self._commands = Commands({Side.RIGHT: loop}, lambda: 0.0)
 
     def _make(self, _: str) -> Watcher:

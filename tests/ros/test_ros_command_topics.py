@@ -19,9 +19,9 @@ pytestmark = pytest.mark.ros
 NAMES = joint_names(Side.RIGHT)
 
 
-def newest(boxes: Boxes, session: int) -> tuple[int, Joints] | None:
+def newest(buffers: Boxes, session: int) -> tuple[int, Joints] | None:
     """Number and positions of the newest goal."""
-    number, goal = read_goal(boxes.goals, session)
+    number, goal = read_goal(buffers.goals, session)
     return None if goal is None else (number, goal.position)
 
 
@@ -75,13 +75,13 @@ def commanded(
 
 
 @pytest.fixture
-def boxes(middle: Joints) -> Boxes:
-    boxes = Boxes()
+def buffers(middle: Joints) -> Boxes:
+    buffers = Boxes()
     snapshot = Snapshot(
         session=3, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.POSITION, reference=middle
     )
-    boxes.snapshots.write(snapshot)
-    return boxes
+    buffers.snapshots.write(snapshot)
+    return buffers
 
 
 @pytest.fixture
@@ -90,54 +90,54 @@ def node() -> Node:
 
 
 @pytest.fixture
-def topic(node: Node, boxes: Boxes) -> JointCommandTopic:
-    return JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots))
+def topic(node: Node, buffers: Boxes) -> JointCommandTopic:
+    return JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots))
 
 
 def goal(names: list[str], position: list[float]) -> Any:
     return JointState(name=names, position=position)
 
 
-def test_topic_passes_a_whole_goal_on(topic: JointCommandTopic, boxes: Boxes) -> None:
+def test_topic_passes_a_whole_goal_on(topic: JointCommandTopic, buffers: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(NAMES), position))
-    assert newest(boxes, 3) == (1, tuple(position))
+    assert newest(buffers, 3) == (1, tuple(position))
 
 
-def test_topic_takes_joints_in_any_order(topic: JointCommandTopic, boxes: Boxes) -> None:
+def test_topic_takes_joints_in_any_order(topic: JointCommandTopic, buffers: Boxes) -> None:
     position = [0.1, -0.2, 0.3, 0.4, 0.5, 0.6, 0.7]
     topic.take(goal(list(reversed(NAMES)), position[::-1]))
-    assert newest(boxes, 3) == (1, tuple(position))
+    assert newest(buffers, 3) == (1, tuple(position))
 
 
 def test_topic_keeps_the_goal_of_joints_that_are_not_named(
-    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+    topic: JointCommandTopic, buffers: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
     topic.take(goal([NAMES[6]], [0.7]))
-    assert newest(boxes, 3) == (2, (0.1, *middle[1:6], 0.7))
+    assert newest(buffers, 3) == (2, (0.1, *middle[1:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_in_a_new_session(
-    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+    topic: JointCommandTopic, buffers: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    boxes.snapshots.write(
+    buffers.snapshots.write(
         commanded(middle, session=4),
     )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert newest(boxes, 4) == (2, (*middle[:6], 0.7))
+    assert newest(buffers, 4) == (2, (*middle[:6], 0.7))
 
 
 def test_topic_starts_from_the_reference_again_after_the_controller_was_activated_again(
-    topic: JointCommandTopic, boxes: Boxes, middle: Joints
+    topic: JointCommandTopic, buffers: Boxes, middle: Joints
 ) -> None:
     topic.take(goal([NAMES[0]], [0.1]))
-    boxes.snapshots.write(
+    buffers.snapshots.write(
         commanded(middle, activation=2),
     )
     topic.take(goal([NAMES[6]], [0.7]))
-    assert newest(boxes, 3) == (2, (*middle[:6], 0.7))
+    assert newest(buffers, 3) == (2, (*middle[:6], 0.7))
 
 
 @pytest.mark.parametrize(
@@ -160,10 +160,10 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
     ],
 )
 def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
-    topic: JointCommandTopic, node: Node, boxes: Boxes, names: list[str], position: list[float], sentence: str
+    topic: JointCommandTopic, node: Node, buffers: Boxes, names: list[str], position: list[float], sentence: str
 ) -> None:
     topic.take(goal(names, position))
-    assert boxes.goals.read() is None
+    assert buffers.goals.read() is None
     (warning,) = node.warnings
     assert re.fullmatch(r"Goal refused: .*", warning)
     assert sentence in warning
@@ -182,18 +182,18 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
     ],
 )
 def test_topic_refuses_goals_before_the_arm_can_take_them(
-    topic: JointCommandTopic, node: Node, boxes: Boxes, snapshot: Snapshot, sentence: str
+    topic: JointCommandTopic, node: Node, buffers: Boxes, snapshot: Snapshot, sentence: str
 ) -> None:
-    boxes.snapshots.write(snapshot)
+    buffers.snapshots.write(snapshot)
     topic.take(goal(list(NAMES), [0.0] * 7))
-    assert boxes.goals.read() is None
+    assert buffers.goals.read() is None
     assert node.warnings == [f"Goal refused: {sentence}"]
 
 
-def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, boxes: Boxes) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), lambda: 12.5)
+def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, buffers: Boxes) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), lambda: 12.5)
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[0.7]))
-    _, taken = read_goal(boxes.goals, 3)
+    _, taken = read_goal(buffers.goals, 3)
     assert taken is not None
     assert (taken.time, taken.velocity[0]) == (12.5, 0.7)
     assert all(map(isnan, taken.velocity[1:]))
@@ -201,56 +201,56 @@ def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, b
 
 @pytest.mark.parametrize(("sec", "nanosec", "time"), [(1000, 30_000_000, 12.48), (999, 0, 12.5), (1001, 0, 12.5)])
 def test_topic_takes_the_time_of_a_goal_from_its_stamp_where_that_can_be_true(
-    node: Node, boxes: Boxes, sec: int, nanosec: int, time: float
+    node: Node, buffers: Boxes, sec: int, nanosec: int, time: float
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), lambda: 12.5)
+    topic = JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), lambda: 12.5)
     message = JointState(name=[NAMES[0]], position=[0.1])
     message.header.stamp = Time(sec=sec, nanosec=nanosec)
     topic.take(message)
-    _, taken = read_goal(boxes.goals, 3)
+    _, taken = read_goal(buffers.goals, 3)
     assert taken is not None
     assert taken.time == pytest.approx(time)
 
 
-def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, boxes: Boxes) -> None:
+def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, buffers: Boxes) -> None:
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[9.0]))
-    assert boxes.goals.read() is None
+    assert buffers.goals.read() is None
     assert node.warnings == ["Goal refused: yumi_joint_1_r is 515.7°/s; it reaches 180°/s."]
 
 
-def commanding(kind: type[CommandTopic], node: Node, boxes: Boxes, middle: Joints) -> CommandTopic:
+def commanding(kind: type[CommandTopic], node: Node, buffers: Boxes, middle: Joints) -> CommandTopic:
     """A topic on an arm whose controller takes its goals."""
-    boxes.snapshots.write(commanded(middle, goal_kind=kind.kind))
-    return kind(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots))
+    buffers.snapshots.write(commanded(middle, goal_kind=kind.kind))
+    return kind(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots))
 
 
-def test_velocity_topic_stops_joints_that_are_not_named(node: Node, boxes: Boxes, middle: Joints) -> None:
-    topic = commanding(JointVelocityTopic, node, boxes, middle)
+def test_velocity_topic_stops_joints_that_are_not_named(node: Node, buffers: Boxes, middle: Joints) -> None:
+    topic = commanding(JointVelocityTopic, node, buffers, middle)
     topic.take(JointState(name=[NAMES[6]], velocity=[0.3]))
-    _, taken = read_goal(boxes.goals, 3)
+    _, taken = read_goal(buffers.goals, 3)
     assert taken is not None
     assert taken.velocity == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3)
 
 
-def forwarding(node: Node, boxes: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:
+def forwarding(node: Node, buffers: Boxes, kind: GoalKind, active: set[str]) -> ForwardTopic:
     """The topic of the controller ``mine`` on an arm that the ``active`` ones command."""
-    boxes.snapshots.write(commanded(ZERO, goal_kind=kind))
-    both = (boxes.goals, boxes.speeds)
+    buffers.snapshots.write(commanded(ZERO, goal_kind=kind))
+    both = (buffers.goals, buffers.speeds)
     return ForwardTopic(
-        node, Side.RIGHT, both, lambda: read_snapshot(boxes.snapshots), lambda: 1.0, "mine", lambda: active
+        node, Side.RIGHT, both, lambda: read_snapshot(buffers.snapshots), lambda: 1.0, "mine", lambda: active
     )
 
 
-def test_forward_topic_passes_seven_positions_on(node: Node, boxes: Boxes, middle: Joints) -> None:
-    topic = forwarding(node, boxes, GoalKind.FORWARD_POSITION, {"mine"})
+def test_forward_topic_passes_seven_positions_on(node: Node, buffers: Boxes, middle: Joints) -> None:
+    topic = forwarding(node, buffers, GoalKind.FORWARD_POSITION, {"mine"})
     topic.take(Float64MultiArray(data=list(middle)))
     assert topic.name == "mine/commands"
-    assert newest(boxes, 3) == (1, middle)
+    assert newest(buffers, 3) == (1, middle)
 
 
-def test_forward_topic_passes_seven_speeds_on(node: Node, boxes: Boxes) -> None:
-    forwarding(node, boxes, GoalKind.FORWARD_VELOCITY, {"mine"}).take(Float64MultiArray(data=[0.1] * 7))
-    _, taken = read_goal(boxes.speeds, 3)
+def test_forward_topic_passes_seven_speeds_on(node: Node, buffers: Boxes) -> None:
+    forwarding(node, buffers, GoalKind.FORWARD_VELOCITY, {"mine"}).take(Float64MultiArray(data=[0.1] * 7))
+    _, taken = read_goal(buffers.speeds, 3)
     assert taken is not None
     assert taken.velocity == (0.1,) * 7
 
@@ -278,10 +278,10 @@ def test_forward_topic_passes_seven_speeds_on(node: Node, boxes: Boxes) -> None:
     ],
 )
 def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
-    kind: GoalKind, active: set[str], values: list[float], sentence: str, node: Node, boxes: Boxes
+    kind: GoalKind, active: set[str], values: list[float], sentence: str, node: Node, buffers: Boxes
 ) -> None:
-    forwarding(node, boxes, kind, active).take(Float64MultiArray(data=values))
-    assert boxes.goals.read() is boxes.speeds.read() is None
+    forwarding(node, buffers, kind, active).take(Float64MultiArray(data=values))
+    assert buffers.goals.read() is buffers.speeds.read() is None
     (warning,) = node.warnings
     assert warning.startswith(sentence)
 
@@ -300,10 +300,10 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
     ],
 )
 def test_other_topics_refuse_with_a_sentence_and_change_nothing(
-    kind: type[CommandTopic], message: Any, sentence: str, node: Node, boxes: Boxes, middle: Joints
+    kind: type[CommandTopic], message: Any, sentence: str, node: Node, buffers: Boxes, middle: Joints
 ) -> None:
-    commanding(kind, node, boxes, middle).take(message)
-    assert boxes.goals.read() is None
+    commanding(kind, node, buffers, middle).take(message)
+    assert buffers.goals.read() is None
     (warning,) = node.warnings
     assert re.fullmatch(r"(Goal|Speed) refused: .*", warning)
     assert sentence in warning
@@ -316,17 +316,17 @@ def test_other_topics_refuse_with_a_sentence_and_change_nothing(
     ],
 )
 def test_topics_refuse_what_no_active_controller_takes(
-    kind: type[CommandTopic], sentence: str, node: Node, boxes: Boxes
+    kind: type[CommandTopic], sentence: str, node: Node, buffers: Boxes
 ) -> None:
-    kind(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots)).take(kind.type())
-    assert boxes.goals.read() is None
+    kind(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots)).take(kind.type())
+    assert buffers.goals.read() is None
     assert node.warnings[0].startswith(sentence)
 
 
 def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
-    node: Node, boxes: Boxes, clock: ManualClock
+    node: Node, buffers: Boxes, clock: ManualClock
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
+    topic = JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), clock.now)
     bad = [
         goal([NAMES[1]], [4.0]),
         goal([NAMES[1]], [nan]),
@@ -349,9 +349,9 @@ def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
 
 
 def test_stream_of_bad_goals_is_logged_once_a_second_with_its_count(
-    node: Node, boxes: Boxes, clock: ManualClock
+    node: Node, buffers: Boxes, clock: ManualClock
 ) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
+    topic = JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), clock.now)
     for number in range(6400):
         topic.take(goal([NAMES[1]], [4.0 + 1e-4 * number]))  # every sentence another number
         clock.advance(1.0 / 3200.0)
@@ -359,8 +359,8 @@ def test_stream_of_bad_goals_is_logged_once_a_second_with_its_count(
     assert node.warnings[1].endswith("(3199 more refusals since the last line)")
 
 
-def test_stream_of_invented_names_cannot_flood_the_log(node: Node, boxes: Boxes, clock: ManualClock) -> None:
-    topic = JointCommandTopic(node, Side.RIGHT, boxes.goals, lambda: read_snapshot(boxes.snapshots), clock.now)
+def test_stream_of_invented_names_cannot_flood_the_log(node: Node, buffers: Boxes, clock: ManualClock) -> None:
+    topic = JointCommandTopic(node, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots), clock.now)
     for number in range(6400):
         topic.take(goal([f"joint_{number}" + "x" * 1000], [0.0]))
         clock.advance(1.0 / 3200.0)

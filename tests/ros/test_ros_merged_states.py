@@ -46,8 +46,8 @@ def states() -> dict[Side, MemoryBuffer]:
 @pytest.fixture
 def node(clock: ManualClock, states: dict[Side, MemoryBuffer]) -> Node:
     node = Node(clock)
-    boxes: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, boxes, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.timers)
+    buffers: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
+    MergedJointStates(node, buffers, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.timers)
     return node
 
 

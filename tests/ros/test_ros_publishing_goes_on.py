@@ -53,29 +53,29 @@ def node() -> Node:
 
 
 @pytest.fixture
-def boxes(node: Node) -> Iterator[ArmBuffers]:
-    boxes = ArmBuffers()
-    publisher = topics.JointStatePublisher(node, Side.LEFT, boxes, SystemClock())
+def buffers(node: Node) -> Iterator[ArmBuffers]:
+    buffers = ArmBuffers()
+    publisher = topics.JointStatePublisher(node, Side.LEFT, buffers, SystemClock())
     publisher.start()
-    yield boxes
+    yield buffers
     publisher.stop()
 
 
-def write(boxes: ArmBuffers, number: float) -> None:
-    boxes.states.write(JointStates(number, ZERO, ZERO))
-    boxes.cycle_done.release()
+def write(buffers: ArmBuffers, number: float) -> None:
+    buffers.states.write(JointStates(number, ZERO, ZERO))
+    buffers.cycle_done.release()
 
 
 def test_joint_states_go_on_after_publishes_that_failed(
-    node: Node, boxes: ArmBuffers, caplog: pytest.LogCaptureFixture
+    node: Node, buffers: ArmBuffers, caplog: pytest.LogCaptureFixture
 ) -> None:
     node.refuses.set()
     with caplog.at_level(logging.ERROR):
         for number in range(1, 4):
-            write(boxes, float(number))
+            write(buffers, float(number))
             node.attempts.get(timeout=LONG)
         node.refuses.clear()
-        write(boxes, 4.0)
+        write(buffers, 4.0)
         node.published.get(timeout=LONG)
     assert [record.getMessage() for record in caplog.records] == [
         "Publishing l/joint_states failed with RuntimeError: cannot publish data, at ./src/rmw_publish.cpp:64"
@@ -83,11 +83,11 @@ def test_joint_states_go_on_after_publishes_that_failed(
 
 
 @pytest.mark.parametrize("step", [HOUR, -2 * HOUR, -500_000 * HOUR])
-def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, boxes: ArmBuffers) -> None:
-    write(boxes, 1.0)
+def test_joint_states_go_on_when_the_clock_is_set(step: int, node: Node, buffers: ArmBuffers) -> None:
+    write(buffers, 1.0)
     before = node.published.get(timeout=LONG).header.stamp
     node.nanoseconds += step
-    write(boxes, 1.0)
+    write(buffers, 1.0)
     after = node.published.get(timeout=LONG).header.stamp
     elapsed = (after.sec - before.sec) * 1_000_000_000 + after.nanosec - before.nanosec
     assert elapsed == pytest.approx(step, abs=LONG * 1e9)

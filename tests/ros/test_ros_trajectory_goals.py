@@ -30,9 +30,9 @@ class Lone:
     def __init__(self) -> None:
         self.commands: list[object] = []
         self.node: Any = rclpy.create_node("lone")
-        boxes = {Side.RIGHT: MemoryBuffer()}
+        buffers = {Side.RIGHT: MemoryBuffer()}
         timers = TimerThread(SystemClock(), print)
-        self.action = TrajectoryAction(self.node, "lone", boxes, self, SystemClock(), YUMI_LIMITS, timers)
+        self.action = TrajectoryAction(self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers)
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)

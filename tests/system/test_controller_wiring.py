@@ -27,8 +27,8 @@ SIDE = Side.LEFT
 )
 def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str, kind: GoalKind) -> None:
     kinds = {entry.name: entry.kind for entry in read_controllers(SIDE)}
-    boxes = ArmBuffers()
-    place = Place(name, SIDE, boxes, ArmBuffers(), YUMI_LIMITS, CYCLE, SpeedScale(boxes.speed_scale))
+    buffers = ArmBuffers()
+    place = Place(name, SIDE, buffers, ArmBuffers(), YUMI_LIMITS, CYCLE, SpeedScale(buffers.speed_scale))
     arm = VirtualArmRig({name: CONTROLLER_KINDS[kinds[name]](place)}, side=SIDE)
     arm.start()
     arm.switch_to(name)
@@ -36,6 +36,6 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
     assert arm.snapshot.goal_kind is GoalKind.NONE
     arm.cycle()
     assert arm.snapshot.goal_kind is kind
-    write_goal(getattr(boxes, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
+    write_goal(getattr(buffers, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
     arm.run(0.2)
     assert arm.robot.arm.planned[6] > start[6] + 0.02

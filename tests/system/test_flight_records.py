@@ -154,12 +154,12 @@ def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
 
 def record_flat_out(pipe: PipeEnd, memory: SharedNumbers, count: int) -> None:
     """In a process of its own: cycles whose numbers are all the same."""
-    recorder, stations = FlightRecorder(memory), StageClock()
+    recorder, stages = FlightRecorder(memory), StageClock()
     for number in range(1, count + 1):
         all_same = joints([float(number)] * 7)
         command = ArmCommand(all_same, all_same)
         state = ArmState(float(number), 0.004, 1, all_same, all_same, all_same, is_running=True)
-        recorder.record(Cycle(state, command, command), all_same, stations)
+        recorder.record(Cycle(state, command, command), all_same, stages)
     pipe.send(count)
 
 

@@ -54,33 +54,33 @@ class Watch:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._lines = robot.executor._control  # type: ignore[attr-defined]
-        self._seen = {side: self._lines.recorders[side].newest for side in Side}
-        self._first = {side: self._lines.snapshot(side) for side in Side}
+        self._control = robot.executor._control  # type: ignore[attr-defined]
+        self._seen = {side: self._control.recorders[side].newest for side in Side}
+        self._first = {side: self._control.snapshot(side) for side in Side}
         self.slowest = 0.0
 
     def look(self) -> None:
         """To be done every ten seconds, for which the recorders remember."""
         for side in Side:
-            frames = self._lines.recorders[side].since(self._seen[side])
+            frames = self._control.recorders[side].since(self._seen[side])
             self._seen[side] = frames[-1].number if frames else self._seen[side]
             self.slowest = max([self.slowest, *(frame.stages.reply for frame in frames)])
 
     @property
     def missed(self) -> int:
-        return sum(self._lines.snapshot(side).missed - self._first[side].missed for side in Side)
+        return sum(self._control.snapshot(side).missed - self._first[side].missed for side in Side)
 
     @property
     def cycles(self) -> int:
-        return sum(self._lines.snapshot(side).cycles - self._first[side].cycles for side in Side)
+        return sum(self._control.snapshot(side).cycles - self._first[side].cycles for side in Side)
 
     @property
     def sessions(self) -> int:
         """How often a robot that was lost came back."""
-        return sum(self._lines.snapshot(side).session - self._first[side].session for side in Side)
+        return sum(self._control.snapshot(side).session - self._first[side].session for side in Side)
 
     def __str__(self) -> str:
-        worst = max(self._lines.snapshot(side).worst_jitter for side in Side)
+        worst = max(self._control.snapshot(side).worst_jitter for side in Side)
         return (
             f"{self.cycles} datagrams answered, {self.missed} missed; slowest reply {self.slowest * 1e3:.2f} ms, "
             f"datagrams up to {worst * 1e3:.1f} ms apart from their time"

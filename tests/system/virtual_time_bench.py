@@ -55,15 +55,15 @@ class DriverArm:
         manager.configure(CONTROLLER)
         session = SensorSession(JointCodec())
         self.recorder = FlightRecorder(flight_memory())
-        stations = StageClock()
+        stages = StageClock()
         self.line = ArmLoop(
             side,
-            EgmArm(link, session, stations),
+            EgmArm(link, session, stages),
             manager,
             Limiter(YUMI_LIMITS),
             self.snapshots,
             self.recorder,
-            stations,
+            stages,
             speed=speed,
         )
 
@@ -158,8 +158,8 @@ class System(ManualClock):
         """A new driver in place of the old one, which nobody has told to end."""
         self.arms = {side: DriverArm(side, self._driver_ends[side]) for side in Side}
         self.control = MemoryControl(self.arms, self)
-        boxes = {side: arm.speed_scale for side, arm in self.arms.items()}
-        speed = SpeedSetting(1.0, boxes, lambda side: self.control.snapshot(side).is_running)
+        buffers = {side: arm.speed_scale for side, arm in self.arms.items()}
+        speed = SpeedSetting(1.0, buffers, lambda side: self.control.snapshot(side).is_running)
         self.bringup = Bringup(self.client, self._motion, self, self.steps.append, speed=speed)
         self.manager = RobotManager(self.bringup, self.control, self)
         self.manager.grippers = tuple(self.grippers.values())

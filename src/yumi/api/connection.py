@@ -121,7 +121,7 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        goals = {side: boxes.goals for side, boxes in parts.control.buffers.items()}
+        goals = {side: buffers.goals for side, buffers in parts.control.buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
         self.executor = MotionExecutor(parts.control, goals, self._motions, self._arms, limits, SystemClock())
 

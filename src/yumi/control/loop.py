@@ -53,10 +53,10 @@ class ArmLoop:
         side: which arm.
         arm: its hardware.
         manager: its controllers.
-        guard: what its commands must pass.
+        limiter: what its commands must pass.
         snapshots: where the outside world looks.
         recorder: what remembers the cycles; without one it has its own.
-        stations: what notes where their time goes; the hardware's own stations too, when it has the same one.
+        stages: what notes where their time goes; the hardware's own stations too, when it has the same one.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
     """
@@ -66,23 +66,23 @@ class ArmLoop:
         side: Side,
         arm: ArmPort,
         manager: ControllerManager,
-        guard: Limiter,
+        limiter: Limiter,
         snapshots: Buffer[Snapshot],
         recorder: FlightRecorder | None = None,
-        stations: StageClock | None = None,
+        stages: StageClock | None = None,
         period: float = CYCLE,
         speed: SpeedScale | None = None,
     ) -> None:
         self.manager = manager
         self._side = side
         self._arm = arm
-        self._guard = guard
+        self._limiter = limiter
         self._snapshots = snapshots
         self._recorder = recorder or FlightRecorder(flight_memory())
-        self._stations = stations or StageClock()
+        self._stages = stages or StageClock()
         self._speed = speed or SpeedScale()
         if self._speed.value != FULL:
-            guard.scale_speed(self._speed.value)
+            limiter.scale_speed(self._speed.value)
         self._last: Cycle | None = None
         self._unsettled: Cycle | None = None
         self._interruption = INTERRUPTION * period
@@ -111,11 +111,11 @@ class ArmLoop:
         """
         if self._last is None:
             return True
-        return self._guard.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
+        return self._limiter.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
 
     def check_follows(self) -> None:
         """Refuse what the arm could not do because it holds; raises CommandRefused."""
-        problem = self._guard.problem
+        problem = self._limiter.problem
         if problem is not Problem.NONE:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
 
@@ -143,8 +143,8 @@ class ArmLoop:
     def reply(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one; :meth:`settle` follows."""
         self._unsettled = None
-        self._stations.begin(now)
-        self._unsettled = run_cycle(self._arm, self.manager, self._guard, now, self._stations)
+        self._stages.begin(now)
+        self._unsettled = run_cycle(self._arm, self.manager, self._limiter, now, self._stages)
         return self._unsettled
 
     def settle(self, now: float) -> bool:
@@ -155,16 +155,16 @@ class ArmLoop:
             self._cycles += 1
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):
-                self._guard.scale_speed(self._speed.value)
-            self._guard.observe(cycle.state)
+                self._limiter.scale_speed(self._speed.value)
+            self._limiter.observe(cycle.state)
             self.manager.watch(cycle.state)
-            self.manager.note_times(cycle.state, self._stations.marks)
+            self.manager.note_times(cycle.state, self._stages.marks)
             self._note_changes(before.state if before else None, cycle.state)
             self.publish(cycle.state.time)
-            self._stations.note(AFTER_REPLY)
-            self._recorder.record(cycle, self.manager.reference, self._stations)
-        guard = self._guard
-        if guard.counters.implausible != self._implausible or guard.problem is not self._problem:
+            self._stages.note(AFTER_REPLY)
+            self._recorder.record(cycle, self.manager.reference, self._stages)
+        limiter = self._limiter
+        if limiter.counters.implausible != self._implausible or limiter.problem is not self._problem:
             self._note_problem(now)
         return cycle is not None
 
@@ -197,9 +197,9 @@ class ArmLoop:
 
     def _note_problem(self, now: float) -> None:
         """The feedback is doubted, the arm holds for a reason of its own, or does no longer."""
-        before, self._problem = self._problem, self._guard.problem
-        is_doubted = self._guard.counters.implausible != self._implausible
-        self._implausible = self._guard.counters.implausible
+        before, self._problem = self._problem, self._limiter.problem
+        is_doubted = self._limiter.counters.implausible != self._implausible
+        self._implausible = self._limiter.counters.implausible
         if self._problem is not before:
             if self._problem is Problem.NONE:
                 self._events.append(ProblemOver(self._side, before))
@@ -213,7 +213,7 @@ class ArmLoop:
         self.publish(now)
 
     def _doubted(self, *, is_lost: bool) -> ImplausibleFeedback:
-        reported = self._guard.implausible_position
+        reported = self._limiter.implausible_position
         distances = [abs(is_at - was) for is_at, was in zip(reported, self._position, strict=True)]
         index = distances.index(max(distances))
         deactivated = self.manager.deactivate_commanding() if is_lost else ()
@@ -236,7 +236,7 @@ class ArmLoop:
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""
-        wire, guard, last = self._arm.wire_counters(), self._guard.counters, self._last
+        wire, limiter, last = self._arm.wire_counters(), self._limiter.counters, self._last
         reference = self.manager.reference
         self._snapshots.write(
             Snapshot(
@@ -259,12 +259,12 @@ class ArmLoop:
                 repeated=wire.repeated,
                 malformed=wire.malformed,
                 foreign=wire.foreign,
-                refused=guard.refused,
-                position_limited=guard.position_limited,
-                slowed=guard.slowed,
+                refused=limiter.refused,
+                position_limited=limiter.position_limited,
+                slowed=limiter.slowed,
                 interruptions=self._interruptions,
-                implausible=guard.implausible,
-                problem=self._guard.problem,
+                implausible=limiter.implausible,
+                problem=self._limiter.problem,
                 jitter=wire.jitter,
                 worst_jitter=wire.worst_jitter,
                 drift_ppm=wire.drift_ppm,

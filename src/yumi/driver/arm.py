@@ -75,19 +75,19 @@ class EgmArm:
     Args:
         link: where its datagrams come from.
         session: its conversation.
-        stations: what notes where a cycle's time goes.
+        stages: what notes where a cycle's time goes.
     """
 
     def __init__(
-        self, link: DatagramLink, session: SensorSession[JointReport], stations: StageClock | None = None
+        self, link: DatagramLink, session: SensorSession[JointReport], stages: StageClock | None = None
     ) -> None:
         self._link = link
         self._session = session
-        self._stations = stations or StageClock()
+        self._stages = stages or StageClock()
         self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:
-        datagrams = self._stations.timed(RECEIVE, self._datagrams(now))
+        datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
         if not datagrams:
             return None
         session = self._session
@@ -117,8 +117,8 @@ class EgmArm:
 
     def write(self, command: ArmCommand) -> None:
         velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._stations.timed(ENCODE, self._session.reply(command.position, velocity)))
-        self._stations.note(SEND)
+        self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
+        self._stages.note(SEND)
         self._session.settle()
 
     def silence(self, now: float) -> float:

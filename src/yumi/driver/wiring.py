@@ -273,13 +273,13 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
 
 def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
     socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stations, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
+    stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
     manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
-    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stations)
-    guard = Limiter(plan.limits, plan.period, plan.position_gain)
+    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
+    limiter = Limiter(plan.limits, plan.period, plan.position_gain)
     recorder = FlightRecorder(own.flight)
-    loop = ArmLoop(side, arm, manager, guard, own.snapshots, recorder, stations, plan.period, speed)
+    loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
     return ConnectedArm(loop, socket)
 
 

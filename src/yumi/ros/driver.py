@@ -106,8 +106,8 @@ class RosDriver:
 
         self._trajectories = TrajectoryControllers(
             dual,
-            {side: boxes.trajectory for side, boxes in control.buffers.items()},
-            {side: boxes.dual_trajectory for side, boxes in control.buffers.items()},
+            {side: buffers.trajectory for side, buffers in control.buffers.items()},
+            {side: buffers.dual_trajectory for side, buffers in control.buffers.items()},
             control,
             clock,
             limits,
@@ -143,9 +143,9 @@ class RosDriver:
 
         self._commands: list[CommandTopic] = []
         for side, node in self._streams.items():
-            boxes, snapshot = control.buffers[side], partial(control.snapshot, side)
-            self._commands.append(JointCommandTopic(node, side, boxes.goals, snapshot, clock.now))
-            self._commands.append(JointVelocityTopic(node, side, boxes.speeds, snapshot, clock.now))
+            buffers, snapshot = control.buffers[side], partial(control.snapshot, side)
+            self._commands.append(JointCommandTopic(node, side, buffers.goals, snapshot, clock.now))
+            self._commands.append(JointVelocityTopic(node, side, buffers.speeds, snapshot, clock.now))
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 

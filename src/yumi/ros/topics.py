@@ -185,7 +185,7 @@ class ForwardTopic(CommandTopic):
     Args:
         node: the arm's node for topics alone.
         side: which arm.
-        boxes: where positions go, and where velocities.
+        buffers: where positions go, and where velocities.
         snapshot: what is known of the arm.
         now: the time on the machine's monotonic clock [s].
         controller: its name.
@@ -199,7 +199,7 @@ class ForwardTopic(CommandTopic):
         self,
         node: Any,
         side: Side,
-        boxes: tuple[GoalBuffer, GoalBuffer],
+        buffers: tuple[GoalBuffer, GoalBuffer],
         snapshot: Callable[[], Snapshot],
         now: Callable[[], float],
         controller: str,
@@ -207,10 +207,10 @@ class ForwardTopic(CommandTopic):
     ) -> None:
         self.name = self._controller = controller
         self.name += "/commands"
-        self._positions, self._speeds = boxes
+        self._positions, self._speeds = buffers
         self._active = active
         self._known = (0, False)  # the activation, and whether the controller commands in it
-        super().__init__(node, side, boxes[0], snapshot, now)
+        super().__init__(node, side, buffers[0], snapshot, now)
 
     def is_for(self, kind: GoalKind) -> bool:
         return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
@@ -247,11 +247,11 @@ class JointStatePublisher:
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
     """
 
-    def __init__(self, node: Any, side: Side, boxes: ArmBuffers, clock: Clock) -> None:
+    def __init__(self, node: Any, side: Side, buffers: ArmBuffers, clock: Clock) -> None:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
-        self._boxes = boxes
+        self._buffers = buffers
         self._is_over = Event()
         self._failures = Failures()
         self._topic = f"{side.value}/joint_states"
@@ -268,9 +268,9 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._boxes.cycle_done.acquire(timeout=_POLL):
+            if not self._buffers.cycle_done.acquire(timeout=_POLL):
                 continue
-            for number, state in self._boxes.states.since(last):
+            for number, state in self._buffers.states.since(last):
                 last = number
                 try:
                     self._publish(state)
@@ -288,7 +288,7 @@ class MergedJointStates:
 
     Args:
         node: any node without namespace.
-        boxes: the state shared by the control process, per arm.
+        buffers: the state shared by the control process, per arm.
         fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
@@ -298,7 +298,7 @@ class MergedJointStates:
     def __init__(
         self,
         node: Any,
-        boxes: Mapping[Side, ArmBuffers],
+        buffers: Mapping[Side, ArmBuffers],
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         rate: float,
         clock: Clock,
@@ -307,7 +307,7 @@ class MergedJointStates:
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._clock = clock
-        self._boxes = boxes
+        self._buffers = buffers
         self._fingers = fingers
         timers.every(1.0 / rate, "joint_states", self._publish)
 
@@ -316,8 +316,8 @@ class MergedJointStates:
         position: list[float] = []
         velocity: list[float] = []
         oldest = now = self._clock.now()
-        for side, boxes in self._boxes.items():
-            newest = boxes.states.read()
+        for side, buffers in self._buffers.items():
+            newest = buffers.states.read()
             if newest is not None and now - newest[1].time < STALE:
                 oldest = min(oldest, newest[1].time)
                 names += joint_names(side)
@@ -404,11 +404,11 @@ def forward_interfaces(
         return frozenset(info.name for info in infos if info.claimed)
 
     def make(_: Any, side: Side, name: str) -> ForwardTopic:
-        boxes = control.buffers[side]
+        buffers = control.buffers[side]
         return ForwardTopic(
             nodes[side],
             side,
-            (boxes.forward_positions, boxes.forward_speeds),
+            (buffers.forward_positions, buffers.forward_speeds),
             partial(control.snapshot, side),
             now,
             name,

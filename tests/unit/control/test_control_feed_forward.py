@@ -43,7 +43,7 @@ def added(base: Joints, value: float) -> Joints:
 
 
 def dictated(wants: Callable[[float], tuple[float, float]], motion: EgmMotionSettings = FAST) -> VirtualArmRig:
-    arm = VirtualArmRig({"dictated": Dictated(wants)}, guard=Limiter(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
+    arm = VirtualArmRig({"dictated": Dictated(wants)}, limiter=Limiter(YUMI_LIMITS, gain=5.0 * motion.pos_corr_gain))
     arm.start(motion)
     arm.switch_to("dictated")
     return arm

@@ -66,10 +66,10 @@ def test_recorder_keeps_a_wanted_position_that_is_no_number(recorder: FlightReco
 
 
 def test_recorder_keeps_the_times_of_the_stations(recorder: FlightRecorder) -> None:
-    stations = StageClock(lambda: 1.25)
-    stations.begin(1.0)
-    stations.note(RECEIVE)
-    recorder.record(cycle(1), None, stations)
+    stages = StageClock(lambda: 1.25)
+    stages.begin(1.0)
+    stages.note(RECEIVE)
+    recorder.record(cycle(1), None, stages)
     assert recorder.frames()[0].stages.receive == 0.25
 
 

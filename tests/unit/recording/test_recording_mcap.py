@@ -79,10 +79,8 @@ def test_cycle_has_exactly_what_its_schema_says(frames: tuple[Frame, ...]) -> No
 def test_cycle_survives_the_way_through_json(
     position: tuple[float, ...], velocity: tuple[float, ...], wanted: tuple[float, ...] | None, number: int, runs: bool
 ) -> None:
-    stations = StageTimes(*position)
-    frame = Frame(
-        number, 1.5, 0.004, 2, runs, position, velocity, position, wanted, velocity, velocity, wanted, stations
-    )
+    stages = StageTimes(*position)
+    frame = Frame(number, 1.5, 0.004, 2, runs, position, velocity, position, wanted, velocity, velocity, wanted, stages)
     assert frame_from_message(json.loads(json.dumps(frame_message(frame), allow_nan=False))) == frame
 
 

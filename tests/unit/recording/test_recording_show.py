@@ -44,8 +44,8 @@ def test_show_prints_the_event_and_the_cycles_before_it(runner: CliRunner, file:
 
 def test_show_prints_where_the_time_of_a_cycle_goes(runner: CliRunner, file: Path) -> None:
     output = runner.invoke(main, ["record", "show", str(file)]).output
-    stations = {line.split("│")[1].strip(): line.split("│")[2].strip() for line in output.splitlines() if "│" in line}
-    assert (stations["send"], stations["after reply"], stations["reply"]) == ("80.0", "20.0", "80.0")
+    stages = {line.split("│")[1].strip(): line.split("│")[2].strip() for line in output.splitlines() if "│" in line}
+    assert (stages["send"], stages["after reply"], stages["reply"]) == ("80.0", "20.0", "80.0")
 
 
 def test_show_prints_hold_where_nothing_was_wanted(runner: CliRunner, file: Path) -> None:

@@ -51,7 +51,7 @@ class ForwardCommandController(Controller):
         speed: SpeedScale | None = None,
     ) -> None:
         self._speed = speed or SpeedScale()
-        self._boxes = {"position": GoalInbox(positions), "velocity": GoalInbox(speeds)}
+        self._buffers = {"position": GoalInbox(positions), "velocity": GoalInbox(speeds)}
         self._motion = SpeedMotion(limits)
         self._joint_names: tuple[str, ...] = ()
         self._timeout = 0.0
@@ -83,13 +83,13 @@ class ForwardCommandController(Controller):
         return tuple(f"{name}/{kind}" for name in joint_names for kind in kinds)
 
     def activate(self, state: ArmState) -> None:
-        self._boxes[self._forwarded].forget()
+        self._buffers[self._forwarded].forget()
         self._wanted, self._given_at = None, -inf
         self._motion.begin(state)
 
     def update(self, state: ArmState) -> ArmCommand | None:
         """None, which holds, until the first message."""
-        goal = self._boxes[self._forwarded].take(state.session, state.time)
+        goal = self._buffers[self._forwarded].take(state.session, state.time)
         if self._forwarded == "position":
             if goal is not None:
                 self._wanted = goal.position

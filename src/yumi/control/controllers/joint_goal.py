@@ -133,7 +133,7 @@ class JointGoalController(Controller):
         self._goals = goals
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
-        self._letter = 0
+        self._goal_number = 0
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
@@ -151,7 +151,7 @@ class JointGoalController(Controller):
     def activate(self, state: ArmState) -> None:
         self._order = None
         newest = self._goals.read()
-        self._letter = newest[0] if newest else 0  # what was sent before does not count
+        self._goal_number = newest[0] if newest else 0  # what was sent before does not count
         self._hold(state)
 
     def deactivate(self) -> None:
@@ -171,11 +171,11 @@ class JointGoalController(Controller):
         self._start(motion)
 
     def update(self, state: ArmState) -> ArmCommand | None:
-        letter = self._goals.read()
-        if letter is not None and letter[0] != self._letter:
+        newest = self._goals.read()
+        if newest is not None and newest[0] != self._goal_number:
             number, goal = read_goal(self._goals, state.session)
             if goal is not None:
-                self._letter = number
+                self._goal_number = number
                 try:
                     self.receive(JointGoal(goal.position), state)
                 except CommandRefused as error:
