@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from yumi.control.commands import Buffer, MemoryBuffer, write_goal, write_speeds
-from yumi.control.controller import Controller
+from yumi.control.controller import Buffer, Controller, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_position import JointPositionController

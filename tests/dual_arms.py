@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import radians
 
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_trajectory import (
     DualArmTrajectoryController,
     FollowTrajectory,

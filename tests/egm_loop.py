@@ -5,7 +5,7 @@ The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 
 from __future__ import annotations
 
-from yumi.control.commands import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings

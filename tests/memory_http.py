@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from yumi.clock import Clock
 from yumi.errors import NoConnection
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi_evaluation.memory_rws import MemoryChannel, MemoryRws, MemorySocket
 

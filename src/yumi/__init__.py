@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from yumi import errors
     from yumi.api.connect import connect, connect_async
-    from yumi.api.joints import abb_degrees, degrees, in_degrees
+    from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.driver.egm_server import EgmServer
 
 __version__ = "0.1.0"
@@ -16,11 +16,11 @@ __all__ = ["EgmServer", "__version__", "abb_degrees", "connect", "connect_async"
 
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
-    "abb_degrees": "yumi.api.joints",
+    "abb_degrees": "yumi.api.motion",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
-    "degrees": "yumi.api.joints",
-    "in_degrees": "yumi.api.joints",
+    "degrees": "yumi.api.motion",
+    "in_degrees": "yumi.api.motion",
 }
 
 

@@ -9,9 +9,9 @@ import httpx
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost, Listener
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
 

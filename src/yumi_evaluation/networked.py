@@ -19,8 +19,8 @@ from yumi.control.controllers.joint_position import DELAY
 from yumi.driver.settings import PASSWORD_VARIABLE
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady
-from yumi.process.child import Command
 from yumi.process.realtime import paused_collector
+from yumi.process.supervision import Command
 from yumi.recording.mcap import read_recording
 from yumi.robot.joints import Joints, Side
 from yumi.ros.driver import close_ros, open_ros

@@ -23,10 +23,10 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryBuffer, SessionGoal, write_goal
+from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.bringup import Bringup
-from yumi.driver.rapid_routines import RapidRoutines
+from yumi.driver.panel import RapidRoutines
 from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side

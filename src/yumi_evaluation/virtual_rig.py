@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import radians
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryBuffer
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import Cycle
 from yumi.control.events import Event
@@ -26,7 +25,7 @@ from yumi.egm.udp import memory_links
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
+from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, ExternalMotionData
 
 FULL_SPEED = EgmMotionSettings()
 """The thesis's table 4.3: 180 deg/s, no filter, raw."""

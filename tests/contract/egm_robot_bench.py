@@ -14,7 +14,7 @@ from yumi.egm.messages import RobotMessage
 from yumi.robot.joints import Joints, Side, abb_from_chain, home
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, ExternalMotionData
+from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, ExternalMotionData
 
 HOME = home(Side.LEFT)
 RAW = ExternalMotionData(level=0)

@@ -9,16 +9,14 @@ from pathlib import Path
 import yumi.virtual.controller
 from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
-from yumi.rapid.host import Execution
+from yumi.rapid.program import Execution
 from yumi.rapid.task import ModuleInfo
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.controller.configuration import Configuration, Instance
-from yumi.virtual.controller.errors import Refusal, Refused
-from yumi.virtual.controller.events import EventLog
+from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.signals import Signal, Signals, SignalType
+from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals, SignalType
 from yumi.virtual.controller.units import YUMI_UNITS, Identity
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService
 

@@ -10,7 +10,7 @@ from math import radians
 import pytest
 
 from egm_loop import CONTROLLER, EgmLoop
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle

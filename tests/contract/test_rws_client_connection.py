@@ -13,8 +13,8 @@ from contract.rws_bench import PASSWORD, PlainController, serving
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
 from yumi.rws.client import RwsClient
-from yumi.rws.http import HttpReply
 from yumi.rws.transport import AnswerTimeout
+from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 

@@ -7,9 +7,9 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
-from yumi.rws import auth as digest
 from yumi.rws.session import BURST, INTERVAL, Request, RwsSession
 from yumi.rws.transport import ConnectionLost
+from yumi.virtual.rws import http as digest
 
 TIMEOUT = 4.0
 READ = Request("GET", "/rw/rapid/execution")

@@ -14,8 +14,8 @@ from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.rws import events as rws
 from yumi.rws.client import RwsClient
 from yumi.rws.events import Change, Priority, Resource
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import OperatingMode
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import POLL_PERIOD

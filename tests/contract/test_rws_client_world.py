@@ -10,8 +10,8 @@ import pytest
 
 from yumi.robot.joints import Side, home
 from yumi.rws.client import RwsClient
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import ControllerState, ExecutionState, TaskExecution
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World

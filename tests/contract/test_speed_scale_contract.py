@@ -9,7 +9,7 @@ from math import dist, radians
 import pytest
 
 from trajectories import moved, planned, swing
-from yumi.control.commands import MemoryBuffer, write_goal, write_speeds
+from yumi.control.controller import MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import JointPositionController

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_trajectory import (
     FollowTrajectory,

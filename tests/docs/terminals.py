@@ -17,7 +17,7 @@ from pathlib import Path
 from doc_pages import ROOT, Fence, read
 
 from yumi.egm.udp import free_port
-from yumi.process.child import CONTROLLER_READY, DRIVER_READY
+from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY
 
 SERVER = re.compile(r"^(\.venv/bin/)?yumi (controller|up)\b")
 PREAMBLE = ("source ", "cd ", "export ")

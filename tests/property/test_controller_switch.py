@@ -10,8 +10,7 @@ import pytest
 
 from egm_loop import EgmLoop
 from trajectories import planned
-from yumi.control.commands import Buffer, MemoryBuffer, write_goal, write_speeds
-from yumi.control.controller import Controller, State
+from yumi.control.controller import Buffer, Controller, MemoryBuffer, State, write_goal, write_speeds
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
 from soak import RECEIVE_EXAMPLES
-from yumi.control.commands import MemoryBuffer, write_speeds
-from yumi.control.controller import State
+from yumi.control.controller import MemoryBuffer, State, write_speeds
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
 from yumi.control.limiter import FOLLOWING, LATE_CYCLE

@@ -16,10 +16,10 @@ import yumi.controller_files
 from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
-from yumi.rapid.host import Execution
+from yumi.rapid.program import Execution
 from yumi.rws import documents as forms
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws import service as rws_service
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Operation, Router
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World

@@ -13,14 +13,13 @@ from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
 from yumi.clock import SystemClock
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import Mode, Report, RobotState
-from yumi.driver.state_machine import MachineState
+from yumi.driver.readiness import Mode, Report, RobotState
+from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.executors import TimerThread
-from yumi.ros.health import RobotStateTopic
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
+from yumi.ros.topics import RobotStateTopic
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 THREADS = 6

@@ -19,7 +19,7 @@ from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from yumi.egm.udp import free_port
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 
 TIMEOUT = 30.0
 

@@ -20,11 +20,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from yumi_interfaces.msg import RobotState
 
-from yumi.cli.fault import fault as fault_command
+from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi.rws.client import RwsClient
 from yumi.virtual.controller.fault_names import Fault

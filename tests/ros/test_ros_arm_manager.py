@@ -27,8 +27,7 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryBuffer
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.events import ControllerFailed, ControllerReport
 from yumi.control.limiter import Limiter

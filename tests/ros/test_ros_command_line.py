@@ -18,7 +18,7 @@ import pytest
 from ros_bench import Robot
 
 from yumi.egm.udp import UdpServer, free_port
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 YUMI = [sys.executable, "-m", "yumi"]

@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from yumi.clock import ManualClock
-from yumi.control.commands import GoalKind, MemoryBuffer, read_goal
+from yumi.control.controller import GoalKind, MemoryBuffer, read_goal
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic

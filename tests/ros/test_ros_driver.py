@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side, finger_names, home, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

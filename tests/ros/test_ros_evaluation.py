@@ -10,7 +10,7 @@ import pytest
 from ros_bench import TIMEOUT, Robot
 
 from yumi.errors import RobotNotReady
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi_evaluation import networked
 from yumi_evaluation.evaluation_node import EvaluationNode, evaluation_node

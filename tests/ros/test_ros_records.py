@@ -9,7 +9,7 @@ import pytest
 from ros_bench import TIMEOUT, Client, Robot
 from std_srvs.srv import Trigger
 
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.recording.mcap import read_recording
 from yumi.robot.joints import Side
 

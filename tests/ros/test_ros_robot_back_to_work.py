@@ -20,10 +20,10 @@ from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
 
-from yumi.cli.fault import fault as fault_command
-from yumi.driver.state import Mode
+from yumi.cli.controller import fault as fault_command
+from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 from yumi.rws.client import RwsClient

@@ -26,7 +26,7 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
-from yumi.driver.state import Mode
+from yumi.driver.readiness import Mode
 from yumi.robot.joints import Side
 from yumi.rws.replies import Event
 from yumi.rws.types import ControllerState, EventType

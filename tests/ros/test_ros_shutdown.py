@@ -16,7 +16,7 @@ from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
 from hostile_server import HostileServer, dripping, hostile_before
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 
 # A machine that stands still for a second makes the end of a driver late by as much.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

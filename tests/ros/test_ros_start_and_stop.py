@@ -9,7 +9,7 @@ from std_srvs.srv import Trigger
 from process_sizes import PATIENCE, settled_sizes, sizes
 from soak import CYCLES, long, short, tell
 from yumi.clock import SystemClock
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 
 LEAST = 5
 """After so many starts everything that is made once is there."""

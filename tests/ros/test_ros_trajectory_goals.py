@@ -15,7 +15,7 @@ from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.events import ControlProcessEnded
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.executors import TimerThread

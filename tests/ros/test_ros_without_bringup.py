@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from yumi.egm.udp import free_port
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import ControllerState, ExecutionState
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World, WorldSettings

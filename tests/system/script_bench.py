@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from yumi.cli.fault import fault as fault_command
+from yumi.cli.controller import fault as fault_command
 from yumi.driver.state_machine import MAIN, MachineState
 from yumi.egm.udp import free_port
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient

@@ -14,8 +14,7 @@ from queue import Queue
 import pytest
 
 from yumi.clock import SystemClock, wait_until
-from yumi.control.commands import write_goal
-from yumi.control.controller import State
+from yumi.control.controller import State, write_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.events import ControlProcessEnded, Event, SessionLost
 from yumi.control.loop import Commands, ControllerCommand

@@ -20,7 +20,7 @@ import pytest
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 

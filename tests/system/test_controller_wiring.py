@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import moved
-from yumi.control.commands import GoalKind, write_goal
+from yumi.control.controller import GoalKind, write_goal
 from yumi.control.limiter import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import read_controllers

@@ -25,9 +25,9 @@ from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World, WorldSettings

@@ -15,7 +15,7 @@ import pytest
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import SystemClock
-from yumi.control.commands import SessionGoal, write_goal
+from yumi.control.controller import SessionGoal, write_goal
 from yumi.control.cycle import Cycle
 from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
@@ -27,8 +27,7 @@ from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
 from yumi.process.pipe import ChildProcess, PipeEnd
-from yumi.recording.mcap import Recording, read_recording
-from yumi.recording.recorder import Recorder
+from yumi.recording.mcap import Recorder, Recording, read_recording
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 
 pytestmark = pytest.mark.real_time

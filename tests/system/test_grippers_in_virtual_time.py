@@ -13,8 +13,8 @@ from system.virtual_time_bench import DriverArm, System
 from yumi.api.connection import Connection
 from yumi.api.motion import MotionExecutor
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.readiness import Mode
 from yumi.driver.settings import read_settings
-from yumi.driver.state import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import (
     ATMOSPHERE,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from system.virtual_time_bench import System
-from yumi.driver.state import Mode
+from yumi.driver.readiness import Mode
 from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState

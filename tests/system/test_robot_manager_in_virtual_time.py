@@ -10,7 +10,7 @@ import pytest
 
 from system.virtual_time_bench import System
 from yumi.control.shared_state import Problem
-from yumi.driver.state import Mode
+from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import MachineState
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.robot.joints import CYCLE, Side, joints

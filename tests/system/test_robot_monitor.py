@@ -12,14 +12,13 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
-from yumi.driver.state import Mode, RobotState
+from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
-from yumi.rws.events import Change, Resource
-from yumi.rws.subscription import OnChange, OnLost, Subscription
+from yumi.rws.events import Change, OnChange, OnLost, Resource, Subscription
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.controller.events import EventType as VirtualEventType
 from yumi.virtual.controller.fault_names import Fault

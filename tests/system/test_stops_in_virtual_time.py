@@ -8,7 +8,7 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
-from yumi.driver.state import Mode
+from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side

@@ -7,7 +7,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.events import Event
@@ -21,8 +21,7 @@ from yumi.driver.bringup import Bringup
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state_machine import EgmMotionSettings
+from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links

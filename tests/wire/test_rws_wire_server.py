@@ -12,7 +12,7 @@ from http.client import HTTPConnection
 import pytest
 
 from yumi.errors import SettingsError
-from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 
 

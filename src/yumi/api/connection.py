@@ -16,10 +16,10 @@ from yumi.control.limiter import FULL
 from yumi.control.motion import slower
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.readiness import arms_in_words
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import arms_in_words
+from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import RobotNotReady, YumiError

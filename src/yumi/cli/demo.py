@@ -27,7 +27,7 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.process.child import Command
+from yumi.process.supervision import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
 

@@ -16,10 +16,9 @@ from typing import Any
 import click
 
 from yumi import __version__
-from yumi.cli.controller import controller
+from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
-from yumi.cli.fault import fault
 from yumi.cli.record import record
 from yumi.cli.up import up
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError

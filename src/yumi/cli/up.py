@@ -33,11 +33,10 @@ from yumi.driver.robot_manager import RobotConnection, RobotManager
 from yumi.driver.settings import Settings, read_controllers
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import YumiError
-from yumi.process.child import DRIVER_READY, DRIVER_RUNNING
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import Only
-from yumi.process.supervision import start_thread
-from yumi.recording.recorder import Recorder
+from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, start_thread
+from yumi.recording.mcap import Recorder
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from sys import intern
 
-from yumi.control.commands import GoalKind
 from yumi.control.controller import (
     TRANSITIONS,
     Controller,
     ControllerInfo,
+    GoalKind,
     HardwareInfo,
     InterfaceInfo,
     ParameterInfo,

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 
-from yumi.control.commands import Buffer
+from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
     EGM_GAIN,

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from math import dist, inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.control.commands import Buffer
-from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
+from yumi.control.controller import Buffer, ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
 from yumi.control.events import (

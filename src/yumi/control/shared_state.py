@@ -20,7 +20,7 @@ from operator import attrgetter
 from struct import Struct
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, get_type_hints
 
-from yumi.control.commands import Buffer, GoalKind
+from yumi.control.controller import Buffer, GoalKind
 from yumi.errors import MissingPrerequisite
 from yumi.process.pipe import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints

@@ -25,7 +25,7 @@ from math import comb, degrees, inf, isfinite, nan
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
-from yumi.control.commands import looks_like_degrees
+from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
 from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 
 from yumi.clock import Clock
 from yumi.driver.panel import ControllerPanel
-from yumi.driver.readiness import NO_STOP, Request, check, unmet
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import Report, RobotState, arms_in_words
-from yumi.driver.state_machine import MAIN, EgmMotionSettings, MachineState, StateMachines
+from yumi.driver.readiness import NO_STOP, Report, Request, RobotState, arms_in_words, check, unmet
+from yumi.driver.state_machine import MAIN, EgmMotionSettings, MachineState, SpeedSetting, StateMachines
 from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values

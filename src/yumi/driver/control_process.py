@@ -20,7 +20,7 @@ from threading import Lock
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.clock import Clock, SystemClock
-from yumi.control.commands import SessionGoal
+from yumi.control.controller import SessionGoal
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, name_the_arm, serve

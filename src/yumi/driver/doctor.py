@@ -20,8 +20,7 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROGRAM_VERSION, EgmAddress, LaunchChecks
-from yumi.driver.readiness import NO_STOP, reason_of, unmet
-from yumi.driver.state import RobotState
+from yumi.driver.readiness import NO_STOP, RobotState, reason_of, unmet
 from yumi.driver.state_machine import WATCHDOG
 from yumi.egm.udp import UdpServer
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, RobotNotReady, YumiError

@@ -9,8 +9,7 @@ from threading import Lock
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import Request, check
-from yumi.driver.state import RobotState
+from yumi.driver.readiness import Request, RobotState, check
 from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
 from yumi.errors import ControllerRefused, RobotNotReady, YumiError
 from yumi.robot.gripper import GripperModules, GripperState, read_gripper, signal_names

@@ -22,18 +22,24 @@ from typing import Any, Protocol
 
 from yumi.clock import Clock
 from yumi.control.shared_state import Snapshot
-from yumi.driver.readiness import why_not_ready
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState
-from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, read_machine_state
+from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
+from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.events import CONTROLLER_STATE, EXECUTION, OPERATING_MODE, SPEED_RATIO, Change, event_log, signal_state
+from yumi.rws.events import (
+    CONTROLLER_STATE,
+    EXECUTION,
+    OPERATING_MODE,
+    SPEED_RATIO,
+    Change,
+    Subscription,
+    event_log,
+    signal_state,
+)
 from yumi.rws.replies import Event
-from yumi.rws.subscription import Subscription
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 
 GROUP = 0.25

@@ -2,6 +2,8 @@
 
 Each step reads the state first, says what forbids it (:mod:`yumi.driver.readiness`), and waits until it is done.
 Signals and variables are text in, text out, as a person gives and reads them.
+
+RAPID routines run by name, through the state machine's state "run RAPID routine".
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ import re
 from math import isfinite
 
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import Request, check
-from yumi.driver.state import RobotState
+from yumi.driver.readiness import Request, RobotState, check
+from yumi.driver.state_machine import RAPID, RUN_RAPID, MachineState, StateMachines
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady
+from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState
@@ -237,3 +240,135 @@ class ControllerPanel:
 
 def _number(value: float) -> str:
     return str(int(value)) if value.is_integer() else repr(value)
+
+
+LONGEST_ROUTINE = 300.0
+"""Longest wait for the end of a routine [s]; it goes on, only the wait ends."""
+
+_ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
+_FILE = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
+_MODULE = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
+_OUR_MODULES = "trob"  # how those of the state machine begin
+
+
+class RapidRoutines:
+    """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
+
+    Args:
+        client: a connected client.
+        panel: of the same controller.
+        machines: the state machines.
+        clock: for waiting.
+
+    Attributes:
+        is_running: whether the end of one is awaited.
+    """
+
+    def __init__(self, client: RwsClient, panel: ControllerPanel, machines: StateMachines, clock: Clock) -> None:
+        self._client = client
+        self._panel = panel
+        self._machines = machines
+        self._clock = clock
+        self.is_running = False
+
+    def run(self, side: Side, name: str) -> None:
+        """Run a routine in one arm's task and wait for its end.
+
+        Args:
+            side: whose task.
+            name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
+                ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
+
+        Raises:
+            CommandRefused: it is not a name of a routine; nothing was changed.
+            RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
+        """
+        if not _ROUTINE.fullmatch(name):
+            raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
+        self._check_free(side, Request.RUN_ROUTINE)
+        self.is_running = True
+        try:
+            self._write(side, "routine_name_input", name)
+            self._write(side.other, "routine_name_input", "")
+            self._client.pulse_signal(RUN_RAPID)
+            wait_until(
+                self._clock,
+                lambda: self._is_over(side),
+                LONGEST_ROUTINE,
+                f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
+            )
+        finally:
+            self.is_running = False
+        try:
+            is_unknown = self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+        except ControllerRefused:  # ABB's own state machine does not report it
+            is_unknown = False
+        if is_unknown:
+            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
+
+    def load_module(self, side: Side, file_name: str, text: str) -> None:
+        """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
+
+        A module that was loaded from the same file before is replaced. The state machine loads it, so that the program
+        goes on meanwhile.
+
+        Args:
+            side: whose task.
+            file_name: such as ``Pick.mod``.
+            text: the module.
+
+        Raises:
+            CommandRefused: name or text is impossible, the text is not RAPID, or the module is there from another file.
+            RobotNotReady: the program does not run, or the arm is busy.
+        """
+        module = _module_in(file_name, text)
+        self._check_free(side, Request.LOAD_MODULE)
+        path = f"HOME:/{file_name}"
+        if self._has_module(side, module):
+            self._run_with_file(side, "runModuleUnload", path)
+            if self._has_module(side, module):
+                raise CommandRefused(
+                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
+                )
+        self._client.upload(path, text)
+        self._run_with_file(side, "runModuleLoad", path)
+        if not self._has_module(side, module):
+            raise CommandRefused(
+                f"{side.task} did not load {path}; it is not a correct RAPID module, see the event log."
+            )
+
+    def _run_with_file(self, side: Side, routine: str, path: str) -> None:
+        self._write(side, "module_file_path_input", path)
+        self.run(side, routine)
+
+    def _has_module(self, side: Side, name: str) -> bool:
+        return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
+
+    def _check_free(self, side: Side, request: Request) -> None:
+        client = self._client
+        machines = dict.fromkeys(Side, self._machines.state(side))
+        state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
+        check(request, state, (side,), "a routine cannot run: ")
+
+    def _is_over(self, side: Side) -> bool:
+        """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
+        if not self._panel.is_running:
+            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
+        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
+            return False
+        return self._machines.state(side) is MachineState.IDLE
+
+    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
+
+
+def _module_in(file_name: str, text: str) -> str:
+    """The name of the module that ``text`` declares."""
+    if not _FILE.fullmatch(file_name):
+        raise CommandRefused(f"{file_name!r} is not a name of a RAPID file; give letters and digits and .mod or .sys.")
+    found = _MODULE.search(text)
+    if found is None:
+        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
+    if found[1].lower().startswith(_OUR_MODULES):
+        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
+    return found[1]

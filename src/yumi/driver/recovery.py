@@ -17,7 +17,7 @@ from typing import Protocol
 from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_control import ArmControl, EgmControl
-from yumi.driver.state import Report
+from yumi.driver.readiness import Report
 from yumi.driver.stops import StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.process.supervision import SupervisedThread

@@ -13,14 +13,13 @@ from threading import Lock
 from yumi.clock import Clock
 from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
 from yumi.driver.bringup import STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import ArmControl, EgmControl
+from yumi.driver.egm_control import ArmControl, EgmControl, Watchdog, WatchdogSettings
 from yumi.driver.gripper import Gripper
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.rapid_routines import RapidRoutines
+from yumi.driver.panel import RapidRoutines
+from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
-from yumi.driver.state import Mode, Report, RobotState
 from yumi.driver.stops import StopLog
-from yumi.driver.watchdog import Watchdog, WatchdogSettings
 from yumi.errors import RobotNotReady, YumiError
 from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Side
@@ -61,7 +60,7 @@ class RobotManager:
         has_acted: whether it was asked to change anything on the robot; before, it has only read.
         is_unattended: whether it recovers without having been asked: a gripper does not close its fingers then.
         grippers: of both arms; their jogs end when a stop comes.
-        speed: the factor on the speed of every controller, see :mod:`yumi.driver.speed`.
+        speed: the factor on the speed of every controller, see :mod:`yumi.driver.state_machine`.
     """
 
     def __init__(

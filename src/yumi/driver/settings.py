@@ -18,10 +18,10 @@ import yaml
 
 from yumi.control.limiter import FULL
 from yumi.driver.control_process import WakeMode
+from yumi.driver.egm_control import WatchdogSettings
 from yumi.driver.recovery import RecoverySettings
-from yumi.driver.speed import LOWEST as SLOWEST
+from yumi.driver.state_machine import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.driver.watchdog import WatchdogSettings
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side

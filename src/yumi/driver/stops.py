@@ -21,8 +21,7 @@ from typing import Protocol
 from yumi.clock import Clock
 from yumi.control.events import Event as ArmEvent
 from yumi.control.events import RobotStoppedFollowing
-from yumi.driver.readiness import NO_STOP, reason_of, unmet
-from yumi.driver.state import RobotState
+from yumi.driver.readiness import NO_STOP, RobotState, reason_of, unmet
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.rws.replies import Event
 from yumi.rws.types import ControllerState, EventType

@@ -47,7 +47,7 @@ from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import POSITION_CONTROLLER, RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, ControllerSettings, InitialState, Settings
-from yumi.driver.speed import FIRST_CONTACT, SpeedSetting
+from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession

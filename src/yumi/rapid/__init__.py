@@ -12,9 +12,9 @@ from yumi.rapid.errors import (
     RapidValueError,
     UnknownSymbol,
 )
-from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.library import Call, Wait
 from yumi.rapid.parser import parse_module
+from yumi.rapid.program import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.task import ModuleInfo, Task
 from yumi.rapid.types import Signal
 

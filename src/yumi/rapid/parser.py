@@ -1,6 +1,8 @@
 """The parser: RAPID text to syntax tree, with errors that say where, what was found and what is allowed instead.
 
 Lark calls the methods of `TreeBuilder` while it parses, so that there is no parse tree beside the syntax tree.
+
+Literals: values as RAPID text, as the controller prints them (reference/rws.md §6.5), and text back to values.
 """
 
 from __future__ import annotations
@@ -18,9 +20,21 @@ from lark import Lark, Token, Transformer, UnexpectedToken, v_args
 from lark.exceptions import UnexpectedInput
 
 from yumi.rapid import ast as s
-from yumi.rapid.ast import Expression, Module, Parameter, Reference
-from yumi.rapid.errors import RapidSyntaxError
-from yumi.rapid.types import LONGEST_STRING
+from yumi.rapid.ast import Aggregate, Expression, Literal, Module, Parameter, Reference, Unary
+from yumi.rapid.errors import RapidRuntimeError, RapidSyntaxError, RapidValueError
+from yumi.rapid.types import (
+    BOOL,
+    DNUM,
+    LONGEST_STRING,
+    NUM,
+    STRING,
+    ArrayType,
+    AtomicType,
+    RecordType,
+    Type,
+    described,
+    resolved,
+)
 
 NodeType = TypeVar("NodeType", bound=s.Node)
 Clause = tuple[str, Any]
@@ -468,3 +482,89 @@ def _mistake(error: UnexpectedInput, text: str) -> Mistake:
     words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
     allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
     return Mistake(f"found {found} where {allowed} is allowed.", line, column)
+
+
+NUM_DIGITS = 6  # significant, of a num with decimals
+DNUM_DIGITS = 15
+LARGEST_EXACT = {"num": 8388608, "dnum": 4503599627370496}  # integers up to here are printed in full
+SPECIAL = re.compile(r'["\\\x00-\x1f]')
+
+
+def format_value(type_: Type, value: Any) -> str:
+    """The value as a RAPID literal, without blanks: `[[600,0,225.3],[1,0,0,0]]`, `9E+09`, `TRUE`, `"text"`."""
+    type_ = resolved(type_)
+    if isinstance(type_, RecordType):
+        parts = (format_value(t, v) for (_, t), v in zip(type_.components, value, strict=True))
+        return f"[{','.join(parts)}]"
+    if isinstance(type_, ArrayType):
+        row = ArrayType(type_.element, type_.sizes[1:]) if len(type_.sizes) > 1 else type_.element
+        return f"[{','.join(format_value(row, item) for item in value)}]"
+    return _format_atom(type_, value)
+
+
+def _format_atom(type_: Type, value: Any) -> str:
+    if type_ == BOOL:
+        return "TRUE" if value else "FALSE"
+    if type_ == STRING:
+        return f'"{SPECIAL.sub(_escaped, value)}"'
+    if type_ in (NUM, DNUM):
+        return format_number(value, type_.name)
+    raise RapidValueError(f"The type {type_.name} has no values that could be written down.")
+
+
+def format_number(value: float, type_name: str = "num") -> str:
+    if value == int(value) and abs(value) <= LARGEST_EXACT[type_name]:
+        return str(int(value))
+    return f"{value:.{NUM_DIGITS if type_name == 'num' else DNUM_DIGITS}G}"
+
+
+def _escaped(match: re.Match[str]) -> str:
+    character = match.group()
+    return character * 2 if character in '"\\' else f"\\{ord(character):02X}"
+
+
+def parse_value(type_: Type, text: str) -> Any:
+    """The value a literal stands for.
+
+    Raises:
+        RapidValueError: the text is no literal, or one of another type.
+    """
+    try:
+        return _value(type_, parse_expression(text))
+    except RapidSyntaxError as error:
+        raise RapidValueError(f"'{text}' is not a value of type {described(type_)}: {error}") from error
+    except (_WrongType, RapidRuntimeError) as error:
+        raise RapidValueError(f"'{text}' is not a value of type {described(type_)}. {error}".rstrip()) from error
+
+
+class _WrongType(Exception):
+    """Some part of a literal does not have the type that is needed there."""
+
+
+def _value(type_: Type, node: Expression) -> Any:
+    type_ = resolved(type_)
+    if isinstance(type_, RecordType):
+        items = _items(node, len(type_.components))
+        return type_.value_class._make(_value(t, item) for (_, t), item in zip(type_.components, items, strict=True))
+    if isinstance(type_, ArrayType):
+        row = ArrayType(type_.element, type_.sizes[1:]) if len(type_.sizes) > 1 else type_.element
+        return tuple(_value(row, item) for item in _items(node, type_.sizes[0]))
+    if isinstance(type_, AtomicType):
+        return type_.convert(_atom(type_, node))
+    raise _WrongType(f"The type {type_.name} has no values that could be written down.")
+
+
+def _items(node: Expression, count: int) -> tuple[Expression, ...]:
+    if not isinstance(node, Aggregate) or len(node.items) != count:
+        raise _WrongType(f"An aggregate of {count} in brackets is expected.")
+    return node.items
+
+
+def _atom(type_: AtomicType, node: Expression) -> Any:
+    if isinstance(node, Unary) and node.operator in "+-" and type_ in (NUM, DNUM):
+        value = _atom(type_, node.operand)
+        return -value if node.operator == "-" else value
+    wanted = {"bool": bool, "string": str}.get(type_.name, float)
+    if not isinstance(node, Literal) or type(node.value) is not wanted:
+        raise _WrongType(f"A {type_.name} is expected.")
+    return node.value

@@ -33,13 +33,11 @@ from yumi.rapid.errors import (
     UnknownSymbol,
 )
 from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.host import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.interrupts import Interrupts, TimerQueue
 from yumi.rapid.library import Call, Library
-from yumi.rapid.literals import format_value, parse_value
 from yumi.rapid.machine import Frame, Machine
-from yumi.rapid.parser import parse_module, parse_reference
-from yumi.rapid.program import Code, LoadedModule, Program, UserRoutine
+from yumi.rapid.parser import format_value, parse_module, parse_reference, parse_value
+from yumi.rapid.program import Code, EventKind, Execution, Host, LoadedModule, Program, TaskEvent, UserRoutine
 from yumi.rapid.types import UNSET, Reference, Variable, resolved, value_count
 
 T = TypeVar("T")

@@ -43,14 +43,15 @@ from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
 from yumi.ros.gripper import GripperParts, Grippers
-from yumi.ros.health import HealthTopics, RobotStateTopic
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
 from yumi.ros.topics import (
     CommandTopic,
+    HealthTopics,
     JointCommandTopic,
     JointStatePublisher,
     JointVelocityTopic,
     MergedJointStates,
+    RobotStateTopic,
     forward_interfaces,
     publish_descriptions,
 )

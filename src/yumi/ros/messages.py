@@ -28,12 +28,11 @@ from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
-from yumi.control.commands import UNKNOWN, check_position
-from yumi.control.controller import ControllerInfo, HardwareInfo, InterfaceInfo, State
+from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
 from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
-from yumi.driver.state import Mode, RobotState
+from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import EVENT_TEXTS
 from yumi.errors import CommandRefused

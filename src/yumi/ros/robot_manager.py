@@ -33,7 +33,7 @@ from yumi_interfaces.srv import (
 
 from yumi.control.limiter import FULL
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.speed import LOWEST, SpeedSetting
+from yumi.driver.state_machine import LOWEST, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 from yumi.ros.messages import mode_of, robot_state, side_of

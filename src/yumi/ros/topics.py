@@ -10,6 +10,8 @@ joint_velocity_commands          sensor_msgs/JointState     joint_velocity_contr
 
 Joint states are published per arm every cycle, and merged at a lower rate. ``robot_description`` is the driver's own; a
 controller manager waits for one that has its arm. Each loaded forward controller has a command topic under its name.
+
+The state of the robot on topics: ``egm_state`` of each arm, ``/diagnostics``, ``~/state`` of the robot manager.
 """
 
 from __future__ import annotations
@@ -22,16 +24,19 @@ from threading import Event
 from typing import Any
 from xml.etree import ElementTree
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
-from yumi.control.commands import GoalBuffer, GoalKind, write_goal, write_speeds
+from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.forward_command import FORWARDERS
 from yumi.control.loop import Commands
 from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
 from yumi.driver.control_process import ArmBuffers, ControlProcess
+from yumi.driver.readiness import RobotState
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import robot_description
@@ -43,11 +48,15 @@ from yumi.ros.messages import (
     LATCHED,
     RefusalLog,
     Stamps,
+    egm_status,
     goal_of,
     goal_speeds_of,
     joint_state,
     positions_of,
+    robot_state,
+    robot_status,
     speeds_of,
+    stamp,
     velocities_of,
 )
 
@@ -416,3 +425,75 @@ def forward_interfaces(
         )
 
     return {controller.kind: make for controller in FORWARDERS}
+
+
+_EGM_STATE_PERIOD = 0.1  # [s]
+_DIAGNOSTICS_PERIOD = 1.0  # [s]
+
+
+class HealthTopics:
+    """Publishes ``egm_state`` of each arm and the driver's ``/diagnostics``.
+
+    Args:
+        node: whose ``/diagnostics`` it is.
+        streams: a node for the topics of each arm.
+        snapshot: the state of an arm.
+        robot: the state of the robot.
+        grippers: both grippers' statuses for ``/diagnostics``.
+        timers: keeps the rates.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        streams: Mapping[Side, Any],
+        snapshot: Callable[[Side], Snapshot],
+        robot: Callable[[], RobotState],
+        grippers: Callable[[], list[DiagnosticStatus]],
+        timers: TimerThread,
+    ) -> None:
+        clock = node.get_clock()
+        diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+
+        def publish_arm(publisher: Any, side: Side) -> None:
+            publisher.publish(egm_status(side, snapshot(side)))
+
+        def publish_diagnostics() -> None:
+            array = DiagnosticArray()
+            array.header.stamp = stamp(clock.now().nanoseconds)
+            arms = (egm_status(side, snapshot(side)) for side in Side)
+            array.status = [robot_status(robot()), *arms, *grippers()]
+            diagnostics.publish(array)
+
+        for side, stream in streams.items():
+            publisher = stream.create_publisher(DiagnosticStatus, "egm_state", 1)
+            timers.every(_EGM_STATE_PERIOD, f"{side.value}/egm_state", partial(publish_arm, publisher, side))
+        timers.every(_DIAGNOSTICS_PERIOD, "/diagnostics", publish_diagnostics)
+
+
+POLL_PERIOD = 0.05
+"""How often the state is compared with the last one [s]; that asks nothing of the robot itself."""
+
+PERIOD = 1.0
+"""The state is published at least so often [s]."""
+
+
+class RobotStateTopic:
+    """Publishes ``~/state`` of the robot manager, latched, on each change and once a second."""
+
+    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock, timers: TimerThread) -> None:
+        self._publisher = node.create_publisher(RobotStateMessage, "~/state", LATCHED)
+        self._ros_clock = node.get_clock()
+        self._state = state
+        self._clock = clock
+        self._last: RobotState | None = None
+        self._published = 0.0
+        timers.every(POLL_PERIOD, "yumi_robot_manager/state", self.update)
+
+    def update(self) -> None:
+        """Publish a state that has changed, or was published long ago."""
+        state, now = self._state(), self._clock.now()
+        if state == self._last and now - self._published < PERIOD:
+            return
+        self._last, self._published = state, now
+        self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds))

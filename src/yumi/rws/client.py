@@ -21,10 +21,9 @@ from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConne
 from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import Page, Pairs, read_page
-from yumi.rws.events import Resource, write_resources
+from yumi.rws.events import OnChange, OnLost, Resource, Subscription, write_resources
 from yumi.rws.replies import CfgInstance, Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
 from yumi.rws.session import BUSY, Request, RwsSession, Transport
-from yumi.rws.subscription import OnChange, OnLost, Subscription
 from yumi.rws.transport import HttpTransport
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 

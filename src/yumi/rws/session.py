@@ -28,9 +28,9 @@ import httpx
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
 from yumi.rws import documents as forms
-from yumi.rws.auth import CONNECTION, REALM, SESSION
 from yumi.rws.documents import Pairs
 from yumi.rws.transport import ConnectionLost, Listener, Socket, until
+from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
 INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
@@ -49,7 +49,7 @@ _REALM = re.compile(r'realm="([^"]*)"')
 
 # A controller's own cookies: visible ASCII; the longest that was seen has 55 characters. All others are dropped: they
 # would make the next requests longer than the controller reads.
-_COOKIE = re.compile(rf"({SESSION}|{CONNECTION})=([!-:<-~]{{1,256}})\s*(?:;|$)")
+_COOKIE = re.compile(rf"({SESSION_COOKIE}|{CONNECTION_COOKIE})=([!-:<-~]{{1,256}})\s*(?:;|$)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ class RwsSession:
     @property
     def is_open(self) -> bool:
         """Whether the controller has given us a session, as far as we know."""
-        return SESSION in self._cookies
+        return SESSION_COOKIE in self._cookies
 
     def exchange(self, request: Request) -> httpx.Response:
         """The controller's response to ``request``, whatever its status, within the timeout once it has its turn.

@@ -23,6 +23,11 @@ from math import isfinite
 
 from yumi.errors import CommandRefused, ProtocolError
 
+# A login: the realm of the digest, and the cookies a session is kept by (reference/rws.md §2.1-2.2).
+REALM = "validusers@robapi.abb"
+SESSION_COOKIE = "-http-session-"
+CONNECTION_COOKIE = "ABBCX"
+
 
 class OperatingMode(Enum):
     """The mode switch of the controller, ``/rw/panel/opmode``."""

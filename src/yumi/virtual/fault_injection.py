@@ -16,11 +16,11 @@ from urllib.parse import urlsplit
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 from yumi.rws import documents as forms
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.egm_network import LASTING, SINGLE
 from yumi.virtual.controller.fault_names import Fault, FaultKind, Way, kind_of
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 

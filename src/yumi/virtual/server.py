@@ -29,9 +29,9 @@ from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws import documents as forms
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.rapid import quoted
 from yumi.virtual.rws.service import RwsService

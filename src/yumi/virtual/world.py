@@ -10,12 +10,11 @@ import yumi.controller_files
 import yumi.virtual.controller
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
-from yumi.virtual.controller.units import Identity
+from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.units import ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.clock import ManualClock
-from yumi.control.commands import MemoryBuffer
-from yumi.control.controller import ControllerInfo, State
+from yumi.control.controller import ControllerInfo, MemoryBuffer, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
 from yumi.control.events import (
     ControllerReport,

@@ -8,7 +8,7 @@ import pytest
 from fake_robot import FakeRobot, Switch
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
-from yumi.control.commands import UNKNOWN, Goal, read_goal
+from yumi.control.controller import UNKNOWN, Goal, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import (

@@ -3,8 +3,7 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
-from yumi.control.commands import MemoryBuffer
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
 from yumi.control.events import (

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import JOINTS, configured, moved, state
-from yumi.control.commands import GoalKind, MemoryBuffer, write_goal, write_speeds
+from yumi.control.controller import GoalKind, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.forward_command import (
     FORWARDERS,
     ForwardCommandController,

@@ -7,7 +7,7 @@ from math import nan, radians
 
 import pytest
 
-from yumi.control.commands import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import JOINTS, configured, moved, state
-from yumi.control.commands import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.robot.joints import CYCLE, ZERO, Joints

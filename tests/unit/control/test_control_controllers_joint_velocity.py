@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from controller_states import configured, moved, state
-from yumi.control.commands import MemoryBuffer, write_speeds
+from yumi.control.controller import MemoryBuffer, write_speeds
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Joints
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.events import ImplausibleFeedback
 from yumi.control.loop import name_the_arm
 from yumi.control.shared_state import Problem, Snapshot, read_snapshot

@@ -5,8 +5,7 @@ from typing import Any
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double
-from yumi.control.commands import MemoryBuffer
-from yumi.control.controller import State
+from yumi.control.controller import MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 
-from yumi.control.commands import GoalKind
+from yumi.control.controller import GoalKind
 from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedHistory
 from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints

@@ -9,9 +9,11 @@ import pytest
 
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import (
+    EGM_RUNNING,
     NEEDED,
     Condition,
     Request,
+    RobotState,
     check,
     reason_of,
     reference_page,
@@ -20,7 +22,6 @@ from yumi.driver.readiness import (
     why_arm_does_not_follow,
     why_not_ready,
 )
-from yumi.driver.state import EGM_RUNNING, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side

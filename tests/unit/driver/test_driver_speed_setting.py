@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from yumi.control.commands import MemoryBuffer
+from yumi.control.controller import MemoryBuffer
 from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import Factor
 from yumi.driver.settings import RobotSettings, Settings
-from yumi.driver.speed import SpeedSetting
+from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, Side

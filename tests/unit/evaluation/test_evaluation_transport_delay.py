@@ -5,7 +5,7 @@ from math import pi, radians, sin
 
 import pytest
 
-from yumi.control.commands import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import DELAY, JointPositionController
 from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.statistics import StageClock

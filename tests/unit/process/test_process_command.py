@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from yumi.process import child as command
-from yumi.process.child import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
+from yumi.process import supervision as command
+from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
 
 class Child:

@@ -22,9 +22,9 @@ import pytest
 from yumi.clock import SystemClock
 from yumi.control.shared_state import new_event, shared_numbers
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
-from yumi.process import child as command_module
-from yumi.process.child import DRIVER_READY, Command
+from yumi.process import supervision as command_module
 from yumi.process.pipe import PROCESSES, ChildProcess, PipeEnd
+from yumi.process.supervision import DRIVER_READY, Command
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 

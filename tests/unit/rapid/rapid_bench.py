@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from yumi.rapid import InstructionSet, Task, TaskEvent
-from yumi.rapid.host import Severity
+from yumi.rapid.program import Severity
 
 
 class RecordingHost:

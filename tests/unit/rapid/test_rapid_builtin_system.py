@@ -3,7 +3,7 @@
 import pytest
 from rapid_bench import Bench, error_of, started
 
-from yumi.rapid.host import Severity
+from yumi.rapid.program import Severity
 
 EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
 

@@ -17,9 +17,9 @@ from yumi.rapid import InstructionSet, compiler, parser
 from yumi.rapid.ast import Expression
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
 from yumi.rapid.expressions import Compiled, Expressions
-from yumi.rapid.host import EventKind
 from yumi.rapid.library import Call
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
+from yumi.rapid.program import EventKind
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
 from yumi.rapid.types import Type
 

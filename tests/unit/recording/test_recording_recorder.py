@@ -17,8 +17,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
-from yumi.recording.mcap import read_recording
-from yumi.recording.recorder import FullRecorder, Recorder
+from yumi.recording.mcap import FullRecorder, Recorder, read_recording
 from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT

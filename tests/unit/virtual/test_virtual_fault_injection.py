@@ -12,11 +12,11 @@ from system.virtual_time_bench import System
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.fault_names import Fault, Way
 from yumi.virtual.fault_injection import PATH, FaultInjection
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.world import World
 
 LOCAL = "127.0.0.1:4711"

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.commands import GoalBuffer, GoalInbox, GoalKind
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import SpeedMotion
 from yumi.errors import CommandRefused

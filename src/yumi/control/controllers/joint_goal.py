@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
-from yumi.control.commands import GoalBuffer, check_position, read_goal
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
 from yumi.control.limiter import LATE_CYCLE, SpeedScale
 from yumi.control.motion import (
     STANDING,
@@ -113,7 +112,7 @@ class JointGoalController(Controller):
     (:class:`yumi.control.motion.StandstillDetector`).
 
     Args:
-        goals: where goals arrive without an identity, see :mod:`yumi.control.commands`.
+        goals: where goals arrive without an identity, see :mod:`yumi.control.controller`.
         limits: of the joints.
         period: time between two states of the arm [s]; a late one finds the arm no further on its way than that allows.
         speed: the factor on the arm's speed; time on its way to a goal goes by slower by it.

@@ -12,8 +12,7 @@ controller cannot remove, then has nothing left to close.
 
 from __future__ import annotations
 
-from yumi.control.commands import Goal, GoalBuffer, GoalInbox, GoalKind
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, Goal, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import speeds_without_noise
 from yumi.control.tracking import TargetPredictor, TrackingFilter
@@ -52,7 +51,7 @@ class JointPositionController(Controller):
     """Takes goals for all joints of an arm from a buffer.
 
     Args:
-        goals: where goals arrive, see :mod:`yumi.control.commands`.
+        goals: where goals arrive, see :mod:`yumi.control.controller`.
         limits: what the joints may do while they follow a stream.
         speed: the factor on their speeds.
     """

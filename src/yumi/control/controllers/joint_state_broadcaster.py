@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from yumi.control.commands import Buffer
-from yumi.control.controller import Controller
+from yumi.control.controller import Buffer, Controller
 from yumi.control.shared_state import JointStates
 from yumi.robot.joints import ArmCommand, ArmState
 

@@ -14,8 +14,7 @@ from enum import Enum, auto
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
-from yumi.control.commands import Buffer
-from yumi.control.controller import Controller
+from yumi.control.controller import Buffer, Controller
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback

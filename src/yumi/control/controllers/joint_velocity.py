@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.commands import GoalBuffer, GoalInbox, GoalKind
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import SpeedMotion
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
@@ -20,7 +19,7 @@ class JointVelocityController(Controller):
     """Takes speeds for all joints of an arm from a buffer.
 
     Args:
-        speeds: where they arrive, see :func:`yumi.control.commands.write_speeds`.
+        speeds: where they arrive, see :func:`yumi.control.controller.write_speeds`.
         limits: what the joints may do.
         speed: the factor on their speeds.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from yumi.rapid.builtins.data import DATA
 from yumi.rapid.errors import RapidRuntimeError, RapidValueError
 from yumi.rapid.library import Call, Library
-from yumi.rapid.literals import format_value, parse_value
+from yumi.rapid.parser import format_value, parse_value
 from yumi.rapid.types import LONGEST_STRING, STRING, resolved, value_count
 
 STRINGS = Library(DATA)

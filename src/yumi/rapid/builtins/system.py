@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import DATA
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError
-from yumi.rapid.host import EventKind, Severity
 from yumi.rapid.interrupts import Edge, SignalOrder, TimerOrder
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.literals import format_value
+from yumi.rapid.parser import format_value
+from yumi.rapid.program import EventKind, Severity
 
 SYSTEM = Library(DATA)
 SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter

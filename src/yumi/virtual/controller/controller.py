@@ -7,15 +7,12 @@ from collections.abc import Mapping, Sequence
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.configuration import Configuration, Instance
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.errors import Refusal, Refused
-from yumi.virtual.controller.events import EventLog, EventType
+from yumi.virtual.controller.events import EventLog, EventType, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.signals import Signals
+from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.tasks import RapidExecution, TaskHost
-from yumi.virtual.controller.units import YUMI_UNITS, Identity, MechanicalUnit, SyncPoints
+from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.data import JointTarget, jointtarget
 from yumi.virtual.instructions.library import robot_library
 

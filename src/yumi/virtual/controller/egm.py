@@ -19,7 +19,7 @@ from yumi.errors import ProtocolError, RobotNotReady
 from yumi.robot.joints import CYCLE, ZERO, Joints, Pose, joint_names
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""

@@ -1,11 +1,16 @@
-"""The event log of the virtual controller (reference/rws.md §12)."""
+"""The event log of the virtual controller (reference/rws.md §12).
+
+Why the virtual controller refuses a request; each protocol has its own code for the reason.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum, auto
+
+from yumi.errors import YumiError
 
 ALL_DOMAINS = 0
 _CAPACITY = 1000
@@ -81,3 +86,35 @@ class EventLog:
             self._logs = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
         else:
             self._logs.pop(domain, None)
+
+
+class Refusal(Enum):
+    """The reason of a refusal; it shows the caller what to do."""
+
+    WRONG_MODE = auto()
+    MOTORS_OFF = auto()
+    NOT_STOPPED = auto()
+    ALREADY_RUNNING = auto()
+    NO_PROGRAM_POINTER = auto()
+    READ_ONLY = auto()
+    UNKNOWN = auto()
+    OUT_OF_RANGE = auto()
+    EMERGENCY_STOP = auto()
+    BAD_VALUE = auto()
+    NO_FILE = auto()
+    NO_MODULE = auto()
+    NAME_TAKEN = auto()
+    BAD_PROGRAM = auto()
+    NO_SPACE = auto()
+
+
+class Refused(YumiError):
+    """The virtual controller refuses a request and has changed nothing.
+
+    Attributes:
+        reason: the kind of refusal.
+    """
+
+    def __init__(self, reason: Refusal, sentence: str) -> None:
+        super().__init__(sentence)
+        self.reason = reason

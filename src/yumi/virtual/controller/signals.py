@@ -1,13 +1,129 @@
-"""The I/O system: signals, who may write them, and their edges (reference/rws.md §7)."""
+"""The I/O system: signals, who may write them, and their edges (reference/rws.md §7).
+
+The system parameters: instances of types in domains, read from ABB's cfg files (reference/rws.md §9).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from types import MappingProxyType
 
-from yumi.virtual.controller.configuration import Configuration
-from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.errors import SettingsError
+from yumi.virtual.controller.events import Refusal, Refused
+
+Value = str
+"""Attributes are text, as in the file; their reader converts numbers."""
+
+# A type lists its defaulted attributes too (reference/rws.md §9); those that clients or our modules read.
+_BASE_FRAME: Mapping[str, Value] = {
+    "base_frame_pos_x": "0",
+    "base_frame_pos_y": "0",
+    "base_frame_pos_z": "0",
+    "base_frame_orient_u0": "1",
+    "base_frame_orient_u1": "0",
+    "base_frame_orient_u2": "0",
+    "base_frame_orient_u3": "0",
+    "base_frame_coordinated": "",
+}
+_DEFAULTS: Mapping[tuple[str, str], Mapping[str, Value]] = {
+    ("MOC", "MECHANICAL_UNIT"): {"use_robot": "", **{f"use_single_{n}": "" for n in range(6)}},
+    ("MOC", "ROBOT"): _BASE_FRAME,
+    ("MOC", "SINGLE"): _BASE_FRAME,
+    ("MOC", "ARM"): {"cal_position": "0"},
+    ("MOC", "EXT_MOTION_DATA"): {
+        "ext_motion_level": "1",
+        "do_not_restart_after_motors_off": "false",
+        "ramp_time": "0.5",
+        "ext_motion_Kp": "5",
+        "ext_motion_filter_bandwidth": "20",
+    },
+    ("SYS", "MECHANICAL_UNIT_GROUP"): {"Robot": "", **{f"MechanicalUnit_{n}": "" for n in range(1, 7)}},
+    ("EIO", "EIO_SIGNAL"): {
+        "Device": "",
+        "DeviceMap": "",
+        "Category": "",
+        "Access": "Default",
+        "Default": "0",
+    },
+    ("SIO", "COM_TRP"): {"PhyChannel": ""},
+}
+_ATTRIBUTE = re.compile(r'-(\w+)\s*("[^"]*"|[^\s"]\S*)?')
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One instance of a configuration type.
+
+    Attributes:
+        name: its name.
+        attributes: every attribute by its name as the template spells it, the name included.
+    """
+
+    name: str
+    attributes: Mapping[str, Value]
+
+
+class Configuration:
+    """All instances; domains and types are found in any letter case, as on the controller."""
+
+    def __init__(self, texts: Iterable[str] = ()) -> None:
+        self._instances: dict[tuple[str, str], dict[str, Instance]] = {}
+        for text in texts:
+            self.load(text)
+
+    def load(self, text: str) -> None:
+        """Add the instances of a cfg file; an instance of the same name is replaced.
+
+        Raises:
+            SettingsError: the text is not a cfg file.
+        """
+        # Lines that are not empty or comments; those that end in a backslash are joined with the next.
+        joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
+        header, *lines = (line for line in joined if line and not line.startswith("#"))
+        domain, colon, _ = header.partition(":CFG_")
+        if not colon:
+            raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
+        type_name = ""
+        for line in lines:
+            if line.endswith(":"):
+                type_name = line[:-1]
+            else:
+                # An attribute without a value is a flag that is set.
+                found = _ATTRIBUTE.findall(line)
+                self.put(domain, type_name, {name: value.strip('"') if value else "TRUE" for name, value in found})
+
+    def put(self, domain: str, type_name: str, attributes: Mapping[str, Value]) -> None:
+        """Add one instance, completed with the defaults of its type."""
+        key = (domain.upper(), type_name.upper())
+        complete = {**attributes, **{k: v for k, v in _DEFAULTS.get(key, {}).items() if k not in attributes}}
+        name = complete.get("name") or complete.get("Name") or f"{type_name}_{len(self.instances(*key))}"
+        self._instances.setdefault(key, {})[name] = Instance(name, MappingProxyType(complete))
+
+    def change(self, domain: str, type_name: str, name: str, attributes: Mapping[str, Value]) -> None:
+        """Give an instance that exists other values of some attributes."""
+        instances = self._instances[domain.upper(), type_name.upper()]
+        old = instances[name]
+        instances[name] = replace(old, attributes=MappingProxyType({**old.attributes, **attributes}))
+
+    @property
+    def domains(self) -> tuple[str, ...]:
+        return tuple(sorted({domain for domain, _ in self._instances}))
+
+    def types(self, domain: str) -> tuple[str, ...]:
+        """Types of the domain that have instances."""
+        return tuple(type_name for found, type_name in self._instances if found == domain.upper())
+
+    def instances(self, domain: str, type_name: str) -> tuple[Instance, ...]:
+        """Instances in the order they were loaded; none when the type has none."""
+        return tuple(self._instances.get((domain.upper(), type_name.upper()), {}).values())
+
+    def find(self, domain: str, type_name: str, name: str) -> Instance | None:
+        """The instance of that name, or None."""
+        return self._instances.get((domain.upper(), type_name.upper()), {}).get(name)
+
 
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""

@@ -9,12 +9,11 @@ from types import MappingProxyType
 from yumi.egm.messages import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
-from yumi.rapid.host import EventKind, Execution, Severity, TaskEvent
+from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
 from yumi.rapid.task import Task
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.errors import Refusal, Refused
-from yumi.virtual.controller.events import EventLog, EventType
+from yumi.virtual.controller.events import EventLog, EventType, Refusal, Refused
 from yumi.virtual.controller.signals import Signals
+from yumi.virtual.controller.units import ArmUnit
 
 _SCREEN_LINES = 200
 _NUMBERS: Mapping[Severity, tuple[int, EventType]] = {

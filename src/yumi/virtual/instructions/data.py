@@ -15,8 +15,8 @@ from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, c
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import YUMI_UNITS
-from yumi.virtual.mechanics.arm_angle import arm_angle_deg
-from yumi.virtual.mechanics.egm_motion import StopMode
+from yumi.virtual.mechanics.arm import arm_angle_deg
+from yumi.virtual.mechanics.motion import StopMode
 
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 

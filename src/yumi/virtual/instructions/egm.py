@@ -9,12 +9,12 @@ from typing import Any
 from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, EventType
+from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid
-from yumi.virtual.mechanics.egm_motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""

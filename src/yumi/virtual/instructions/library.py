@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.configuration import Configuration
 from yumi.virtual.controller.events import EventLog
-from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
+from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.data import add_data
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper

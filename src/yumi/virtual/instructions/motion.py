@@ -10,7 +10,7 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.joints import Joints
-from yumi.virtual.controller.arm_unit import ArmUnit
+from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import (
     chain_from_jointtarget,
     jointtarget,

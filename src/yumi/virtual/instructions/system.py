@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import BOOL, is_numeric, resolved
-from yumi.virtual.controller.arm_unit import ArmUnit
-from yumi.virtual.controller.configuration import Configuration
-from yumi.virtual.controller.units import MechanicalUnit, SyncPoints
+from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints
 
 _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 

@@ -1,9 +1,18 @@
-"""The dynamics of one arm, and its motions besides EGM: standstill, travel to a target, stop."""
+"""The dynamics of one arm, and its motions besides EGM: standstill, travel to a target, stop.
+
+EGM's control law: from the sensor's references to the positions the arm plans (reference/egm.md §6.1).
+
+``speed = k·(pos_ref - pos) + speed_ref``, where ``pos`` is EGM's own reference, the integral of that speed. The
+speed fades in, passes a low-pass filter and is capped with one scale for all joints. Its parameters come from the
+configuration and RAPID's EGM instructions, in SI units and chain order (reference/egm.md §5, §6.3).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
+from math import exp, expm1, pi, radians
 from typing import Protocol, cast
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -11,7 +20,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchroniza
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
-from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,3 +169,201 @@ def _trajectory(plan: InputParameter, duration: float = 0.0) -> Trajectory:
 
 def _fixed(values: Sequence[float]) -> Joints:
     return cast("Joints", tuple(values))
+
+
+Band = tuple[float, float]
+"""``egm_minmax``: lowest and highest difference from the reference that counts as converged [rad]."""
+
+Bands = tuple[Band, Band, Band, Band, Band, Band, Band]
+Axes = tuple[bool, bool, bool, bool, bool, bool, bool]
+ALL_AXES: Axes = (True, True, True, True, True, True, True)
+
+
+class StopMode(Enum):
+    """``egmstopmode``: what the arm does when EGM ends."""
+
+    HOLD = 0
+    RAMP_DOWN = 1
+
+
+def same_band(low: float, high: float) -> Bands:
+    """One convergence band [rad] for all seven joints."""
+    band = (low, high)
+    return (band, band, band, band, band, band, band)
+
+
+DEFAULT_BANDS = same_band(radians(-0.5), radians(0.5))
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalMotionData:
+    """The system parameters EXT_MOTION_DATA that EGMSetupUC names (reference/egm.md §6.3).
+
+    Attributes:
+        level: 0 raw; 1 filtering, which adds delay.
+        position_gain: default proportional position gain [1/s], 0 to 20.
+        bandwidth: default low-pass bandwidth [Hz], 0 to 100.
+        ramp_time: time in which EGM's speed goes to zero when the program stops [s].
+        restarts_after_motors_off: whether an interrupted run goes on when motors and program are on again.
+    """
+
+    level: int = 1
+    position_gain: float = 5.0
+    bandwidth: float = 20.0
+    ramp_time: float = 0.5
+    restarts_after_motors_off: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class EgmActivation:
+    """The arguments of EGMActJoint; defaults are ABB's.
+
+    Attributes:
+        tool: tool frame in tool0, for the poses the robot sends; None is tool0.
+        wobj: work object in the world, in which those poses are given; None is the world.
+        cond_min_max: convergence band of each joint [rad], (7,) in chain order.
+        lp_filter: low-pass bandwidth [Hz]; 0 switches it off, None takes the configured one.
+        sample_rate_ms: period of the datagrams in multiples of 4 ms, which stand for cycles of 4.032 ms.
+        max_pos_deviation: how far any joint may go from where EGM started [rad].
+        max_speed_deviation: highest joint speed EGM may ask for [rad/s].
+    """
+
+    tool: Pose | None = None
+    wobj: Pose | None = None
+    cond_min_max: Bands = DEFAULT_BANDS
+    lp_filter: float | None = None
+    sample_rate_ms: int = 4
+    max_pos_deviation: float = radians(1000.0)
+    max_speed_deviation: float = radians(1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class EgmRun:
+    """The arguments of EGMRunJoint; defaults are ABB's, where published.
+
+    Attributes:
+        stop_mode: what the arm does after convergence.
+        axes: joints that have to converge (switches J1 to J7), (7,) in chain order.
+        cond_time: how long they have to stay in their bands [s].
+        ramp_in_time: time in which EGM's contribution grows from nothing to all [s].
+        ramp_out_time: time of the way back with RAMP_DOWN [s].
+        pos_corr_gain: factor on the position gain; 0 is pure velocity control.
+        is_waited: whether RAPID waits for the end; False with NoWaitCond, when a missing sensor stops the program.
+    """
+
+    stop_mode: StopMode = StopMode.HOLD
+    axes: Axes = ALL_AXES
+    cond_time: float = 1.0
+    ramp_in_time: float = 0.0
+    ramp_out_time: float = 1.0
+    pos_corr_gain: float = 1.0
+    is_waited: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class EgmSettings:
+    """The parameters of the control law.
+
+    Attributes:
+        gain: k of the law, PosCorrGain times the default position gain [1/s].
+        bandwidth: of the low-pass on the speed [Hz]; 0 is none.
+        ramp_in_time: [s].
+        max_speed: MaxSpeedDeviation [rad/s].
+        max_deviation: MaxPosDeviation [rad].
+        level: 0 raw, 1 filtering.
+    """
+
+    gain: float = 5.0
+    bandwidth: float = 20.0
+    ramp_in_time: float = 0.0
+    max_speed: float = radians(1.0)
+    max_deviation: float = radians(1000.0)
+    level: int = 0
+
+    @classmethod
+    def of(cls, data: ExternalMotionData, activation: EgmActivation, run: EgmRun) -> EgmSettings:
+        """From configuration, activation and run."""
+        return cls(
+            gain=run.pos_corr_gain * data.position_gain,
+            bandwidth=data.bandwidth if activation.lp_filter is None else activation.lp_filter,
+            ramp_in_time=run.ramp_in_time,
+            max_speed=activation.max_speed_deviation,
+            max_deviation=activation.max_pos_deviation,
+            level=data.level,
+        )
+
+
+class EgmMotion:
+    """The motion of an arm under EGM; each part of the law is exact for references held during a step.
+
+    Args:
+        position: where the arm stands [rad], (7,); the reference until the sensor gives one.
+        settings: of the law.
+        limits: whose speeds cap the joints beside MaxSpeedDeviation.
+
+    Attributes:
+        reference: last position reference [rad], (7,).
+        reference_velocity: speed last fed forward [rad/s], (7,).
+        utilization: fraction of the allowed speed that the references ask for; above 1 the motion is slowed.
+    """
+
+    is_finished = False
+
+    def __init__(self, position: Joints, settings: EgmSettings, limits: JointLimits) -> None:
+        self._settings = settings
+        self._start = position
+        self._caps = tuple(min(settings.max_speed, most) for most in limits.velocity)
+        self._filtered: tuple[float, ...] = ZERO
+        self._time = 0.0
+        self.reference = position
+        self.reference_velocity = ZERO
+        self.utilization = 0.0
+        self.state = MotionState(position)
+
+    @property
+    def start(self) -> Joints:
+        """Where EGM began [rad], (7,)."""
+        return self._start
+
+    def advance(self, dt: float) -> None:
+        settings, before = self._settings, self.state
+        fade = self._fade(dt)
+        gain = settings.gain * fade
+        # The law converges exponentially: its mean speed over the step is below that at the start.
+        closing = -expm1(-gain * dt) / (gain * dt) if gain > 0.0 else 1.0
+        position_factor, speed_factor = gain * closing, fade * closing
+        speed = tuple(
+            position_factor * (reference - position) + speed_factor * velocity
+            for reference, position, velocity in zip(
+                self.reference, before.position, self.reference_velocity, strict=True
+            )
+        )
+        if settings.bandwidth > 0.0:  # the low-pass filter
+            new = 1.0 - exp(-2.0 * pi * settings.bandwidth * dt)
+            speed = tuple(f + (s - f) * new for f, s in zip(self._filtered, speed, strict=True))
+        self._filtered = speed
+        # One scale for all joints, so that the direction stays.
+        self.utilization = max(abs(value) / cap for value, cap in zip(speed, self._caps, strict=True))
+        if self.utilization > 1.0:
+            speed = tuple(value / self.utilization for value in speed)
+        reach = settings.max_deviation
+        moved = tuple(
+            max(start - reach, min(start + reach, now + value * dt))
+            for start, now, value in zip(self._start, before.position, speed, strict=True)
+        )
+        position = cast("Joints", moved)
+        velocity = _rate(before.position, position, dt)  # less than the law's where the deviation is bounded
+        self.state = MotionState(position, velocity, _rate(before.velocity, velocity, dt))
+
+    def _fade(self, dt: float) -> float:
+        """Mean of the linear ramp-in over the step; afterwards 1."""
+        begin, self._time = self._time, self._time + dt
+        ramp = self._settings.ramp_in_time
+        if begin >= ramp:
+            return 1.0
+        faded_in = min(self._time, ramp)
+        return (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
+
+
+def _rate(before: Joints, now: Joints, dt: float) -> Joints:
+    return cast("Joints", tuple((new - old) / dt for old, new in zip(before, now, strict=True)))

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
-from yumi.virtual.controller.configuration import Instance
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.signals import Instance
 from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
 
 _BASE = "/rw/cfg/"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from datetime import datetime, timezone
 
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.http import HttpReply
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import DEVICES, File
+from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, entry, invalid, resource
 
 _BASE = "/fileservice/"

@@ -15,7 +15,7 @@ from typing import TypeVar
 from aiohttp import WSCloseCode, web
 
 from yumi.errors import SettingsError
-from yumi.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 
 __all__ = ["Channel", "HttpServer", "Upgrade"]

@@ -15,10 +15,10 @@ from yarl import URL
 from yumi.errors import YumiError
 from yumi.rws import documents as forms
 from yumi.rws.documents import Link, Page, Pairs, State, Status
-from yumi.rws.http import HttpReply
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.rws.http import HttpReply
 
 _MOST_DIGITS = 12
 

@@ -28,12 +28,12 @@ from yumi.rws.events import (
     write_event,
     write_group,
 )
-from yumi.rws.http import HttpReply
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.errors import Refused
+from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.signals import path_of, printed
 from yumi.virtual.rws import panel
+from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, invalid
 from yumi.virtual.rws.rapid import execution_state
 

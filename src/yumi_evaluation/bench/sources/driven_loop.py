@@ -13,7 +13,7 @@ from threading import Thread
 
 from parent import say_ready
 
-from yumi.control.commands import write_goal
+from yumi.control.controller import write_goal
 from yumi.control.events import Event
 from yumi.control.loop import Commands
 from yumi.control.shared_state import read_snapshot

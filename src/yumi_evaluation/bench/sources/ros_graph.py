@@ -21,8 +21,8 @@ from parent import end_with_parent
 from rclpy.executors import SingleThreadedExecutor
 
 from yumi.clock import SystemClock
-from yumi.driver.speed import SpeedSetting
-from yumi.driver.state import RobotState
+from yumi.driver.readiness import RobotState
+from yumi.driver.state_machine import SpeedSetting
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.driver import RosDriver, close_ros, open_ros

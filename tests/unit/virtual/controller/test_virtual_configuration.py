@@ -3,7 +3,7 @@
 import pytest
 
 from yumi.errors import SettingsError
-from yumi.virtual.controller.configuration import Configuration
+from yumi.virtual.controller.signals import Configuration
 
 TEXT = """EIO:CFG_1.0:6:1::
 # a comment

@@ -15,7 +15,7 @@ from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing, field_borders
 from yumi.virtual.controller.fault_names import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmRun
+from yumi.virtual.mechanics.motion import EgmRun
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 

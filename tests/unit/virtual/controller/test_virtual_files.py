@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from yumi.virtual.controller import files
-from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import CAPACITY, LONGEST_PATH, MOST_FILES, FileStore
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from yumi.virtual.controller.errors import Refusal, Refused
+from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.signals import Signal, Signals, SignalType
 
 Edge = tuple[str, float, float]

@@ -9,7 +9,7 @@ from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
 from yumi.robot.joints import Side, home
 from yumi.virtual.controller.egm import EgmState
-from yumi.virtual.mechanics.egm_motion import EgmActivation
+from yumi.virtual.mechanics.motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
 SETUP = 'EGMGetId egm; EGMSetupUC ROB_ID,egm,"ROB_R","ROB_R"\\Joint\\CommTimeout:=0.5; '

@@ -10,7 +10,7 @@ from instruction_bench import InstructionBench
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
-from yumi.virtual.mechanics.arm_angle import arm_angle_deg
+from yumi.virtual.mechanics.arm import arm_angle_deg
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 

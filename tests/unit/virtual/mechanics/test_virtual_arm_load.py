@@ -9,8 +9,7 @@ import pytest
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
 from yumi.virtual.mechanics.arm import ArmModel, LoadSupervision, VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmSettings
-from yumi.virtual.mechanics.motion import MotionState
+from yumi.virtual.mechanics.motion import EgmSettings, MotionState
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)

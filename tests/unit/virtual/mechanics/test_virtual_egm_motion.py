@@ -10,7 +10,7 @@ import pytest
 
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.egm_motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
+from yumi.virtual.mechanics.motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
 
 CYCLE = 0.004032
 FAST = 400.0

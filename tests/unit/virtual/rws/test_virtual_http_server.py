@@ -8,8 +8,8 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
-from yumi.rws.http import HttpReply, HttpRequest
 from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
 
 

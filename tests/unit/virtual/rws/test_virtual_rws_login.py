@@ -7,7 +7,7 @@ import pytest
 
 from digest_client import authorization
 from yumi.errors import ProtocolError
-from yumi.rws import auth as digest
+from yumi.virtual.rws import http as digest
 
 NONCE = "MGY0Yjc2MGY2Y2QyZjAwNzp2YWxpZHVzZXJzQHJvYmFwaS5hYmI6MTkwMjg5NjRlNGE6MA=="
 USER, PASSWORD = "Default User", "robotics"
