@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, floor, radians
+from math import degrees, radians
 from typing import Any, TypeVar
 
 from yumi.rapid.library import Library
+from yumi.robot.inverse_kinematics import arm_angle, configuration
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import YUMI_UNITS
-from yumi.virtual.mechanics.arm import arm_angle_deg
 from yumi.virtual.mechanics.motion import StopMode
 
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
@@ -105,19 +105,14 @@ def robtarget(side: Side, position: Joints, tool: Pose | None, wobj: Pose | None
     """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle."""
     pose = tool0_to_body(side, position, tool)
     trans, rot = frame(pose if wobj is None else compose(inverse(wobj), pose))
-    return trans, rot, _configuration(position), (arm_angle_deg(side, position), *(NOT_PRESENT,) * 5)
+    turns = tuple(float(number) for number in configuration(position))
+    return trans, rot, turns, (degrees(arm_angle(side, position)), *(NOT_PRESENT,) * 5)
 
 
 def frame(pose: Pose) -> _Frame:
     """RAPID's pose, in millimetres."""
     x, y, z = pose.position
     return (x * 1e3, y * 1e3, z * 1e3), pose.orientation
-
-
-def _configuration(position: Joints) -> Sequence[float]:
-    """``confdata``: the quarter turns of axes 1, 4 and 6, rounded down; cfx, which no joint motion needs, is 0."""
-    axis_1, _, _, _, axis_4, _, axis_6 = position
-    return (*(float(floor(degrees(angle) / 90.0)) for angle in (axis_1, axis_4, axis_6)), 0.0)
 
 
 def _within(value: float, low: float, high: float) -> float:

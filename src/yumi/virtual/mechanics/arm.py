@@ -1,23 +1,17 @@
-"""One arm of the virtual robot: a planned motion, a servo that follows it, motors, brakes, load supervision.
-
-The arm angle: how far the elbow is turned about the line from shoulder to wrist, ``eax_a`` of a robtarget.
-"""
+"""One arm of the virtual robot: a planned motion, a servo that follows it, motors, brakes, load supervision."""
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
-from math import acos, atan2, degrees, dist, exp, pi
+from math import acos, dist, exp
 from typing import cast
-
-import numpy as np
-from numpy.typing import NDArray
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Pose, Side, home, joint_names
-from yumi.robot.kinematics import foot_to_body, multiply, rotate, tool0_to_body
+from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
     EgmMotion,
@@ -304,30 +298,3 @@ def _between(start: Joints, end: Joints, fraction: float) -> Joints:
 def _angle(a: Pose, b: Pose) -> float:
     product = abs(sum(x * y for x, y in zip(a.orientation, b.orientation, strict=True)))
     return 2.0 * acos(min(1.0, product))
-
-
-_SHOULDER_HEIGHT = 0.166
-_WRIST_TO_TOOL0 = 0.036
-
-
-def arm_angle_deg(side: Side, position: Joints) -> float:
-    """Arm angle as RAPID writes it [deg], -180 to 180, at joint positions [rad] (reference/yumi.md §5.2)."""
-    foot, tool0 = foot_to_body(side), tool0_to_body(side, position)
-    shoulder = np.add(foot.position, rotate(foot.orientation, (0.0, 0.0, _SHOULDER_HEIGHT)))
-    wrist = np.add(tool0.position, rotate(tool0.orientation, (0.0, 0.0, -_WRIST_TO_TOOL0)))
-    line = _unit(wrist - shoulder)
-    y_axis = _unit(np.cross(line, (0.0, 1.0 if side is Side.RIGHT else -1.0, 0.0)))
-    x_axis = np.cross(y_axis, line)
-    # The direction of the elbow's axis in the body frame: a quarter turn of that joint turns the tool about it.
-    a1, a2, a7, a3, a4, a5, a6 = position
-    after = tool0_to_body(side, (a1, a2, a7, a3 + pi / 2.0, a4, a5, a6))
-    w, x, y, z = tool0.orientation
-    turn = multiply(after.orientation, (w, -x, -y, -z))
-    # A quaternion and its negative are the same turn; the one with a positive scalar part turns by +90 degrees.
-    elbow = _unit(np.copysign(1.0, turn[0]) * np.array(turn[1:]))
-    angle = atan2(float(y_axis @ elbow), float(x_axis @ elbow)) + pi / 2.0
-    return degrees(angle - 2.0 * pi if angle > pi else angle)
-
-
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vector / float(np.linalg.norm(vector))

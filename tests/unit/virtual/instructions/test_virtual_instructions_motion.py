@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
+from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
-from yumi.virtual.mechanics.arm import arm_angle_deg
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
 
@@ -121,7 +121,7 @@ def test_c_tool_tells_the_tool_of_the_last_motion(bench: InstructionBench) -> No
 
 @pytest.mark.parametrize(("side", "angle_deg"), [(Side.RIGHT, -101.9644), (Side.LEFT, 101.9644)])
 def test_arm_angle_at_home_is_the_one_abb_publishes(side: Side, angle_deg: float) -> None:
-    assert arm_angle_deg(side, home(side)) == pytest.approx(angle_deg, abs=1e-4)
+    assert degrees(arm_angle(side, home(side))) == pytest.approx(angle_deg, abs=1e-4)
 
 
 positions = st.tuples(*(st.floats(low, high) for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True)))
