@@ -114,7 +114,11 @@ BODY_SHAPES = (
     Box((0, 50, -20), (135, 190, 60)),
     Box((0, -190, -20), (135, -50, 60)),
     Box((-360, -112, 100), (-120, 112, 280)),
-    Box((-361, -130, 300), (43, 130, 471)),
+    # The shoulders' upper edges are chamfered: |y| is at most 93 mm above 460 mm (reference/yumi.md §1.10). The step
+    # below is ours, where the arms of real robots at home pass free of the body.
+    Box((-361, -130, 300), (43, 130, 448)),
+    Box((-361, -112, 448), (43, 112, 460)),
+    Box((-361, -93, 460), (43, 93, 471)),
 )
 LINK_SHAPES: tuple[tuple[Shape, ...], ...] = (
     (
