@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import dist, hypot, inf
 
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 DOUBTED = 5
 """An implausible position counts as a datagram that did not come; after so many in a row the arm holds."""
@@ -84,10 +84,8 @@ class FeedbackCheck:
         """``state`` is plausible; its velocity is corrected where it was that from or to a false position."""
         if self.in_a_row and self._last is not None:
             passed = max(state.dt, state.time - self._last.time)
-            rows = zip(self._last.position, state.position, strict=True)
-            state = state._replace(
-                velocity=joints([(new - old) / passed for old, new in rows]) if passed > 0.0 else ZERO
-            )
+            velocity = change_rate(state.position, self._last.position, passed) if passed > 0.0 else ZERO
+            state = state._replace(velocity=velocity)
         self.in_a_row, self._doubt = 0, None
         self._support += 1
         self._last = state
