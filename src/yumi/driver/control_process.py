@@ -21,7 +21,7 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
-from yumi.control.events import ControlProcessEnded, CycleFailed, Event
+from yumi.control.events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, name_the_arm, serve
 from yumi.control.shared_state import (
@@ -199,6 +199,7 @@ class ControlServer:
         self._has_command = False
         self._replied: list[tuple[Side, float]] = []
         self._failures: dict[str, float] = {}
+        self._dropped = 0
         self._poller = Poller()
         for side, arm in arms.items():
             self._poller.watch(arm.socket, partial(self._reply, side))
@@ -213,6 +214,7 @@ class ControlServer:
                     self._processors.hold()
                 else:
                     self._processors.release()
+            self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
             self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
             self._settle()
@@ -311,10 +313,21 @@ class ControlServer:
             self._note_failure(event.side, error)
 
     def _send(self, value: object) -> None:
+        """A parent that does not read, since it was stopped, must not stop the arms: nothing here waits for it."""
         try:
-            self._pipe.send(value)
+            self._dropped += not self._pipe.send_soon(value)
         except PipeClosed:
             return  # the parent is gone; its end of the pipe says so to _read_command
+
+    def _flush(self) -> None:
+        try:
+            is_empty = self._pipe.flush()
+        except PipeClosed:
+            return  # as above
+        if self._dropped and is_empty:
+            dropped, self._dropped = self._dropped, 0
+            for side in self._arms:
+                self._send(ReportsDropped(side, dropped))
 
 
 class ControlProcess:
