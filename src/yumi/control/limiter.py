@@ -14,6 +14,7 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
@@ -378,9 +379,16 @@ class Limiter:
             moves where a speed is fed forward too.
         period: time between two states of the arm [s].
         gain: of the robot's position loop [1/s].
+        other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
     """
 
-    def __init__(self, limits: JointLimits, period: float = CYCLE, gain: float = EGM_GAIN) -> None:
+    def __init__(
+        self,
+        limits: JointLimits,
+        period: float = CYCLE,
+        gain: float = EGM_GAIN,
+        other_arm: Callable[[], Joints | None] = lambda: None,
+    ) -> None:
         self.counters = LimiterCounters()
         self.longest_step = LATE_CYCLE * period
         self.is_at_rest = True
@@ -391,7 +399,7 @@ class Limiter:
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._positions = PositionLimiter(limits)
         self._speeds = FeedForwardLimiter(limits, gain)
-        self._feedback = FeedbackCheck(limits)
+        self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain)
         self._session = 0
         self._sent_at = -inf
@@ -413,6 +421,11 @@ class Limiter:
     def implausible_position(self) -> Joints:
         """The newest measured position that was not used [rad], (7,)."""
         return self._feedback.position
+
+    @property
+    def is_other_arm(self) -> bool:
+        """Whether that is where the other arm is."""
+        return self._feedback.is_other_arm
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""

@@ -23,7 +23,7 @@ from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
-from yumi.control.loop import COMMANDS, ArmLoop, Commands, name_the_arm, serve
+from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
 from yumi.control.shared_state import (
     CycleEvent,
     Factor,
@@ -308,7 +308,7 @@ class ControlServer:
 
     def _report(self, event: Event) -> None:
         try:
-            self._send(name_the_arm(event, self._arms))
+            self._send(event)
         except Exception as error:  # a controller's report that cannot be pickled
             self._note_failure(event.side, error)
 

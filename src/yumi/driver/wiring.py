@@ -54,7 +54,7 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import Only
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
 
 
@@ -268,19 +268,22 @@ def _manager_of(
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
     halves: Halves = {}
-    return {side: _build_arm(plan, side, own, halves) for side, own in buffers.items()}
+    arms: dict[Side, ConnectedArm] = {}
 
+    def position(side: Side) -> Joints | None:
+        return arms[side].loop.position if side in arms else None
 
-def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
-    socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
-    manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
-    start_controllers(manager, plan.controllers[side])
-    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
-    limiter = Limiter(plan.limits, plan.period, plan.position_gain)
-    recorder = FlightRecorder(own.flight)
-    loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
-    return ConnectedArm(loop, socket)
+    for side, own in buffers.items():
+        socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
+        stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
+        manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
+        start_controllers(manager, plan.controllers[side])
+        arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
+        limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other))
+        recorder = FlightRecorder(own.flight)
+        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
+        arms[side] = ConnectedArm(loop, socket)
+    return arms
 
 
 def first_speed_scale(settings: Settings) -> float:
