@@ -332,6 +332,9 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
     script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
 )
+@example(  # a command that turned round was taken for one that stands, and stopped at once
+    script=[(18, for_a_while("is_silent", 7))], feeds_speed=True
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)

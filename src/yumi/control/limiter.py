@@ -36,6 +36,7 @@ from yumi.control.shared_state import Factor, Problem
 from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
+_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _FOLLOWABLE = 0.9  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
@@ -131,6 +132,14 @@ class PositionLimiter:
         rows = zip(*self._sent, limits.acceleration, limits.jerk, strict=True)
         ends = joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
         return inside(ends, limits, self.position)
+
+    def stands(self, dt: float) -> bool:
+        """Whether no joint has moved with the last step of ``dt`` [s], nor with the one before it.
+
+        One step alone may be short because a joint turns round: to stop there would be a jerk.
+        """
+        _, velocity, acceleration = self._sent
+        return hypot(*velocity) * dt < _STANDS and hypot(*acceleration) * dt * dt < _STANDS
 
     def _step_to(self, position: Joints, dt: float) -> Setpoint:
         """The step from the last position to this one: velocity and acceleration as differences."""
@@ -344,7 +353,6 @@ _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its refe
 _SETTLING = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
-_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 
 
 @dataclass(slots=True)
@@ -581,7 +589,7 @@ class Limiter:
         is_led = max(map(abs, leads)) >= _NO_LEAD
         against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
         velocity = self._speeds.next(planned, position, against, dt)
-        self.is_at_rest = not is_led and velocity is ZERO and dist(last, position) < _STANDS
+        self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)
 
     def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
