@@ -208,7 +208,7 @@ class ControlServer:
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
-        while not self._may_end():
+        while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             if self._processors is not None:
                 if any(arm.state is not None for arm in arms):
                     self._processors.hold()
@@ -228,7 +228,10 @@ class ControlServer:
                     self._fail(side, error)
                     continue
                 for event in events:
-                    self._report(event)
+                    try:
+                        self._send(event)
+                    except Exception as error:  # a controller's report that cannot be pickled
+                        self._note_failure(event.side, error)
         if self._processors is not None:
             self._processors.release()
         self._poller.close()
@@ -263,11 +266,6 @@ class ControlServer:
         if now - self._failures.get(f"{side.value} {sentence}", -inf) > _REPORT_PERIOD:
             self._failures[f"{side.value} {sentence}"] = now
             self._send(CycleFailed(side, sentence))
-
-    def _may_end(self) -> bool:
-        if self._stop_at is None:
-            return False
-        return self._clock.now() > self._stop_at or all(arm.is_still for arm in self._arms.values())
 
     def _note_command(self) -> None:
         """To serve a command may take longer than a reply: no datagram should have to wait for it."""
@@ -305,12 +303,6 @@ class ControlServer:
         self._stop_at = self._clock.now() + LAST_HOLD
         for arm in self._arms.values():
             arm.manager.deactivate_commanding()
-
-    def _report(self, event: Event) -> None:
-        try:
-            self._send(event)
-        except Exception as error:  # a controller's report that cannot be pickled
-            self._note_failure(event.side, error)
 
     def _send(self, value: object) -> None:
         """A parent that does not read, since it was stopped, must not stop the arms: nothing here waits for it."""
