@@ -116,7 +116,11 @@ class FeedbackCheck:
         """
         before = self._doubt
         self.reject(state)
-        agrees = before is not None and _agree(before, state) and _is_near_plan(state)
+        agrees = False
+        if before is not None and _is_near_plan(state):  # an arm can be in both states, one after the other
+            time = max(state.dt, state.time - before.time)
+            rows = zip(before.position, state.position, _SPEEDS, strict=True)
+            agrees = all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
         self._agreeing = self._agreeing + 1 if agrees else 1
         is_outweighed = self._agreeing >= max(_AGREEING, self._support) and self._support < _FEW
         is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
@@ -140,13 +144,6 @@ class FeedbackCheck:
                 if not min(old, goal) - room <= new <= max(old, goal) + room:
                     return False
         return True
-
-
-def _agree(before: ArmState, state: ArmState) -> bool:
-    """Whether an arm can be in both states, one after the other."""
-    time = max(state.dt, state.time - before.time)
-    rows = zip(before.position, state.position, _SPEEDS, strict=True)
-    return all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
 
 
 def _is_near_plan(state: ArmState) -> bool:

@@ -276,7 +276,11 @@ class ControlServer:
         self._has_command = False
         try:
             if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
-                self._serve(self._pipe.receive())
+                message: Call | Stop = self._pipe.receive()
+                if isinstance(message, Stop):
+                    self._begin_to_end()
+                else:
+                    self._send(Answer(message.number, self._serve(message)))
         except PipeClosed:
             self._begin_to_end()
             return
@@ -285,19 +289,15 @@ class ControlServer:
             self._send(Answer(UNREADABLE, refusal))
         self._poller.watch(self._pipe, self._note_command)
 
-    def _serve(self, message: Call | Stop) -> None:
-        if isinstance(message, Stop):
-            self._begin_to_end()
-            return
-        command = COMMANDS.get(message.name)
+    def _serve(self, call: Call) -> object:
+        """The answer to a command."""
+        command = COMMANDS.get(call.name)
         if command is None:
-            self._send(Answer(message.number, Refusal(f"There is no command {message.name!r}.")))
-            return
+            return Refusal(f"There is no command {call.name!r}.")
         try:
-            value: object = serve(self._commands, command, *message.args, **message.kwargs)
+            return serve(self._commands, command, *call.args, **call.kwargs)
         except CommandRefused as refusal:
-            value = Refusal(str(refusal))
-        self._send(Answer(message.number, value))
+            return Refusal(str(refusal))
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
