@@ -21,7 +21,7 @@ from soak import RECEIVE_EXAMPLES
 from yumi.control.controller import MemoryBuffer, State, write_speeds
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
-from yumi.control.limiter import FOLLOWING, LATE_CYCLE
+from yumi.control.limiter import FOLLOWING, LATE_CYCLE, Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
@@ -54,6 +54,7 @@ class Attacked(EgmLoop):
 
     Args:
         feeds_speed: move by a controller that feeds speeds forward.
+        knows_other_arm: the limiter knows where the other arm is, as in the process that holds both.
 
     Attributes:
         extra: datagrams that arrive besides the next true one, before or after it.
@@ -63,8 +64,9 @@ class Attacked(EgmLoop):
         deceived_at: when replies were lost, or a datagram forged that may not be known as false, last [s].
     """
 
-    def __init__(self, *, feeds_speed: bool = False) -> None:
-        super().__init__(model=ArmModel(supervises_load=False))
+    def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True) -> None:
+        limiter = Limiter(YUMI_LIMITS, other_arm=lambda: OTHER_ARM if knows_other_arm else None)
+        super().__init__(limiter=limiter, model=ArmModel(supervises_load=False))
         self._speeds = MemoryBuffer() if feeds_speed else None
         if self._speeds is not None:
             self.manager.load(VELOCITY_CONTROLLER, JointVelocityController(self._speeds))
@@ -330,6 +332,9 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
     script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
 )
+@example(  # a command that turned round was taken for one that stands, and stopped at once
+    script=[(18, for_a_while("is_silent", 7))], feeds_speed=True
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)
@@ -409,7 +414,7 @@ def test_speed_that_was_fed_forward_is_not_resumed_at_once_after_a_silence(cycle
 
 @pytest.mark.parametrize("swapped", [3, 4, 8, 24])
 def test_other_arms_positions_that_a_young_session_believes_lead_within_the_limits(swapped: int) -> None:
-    loop = Attacked()
+    loop = Attacked(knows_other_arm=False)
     loop.begin()
     loop.move(60)
     loop.restart()
@@ -419,6 +424,25 @@ def test_other_arms_positions_that_a_young_session_believes_lead_within_the_limi
     loop.move(40)
     assert_led_within_limits(loop)
     assert loop.robot.arm.planned == pytest.approx(stood_at, abs=0.2)
+
+
+@pytest.mark.parametrize("swapped", [3, 8, 24, 60])
+def test_other_arms_positions_are_never_believed_by_a_young_session_that_knows_the_other_arm(swapped: int) -> None:
+    loop = Attacked()
+    loop.begin()
+    loop.move(60)
+    loop.restart()
+    loop.move(4)
+    begun = len(loop.cycles)
+    for_a_while("is_swapped", swapped)(loop)
+    loop.move(40)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert all(dist(cycle.state.position, OTHER_ARM) > 1.0 for cycle in loop.cycles[begun:])
+    doubts = [event for event in loop.events if isinstance(event, ImplausibleFeedback)]
+    assert doubts
+    assert all(event.is_other_arm for event in doubts)
+    assert loop.snapshot.problem is Problem.NONE
 
 
 def test_session_that_begins_anew_does_not_feed_the_old_speed_to_a_standing_arm() -> None:
@@ -469,3 +493,5 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
     assert loop.line.state is not None
     assert dist(lost[0].position, OTHER_ARM) < 1e-5
+    assert lost[0].is_other_arm
+    assert "left and right EGM ports are exchanged?" in str(lost[0])

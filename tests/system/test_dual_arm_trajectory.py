@@ -44,16 +44,26 @@ def test_both_arms_start_in_the_same_cycle_period_and_stay_together(arms: DualAr
         assert ended.skew.worst < CYCLE
 
 
-def test_arms_that_start_at_once_are_in_step_whatever_the_phase_of_their_datagrams(arms: DualArms) -> None:
-    arms.arms[Side.LEFT].clock.advance(0.0015)
+@pytest.mark.parametrize("phase", [0.0, 0.0005, 0.0015, 0.002, 0.0039])
+@pytest.mark.parametrize("is_at_once", [True, False])
+def test_both_arms_start_in_the_first_cycle_after_the_goal_whatever_the_phase_of_their_datagrams(
+    arms: DualArms, phase: float, is_at_once: bool
+) -> None:
+    """The skew at the start is that of the datagrams, less than a cycle, and on the way there is none."""
+    arms.arms[Side.LEFT].clock.advance(phase)
     arms.run(0.1)
-    arms.send(dual_arm_trajectory(), is_at_once=True)
+    cycles = {side: len(arm.cycles) for side, arm in arms.arms.items()}
+    arms.send(dual_arm_trajectory(), is_at_once=is_at_once)
     arms.run_until(lambda: arms.is_over, 6.0)
     for (ended,) in arms.ended.values():
         assert ended.outcome is Outcome.SUCCEEDED
         assert ended.skew is not None
+        assert abs(ended.skew.start) in (pytest.approx(phase, abs=1e-6), pytest.approx(CYCLE - phase, abs=1e-6))
         assert abs(ended.skew.start) < CYCLE
         assert ended.skew.worst < 1e-6
+    if is_at_once:
+        first = {side: arm.cycles[cycles[side]].state.time for side, arm in arms.arms.items()}
+        assert first[Side.LEFT] - first[Side.RIGHT] == pytest.approx(phase, abs=1e-9)
 
 
 def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualArms) -> None:

@@ -1,5 +1,9 @@
 """What a controller is, the transitions of its lifecycle (REP-2007), and how others see the controllers of an arm.
 
+To add one: a subclass of :class:`Controller` in ``control/controllers/``, a line with its type in ``CONTROLLER_KINDS``
+(``driver/wiring.py``), and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of
+``yumi_evaluation`` runs it with a virtual arm in virtual time.
+
 Goals for the joints of one arm, as they lie in a buffer, and how a controller takes them out.
 
 A buffer holds the latest value only: the one way state and goals cross between the control process and the driver.

@@ -31,7 +31,7 @@ from yumi.control.controller import (
 from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
-from yumi.settings import Value, Values
+from yumi.settings import Values
 
 INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
@@ -265,24 +265,23 @@ class LoadedController:
         )
 
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
-        accepted = {key: self._accepted(key, value, is_settled=is_settled) for key, value in values.items()}
-        return {**self._values, **accepted}
-
-    def _accepted(self, key: str, value: object, *, is_settled: bool) -> Value:
-        parameter = self._parameters.get(key)
-        if parameter is None:
-            known = ", ".join(self._parameters) or "none"
-            raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
-        try:
-            accepted = parameter.accept(value)
-        except CommandRefused as refusal:
-            raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
-        if is_settled and parameter.read_only and accepted != self._values[key]:
-            raise CommandRefused(
-                f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
-                "clean the controller up to change it."
-            )
-        return accepted
+        """All parameters with ``values`` in place of some."""
+        complete = dict(self._values)
+        for key, value in values.items():
+            parameter = self._parameters.get(key)
+            if parameter is None:
+                known = ", ".join(self._parameters) or "none"
+                raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
+            try:
+                complete[key] = parameter.accept(value)
+            except CommandRefused as refusal:
+                raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
+            if is_settled and parameter.read_only and complete[key] != self._values[key]:
+                raise CommandRefused(
+                    f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
+                    "clean the controller up to change it."
+                )
+        return complete
 
 
 def _interned(names: tuple[str, ...]) -> tuple[str, ...]:

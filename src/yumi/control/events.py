@@ -204,6 +204,25 @@ class CycleFailed:
 
 
 @dataclass(frozen=True, slots=True)
+class ReportsDropped:
+    """The driver did not read what the control process reported, and it reads again: one event for each arm.
+
+    Attributes:
+        count: how many events and answers, of both arms, were dropped.
+    """
+
+    side: Side
+    count: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.side.word.capitalize()} arm: the driver did not read the control process's reports for a while and "
+            f"{self.count} were dropped; the arms were served meanwhile. Was the driver stopped or its machine "
+            "overloaded? See the state for what holds now."
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class ControlProcessEnded:
     """The control process has ended by itself: one event for each arm."""
 
@@ -223,7 +242,7 @@ def is_fault(event: Event) -> bool:
         return bool(event.deactivated)
     if isinstance(event, ImplausibleFeedback):
         return event.is_lost
-    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ControlProcessEnded)
+    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ReportsDropped | ControlProcessEnded)
 
 
 Event = (
@@ -238,5 +257,6 @@ Event = (
     | ControllerFailed
     | ControllerReport
     | CycleFailed
+    | ReportsDropped
     | ControlProcessEnded
 )

@@ -6,9 +6,10 @@ Both are decided by physics, not by the protocol, which proves neither
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import dist, hypot, inf
 
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 DOUBTED = 5
 """An implausible position counts as a datagram that did not come; after so many in a row the arm holds."""
@@ -23,6 +24,9 @@ robot does not jump there. An arm further out gets no reply."""
 LONGEST = 0.1
 """Longest motion that may explain a position while others are implausible [s]."""
 
+EXCHANGED = 0.5
+"""An implausible position as near to the other arm's as this is the other arm's [rad, over all joints]."""
+
 _MARGIN = 0.02  # [rad] a measured position may differ by from what a joint's speed explains
 _AGREEING = 3  # so many datagrams that agree with each other outweigh as many of the session before them
 _FEW = 25  # a session that was plausible for longer is not outweighed
@@ -35,17 +39,21 @@ class FeedbackCheck:
 
     Args:
         limits: of the joints.
+        other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
 
     Attributes:
         implausible: states that no arm can have reached.
         in_a_row: those since the last plausible one.
         position: the implausible position that came last [rad], (7,).
+        is_other_arm: whether that is where the other arm is, and not this one: their datagrams were exchanged.
     """
 
-    def __init__(self, limits: JointLimits) -> None:
+    def __init__(self, limits: JointLimits, other_arm: Callable[[], Joints | None]) -> None:
         self.implausible = self.in_a_row = 0
         self.position: Joints = ZERO
+        self.is_other_arm = False
         self._limits = limits
+        self._other_arm = other_arm
         self._last: ArmState | None = None  # the last plausible state
         self._support = 0  # plausible states since the session began
         self._doubt: ArmState | None = None  # the last implausible state since then
@@ -84,10 +92,8 @@ class FeedbackCheck:
         """``state`` is plausible; its velocity is corrected where it was that from or to a false position."""
         if self.in_a_row and self._last is not None:
             passed = max(state.dt, state.time - self._last.time)
-            rows = zip(self._last.position, state.position, strict=True)
-            state = state._replace(
-                velocity=joints([(new - old) / passed for old, new in rows]) if passed > 0.0 else ZERO
-            )
+            velocity = change_rate(state.position, self._last.position, passed) if passed > 0.0 else ZERO
+            state = state._replace(velocity=velocity)
         self.in_a_row, self._doubt = 0, None
         self._support += 1
         self._last = state
@@ -98,19 +104,28 @@ class FeedbackCheck:
         self.implausible += 1
         self.in_a_row += 1
         self._doubt, self.position = state, state.position
+        other = self._other_arm()
+        own = dist(state.position, self._last.position) if self._last else inf
+        self.is_other_arm = other is not None and dist(state.position, other) < min(EXCHANGED, own)
 
     def replace(self, state: ArmState) -> tuple[ArmState, bool]:
         """What to use in place of an implausible ``state``, which is counted, and whether it is the state itself.
 
-        It is the last plausible position; or this one, at rest, if enough others agree with it.
+        It is the last plausible position; or this one, at rest, if enough others agree with it and it is not the other
+        arm's: as many of those agree with each other as datagrams are exchanged.
         """
         before = self._doubt
         self.reject(state)
-        agrees = before is not None and _agree(before, state) and _is_near_plan(state)
+        agrees = False
+        if before is not None and _is_near_plan(state):  # an arm can be in both states, one after the other
+            time = max(state.dt, state.time - before.time)
+            rows = zip(before.position, state.position, _SPEEDS, strict=True)
+            agrees = all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
         self._agreeing = self._agreeing + 1 if agrees else 1
         is_outweighed = self._agreeing >= max(_AGREEING, self._support) and self._support < _FEW
         is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
-        if self._last is None or ((is_outweighed or is_elsewhere) and self._limits.outside(state.position) is None):
+        is_possible = not self.is_other_arm and self._limits.outside(state.position) is None
+        if self._last is None or ((is_outweighed or is_elsewhere) and is_possible):
             self._last = state._replace(velocity=ZERO)
             return self.accept(state), True
         return self._last._replace(time=state.time, dt=state.dt, session=state.session), False
@@ -129,13 +144,6 @@ class FeedbackCheck:
                 if not min(old, goal) - room <= new <= max(old, goal) + room:
                     return False
         return True
-
-
-def _agree(before: ArmState, state: ArmState) -> bool:
-    """Whether an arm can be in both states, one after the other."""
-    time = max(state.dt, state.time - before.time)
-    rows = zip(before.position, state.position, _SPEEDS, strict=True)
-    return all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
 
 
 def _is_near_plan(state: ArmState) -> bool:

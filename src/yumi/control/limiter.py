@@ -14,8 +14,10 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
+from operator import sub
 
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
@@ -31,9 +33,10 @@ from yumi.control.motion import (
     step_towards,
 )
 from yumi.control.shared_state import Factor, Problem
-from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
+from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
+_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _FOLLOWABLE = 0.9  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
@@ -50,7 +53,7 @@ class PositionLimiter:
     """
 
     def __init__(self, limits: JointLimits) -> None:
-        self._limits = limits
+        self.limit(limits)
         self.rest_at(ZERO)
 
     @property
@@ -61,6 +64,9 @@ class PositionLimiter:
     def limit(self, limits: JointLimits) -> None:
         """Apply other limits from the next step on."""
         self._limits = limits
+        # What the weakest joint may do, and how long the slowest one needs to build up its acceleration [s].
+        self._weakest = min(limits.velocity), min(limits.acceleration), min(limits.jerk)
+        self._longest_ramp = max(top / jerk for top, jerk in zip(limits.acceleration, limits.jerk, strict=True))
 
     def rest_at(self, position: Joints) -> None:
         """Begin again, at rest."""
@@ -70,17 +76,8 @@ class PositionLimiter:
         self._planned: dict[int, tuple[float, float]] = {}
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
 
-    def passes(self, desired: Joints, dt: float) -> bool:
-        """Go to ``desired`` within ``dt`` [s] if that is smooth enough; returns whether it was."""
-        step = self._step_to(desired, dt)
-        if not all(self._is_smooth(index, step, dt) for index in range(JOINT_COUNT)):
-            return False
-        self._sent = self._goal = step
-        self._planned = {}
-        return True
-
-    def approach(self, desired: Joints, dt: float, elapsed: float) -> Joints:
-        """Go towards ``desired`` for ``dt`` [s] as fast as the limits allow; the position reached.
+    def next(self, desired: Joints, dt: float, elapsed: float) -> Joints:
+        """``desired`` itself if a step there is smooth enough, else the next position towards it, within the limits.
 
         Each joint for itself: one whose own step is smooth enough takes it. A goal that moves is caught up with.
 
@@ -90,7 +87,11 @@ class PositionLimiter:
             elapsed: since the position that was desired before [s]; longer than ``dt`` after a gap.
         """
         step = self._step_to(desired, dt)
-        is_late = [not self._is_smooth(index, step, dt) for index in range(JOINT_COUNT)]
+        is_late = () if self._is_gentle(step, dt) else [not self._is_smooth(i, step, dt) for i in range(JOINT_COUNT)]
+        if not any(is_late):
+            self._sent = self._goal = step
+            self._planned = {}
+            return desired
         goal = self._motion_of_goal(desired, dt, elapsed)
         # How the joints move now. Where only differences are known, the last one is half a step old.
         motion = [
@@ -132,12 +133,32 @@ class PositionLimiter:
         ends = joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
         return inside(ends, limits, self.position)
 
+    def stands(self, dt: float) -> bool:
+        """Whether no joint has moved with the last step of ``dt`` [s], nor with the one before it.
+
+        One step alone may be short because a joint turns round: to stop there would be a jerk.
+        """
+        _, velocity, acceleration = self._sent
+        return hypot(*velocity) * dt < _STANDS and hypot(*acceleration) * dt * dt < _STANDS
+
     def _step_to(self, position: Joints, dt: float) -> Setpoint:
         """The step from the last position to this one: velocity and acceleration as differences."""
         last, before, _ = self._sent
-        velocity = joints([(new - old) / dt for old, new in zip(last, position, strict=True)])
-        return Setpoint(
-            position, velocity, joints([(new - old) / dt for old, new in zip(before, velocity, strict=True)])
+        velocity = change_rate(position, last, dt)
+        return Setpoint(position, velocity, change_rate(velocity, before, dt))
+
+    def _is_gentle(self, step: Setpoint, dt: float) -> bool:
+        """Whether no joint asks for more than the weakest one may do: nearly always so, and seen quickly."""
+        (speed, top, jerk), limits = self._weakest, self._limits
+        acceleration = hypot(*step.acceleration)
+        fastest = max(map(abs, step.velocity)) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk)
+        room = min(*map(sub, step.position, limits.lower), *map(sub, limits.upper, step.position))
+        return (
+            not self._chasing
+            and fastest <= speed
+            and acceleration <= top
+            and dist(step.acceleration, self._sent.acceleration) <= jerk * dt
+            and 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp) < room  # see speed_to_stop
         )
 
     def _is_smooth(self, index: int, step: Setpoint, dt: float) -> bool:
@@ -172,8 +193,8 @@ class PositionLimiter:
         acceleration: that is noise, a stream with uneven steps, or a jump.
         """
         limits, last, before = self._limits, self._goal, self._goal.acceleration
-        velocity = joints([(new - old) / elapsed for old, new in zip(last.position, desired, strict=True)])
-        acceleration = joints([(new - old) / elapsed for old, new in zip(last.velocity, velocity, strict=True)])
+        velocity = change_rate(desired, last.position, elapsed)
+        acceleration = change_rate(velocity, last.velocity, elapsed)
         self._goal = Setpoint(desired, velocity, acceleration)
         speeds, rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
         for index, (speed, rate) in enumerate(zip(velocity, acceleration, strict=True)):
@@ -332,7 +353,6 @@ _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its refe
 _SETTLING = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
-_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 
 
 @dataclass(slots=True)
@@ -367,19 +387,27 @@ class Limiter:
             moves where a speed is fed forward too.
         period: time between two states of the arm [s].
         gain: of the robot's position loop [1/s].
+        other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
     """
 
-    def __init__(self, limits: JointLimits, period: float = CYCLE, gain: float = EGM_GAIN) -> None:
+    def __init__(
+        self,
+        limits: JointLimits,
+        period: float = CYCLE,
+        gain: float = EGM_GAIN,
+        other_arm: Callable[[], Joints | None] = lambda: None,
+    ) -> None:
         self.counters = LimiterCounters()
         self.longest_step = LATE_CYCLE * period
         self.is_at_rest = True
         self._shortest_step = _NO_TIME * period
         self._limits = limits
+        self._near = min(limits.acceleration) * FEEDBACK_DELAY / EGM_GAIN  # a lead that any robot may have
         self._gain = gain
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._positions = PositionLimiter(limits)
         self._speeds = FeedForwardLimiter(limits, gain)
-        self._feedback = FeedbackCheck(limits)
+        self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain)
         self._session = 0
         self._sent_at = -inf
@@ -401,6 +429,11 @@ class Limiter:
     def implausible_position(self) -> Joints:
         """The newest measured position that was not used [rad], (7,)."""
         return self._feedback.position
+
+    @property
+    def is_other_arm(self) -> bool:
+        """Whether that is where the other arm is."""
+        return self._feedback.is_other_arm
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""
@@ -472,8 +505,8 @@ class Limiter:
         self.is_at_rest = False
         goal = inside(desired.position, self._limits, self._positions.position)
         self.counters.position_limited += goal is not desired.position
-        passes = self._positions.passes(goal, dt)
-        position = goal if passes else self._positions.approach(goal, dt, state.dt)
+        position = self._positions.next(goal, dt, state.dt)
+        passes = position is goal
         velocity = self._speeds.next(state.planned, position, desired.velocity, dt)
         # What is cut at the range and then passes is counted there already.
         self.counters.slowed += not passes or (self._speeds.is_bounded and goal is desired.position)
@@ -556,7 +589,7 @@ class Limiter:
         is_led = max(map(abs, leads)) >= _NO_LEAD
         against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
         velocity = self._speeds.next(planned, position, against, dt)
-        self.is_at_rest = not is_led and velocity is ZERO and dist(last, position) < _STANDS
+        self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)
 
     def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
@@ -573,8 +606,7 @@ class Limiter:
 
     def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""
-        goal = inside(goal, self._limits, self._positions.position)
-        return goal if self._positions.passes(goal, dt) else self._positions.approach(goal, dt, state.dt)
+        return self._positions.next(inside(goal, self._limits, self._positions.position), dt, state.dt)
 
     def _is_near(self, state: ArmState) -> bool:
         """Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead.
@@ -584,7 +616,10 @@ class Limiter:
         """
         if self._gain == 0.0:
             return True
-        rows = zip(self._positions.position, state.planned, state.velocity, self._limits.acceleration, strict=True)
+        last, planned = self._positions.position, state.planned
+        if dist(last, planned) < self._near:
+            return True
+        rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)
         # At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
         return all(abs(last - now) < (abs(v) + top * FEEDBACK_DELAY) / EGM_GAIN for last, now, v, top in rows)
 

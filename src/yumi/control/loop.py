@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import dist, inf
+from dataclasses import dataclass
+from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from yumi.control.controller import Buffer, ControllerInfo, HardwareInfo, ParameterInfo, State
@@ -40,9 +40,6 @@ DOUBTS_REPORTED = 1.0
 
 STANDING = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
-
-EXCHANGED = 0.5
-"""A position that one arm's datagrams report is the other arm's if it is as near to that [rad, over all joints]."""
 
 
 class ArmLoop:
@@ -119,9 +116,9 @@ class ArmLoop:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
 
     @property
-    def position(self) -> Joints:
-        """Where the arm was measured last [rad], (7,)."""
-        return self._position
+    def position(self) -> Joints | None:
+        """Where the arm was measured last [rad], (7,); None before its first cycle."""
+        return self._position if self._cycles else None
 
     def is_datagram_due(self, now: float) -> bool:
         """Whether the next datagram may arrive at any moment: what takes time waits until it is answered.
@@ -217,7 +214,8 @@ class ArmLoop:
         index = distances.index(max(distances))
         deactivated = self.manager.deactivate_commanding() if is_lost else ()
         name = joint_names(self._side)[index]
-        return ImplausibleFeedback(self._side, name, distances[index], reported, deactivated, is_lost)
+        is_other_arm = self._limiter.is_other_arm
+        return ImplausibleFeedback(self._side, name, distances[index], reported, deactivated, is_lost, is_other_arm)
 
     def _note_changes(self, before: ArmState | None, state: ArmState) -> None:
         if state.session != self._session:
@@ -425,12 +423,3 @@ class CommandPort(Protocol):
             CommandRefused: a rule stands against it.
             RobotNotReady: the control process has ended or does not answer.
         """
-
-
-def name_the_arm(event: Event, arms: Mapping[Side, ArmLoop]) -> Event:
-    """Say of a doubted position whether the other arm is there: its datagrams may have been exchanged."""
-    if isinstance(event, ImplausibleFeedback):
-        own, other = arms[event.side].position, arms[event.side.other].position
-        if dist(event.position, other) < min(EXCHANGED, dist(event.position, own)):
-            return replace(event, is_other_arm=True)
-    return event

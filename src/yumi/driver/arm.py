@@ -15,7 +15,7 @@ from yumi.egm.messages import (
     RobotMessage,
 )
 from yumi.egm.session import Counted, Message, SensorSession
-from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, joints
+from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, change_rate
 
 LONGEST_PERIOD = 0.100
 """The robot's clock is not believed beyond this [s]."""
@@ -102,7 +102,7 @@ class EgmArm:
             dt,
             session.number,
             message.measured,
-            _velocity(before, message, dt),
+            ZERO if before is None or dt <= 0.0 else change_rate(message.measured, before.measured, dt),
             message.planned,
             is_running(message),
         )
@@ -165,22 +165,6 @@ def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters
     )
 
 
-def _velocity(before: JointReport | None, message: JointReport, dt: float) -> Joints:
-    if before is None or dt <= 0.0:
-        return ZERO
-    a, b, c, d, e, f, g = message.measured
-    oa, ob, oc, od, oe, of, og = before.measured
-    return (
-        (a - oa) / dt,
-        (b - ob) / dt,
-        (c - oc) / dt,
-        (d - od) / dt,
-        (e - oe) / dt,
-        (f - of) / dt,
-        (g - og) / dt,
-    )
-
-
 class PerfectArm:
     """An arm without dynamics; every ``read`` is one cycle later.
 
@@ -205,8 +189,7 @@ class PerfectArm:
     def write(self, command: ArmCommand) -> None:
         if not self.is_running:
             return
-        way = zip(self._position, command.position, strict=True)
-        self._velocity = joints([(new - old) / CYCLE for old, new in way])
+        self._velocity = change_rate(command.position, self._position, CYCLE)
         self._position = command.position
 
     def silence(self, now: float) -> float:

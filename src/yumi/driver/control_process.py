@@ -21,9 +21,9 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
-from yumi.control.events import ControlProcessEnded, CycleFailed, Event
+from yumi.control.events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
-from yumi.control.loop import COMMANDS, ArmLoop, Commands, name_the_arm, serve
+from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
 from yumi.control.shared_state import (
     CycleEvent,
     Factor,
@@ -199,6 +199,7 @@ class ControlServer:
         self._has_command = False
         self._replied: list[tuple[Side, float]] = []
         self._failures: dict[str, float] = {}
+        self._dropped = 0
         self._poller = Poller()
         for side, arm in arms.items():
             self._poller.watch(arm.socket, partial(self._reply, side))
@@ -207,12 +208,13 @@ class ControlServer:
     def run(self) -> None:
         """Serve datagrams and commands until asked to stop, and until the arms stand."""
         arms = tuple(self._arms.values())
-        while not self._may_end():
+        while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             if self._processors is not None:
                 if any(arm.state is not None for arm in arms):
                     self._processors.hold()
                 else:
                     self._processors.release()
+            self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
             self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
             self._settle()
@@ -226,7 +228,10 @@ class ControlServer:
                     self._fail(side, error)
                     continue
                 for event in events:
-                    self._report(event)
+                    try:
+                        self._send(event)
+                    except Exception as error:  # a controller's report that cannot be pickled
+                        self._note_failure(event.side, error)
         if self._processors is not None:
             self._processors.release()
         self._poller.close()
@@ -262,11 +267,6 @@ class ControlServer:
             self._failures[f"{side.value} {sentence}"] = now
             self._send(CycleFailed(side, sentence))
 
-    def _may_end(self) -> bool:
-        if self._stop_at is None:
-            return False
-        return self._clock.now() > self._stop_at or all(arm.is_still for arm in self._arms.values())
-
     def _note_command(self) -> None:
         """To serve a command may take longer than a reply: no datagram should have to wait for it."""
         self._has_command = True
@@ -276,7 +276,11 @@ class ControlServer:
         self._has_command = False
         try:
             if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
-                self._serve(self._pipe.receive())
+                message: Call | Stop = self._pipe.receive()
+                if isinstance(message, Stop):
+                    self._begin_to_end()
+                else:
+                    self._send(Answer(message.number, self._serve(message)))
         except PipeClosed:
             self._begin_to_end()
             return
@@ -285,36 +289,37 @@ class ControlServer:
             self._send(Answer(UNREADABLE, refusal))
         self._poller.watch(self._pipe, self._note_command)
 
-    def _serve(self, message: Call | Stop) -> None:
-        if isinstance(message, Stop):
-            self._begin_to_end()
-            return
-        command = COMMANDS.get(message.name)
+    def _serve(self, call: Call) -> object:
+        """The answer to a command."""
+        command = COMMANDS.get(call.name)
         if command is None:
-            self._send(Answer(message.number, Refusal(f"There is no command {message.name!r}.")))
-            return
+            return Refusal(f"There is no command {call.name!r}.")
         try:
-            value: object = serve(self._commands, command, *message.args, **message.kwargs)
+            return serve(self._commands, command, *call.args, **call.kwargs)
         except CommandRefused as refusal:
-            value = Refusal(str(refusal))
-        self._send(Answer(message.number, value))
+            return Refusal(str(refusal))
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
         for arm in self._arms.values():
             arm.manager.deactivate_commanding()
 
-    def _report(self, event: Event) -> None:
-        try:
-            self._send(name_the_arm(event, self._arms))
-        except Exception as error:  # a controller's report that cannot be pickled
-            self._note_failure(event.side, error)
-
     def _send(self, value: object) -> None:
+        """A parent that does not read, since it was stopped, must not stop the arms: nothing here waits for it."""
         try:
-            self._pipe.send(value)
+            self._dropped += not self._pipe.send_soon(value)
         except PipeClosed:
             return  # the parent is gone; its end of the pipe says so to _read_command
+
+    def _flush(self) -> None:
+        try:
+            is_empty = self._pipe.flush()
+        except PipeClosed:
+            return  # as above
+        if self._dropped and is_empty:
+            dropped, self._dropped = self._dropped, 0
+            for side in self._arms:
+                self._send(ReportsDropped(side, dropped))
 
 
 class ControlProcess:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
 from types import TracebackType
+from typing import cast
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.cycle import WireCounters
@@ -101,16 +102,27 @@ def reference(
         CommandRefused: a value is not finite, or there are not as many as the robot has.
     """
     axes, beside = len(state.joints), len(state.external)
+    orientation: Quaternion | None = None
+    if pose is not None:
+        w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
+        norm = hypot(w, x, y, z)
+        if abs(norm - 1.0) > _UNIT:
+            raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
+        orientation = (w / norm, x / norm, y / norm, z / norm)
+    if data is not None:
+        if len(data.numbers) > MOST_NUMBERS:
+            raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
+        data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
     return SensorMessage(
         seqno=0,
         position=None if joints is None else _finite("joints", joints, axes),
         velocity=None if speed is None else _finite("speed", speed, axes),
         tool_position=None if pose is None else _vector("position of pose", pose.position),
-        tool_orientation=None if pose is None else _unit(pose.orientation),
-        twist=None if twist is None else _twist(twist),
+        tool_orientation=orientation,
+        twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
         external=() if external is None else _finite("external", external, beside),
         external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
-        rapid_data=None if data is None else _numbers(data),
+        rapid_data=data,
     )
 
 
@@ -153,25 +165,6 @@ def _finite(name: str, values: Sequence[float], count: int) -> tuple[float, ...]
 def _vector(name: str, values: Sequence[float]) -> Vector:
     x, y, z = _finite(name, values, 3)
     return (x, y, z)
-
-
-def _twist(values: Sequence[float]) -> Twist:
-    vx, vy, vz, wx, wy, wz = _finite("twist", values, 6)
-    return (vx, vy, vz, wx, wy, wz)
-
-
-def _unit(orientation: Sequence[float]) -> Quaternion:
-    w, x, y, z = _finite("orientation of pose", orientation, 4)
-    norm = hypot(w, x, y, z)
-    if abs(norm - 1.0) > _UNIT:
-        raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
-    return (w / norm, x / norm, y / norm, z / norm)
-
-
-def _numbers(data: RapidData) -> RapidData:
-    if len(data.numbers) > MOST_NUMBERS:
-        raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
-    return RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
 
 
 class EgmServer:

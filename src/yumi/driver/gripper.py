@@ -224,7 +224,11 @@ class Gripper:
             return outcome is not None
 
         refusal = f"The {self.side.word} gripper still moves after {self._timeout:g} s; look at it."
-        period = lambda: POLL_PERIOD if self._is_subscribed else _REQUEST_POLL  # noqa: E731
+
+        def period() -> float:
+            reported = self._signals and self._signals.value(self.side, "hand_SysState")
+            return _REQUEST_POLL if reported is None else POLL_PERIOD
+
         wait_until(self._clock, has_ended, self._timeout, refusal, period=period)
         return outcome
 
@@ -408,10 +412,6 @@ class Gripper:
         )
 
     # Signals, by their names without the arm's suffix
-
-    @property
-    def _is_subscribed(self) -> bool:
-        return self._signals is not None and self._signals.value(self.side, "hand_SysState") is not None
 
     def _value(self, name: str) -> float:
         """A signal as it was reported, or else asked for."""

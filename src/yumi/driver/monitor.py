@@ -386,10 +386,20 @@ class RobotMonitor:
             self._unsubscribe()
             return self._connect(now)
         is_requested, self._is_poll_requested = self._is_poll_requested, False
-        if is_whole or (self._subscription is None and self._has_news()):
+        has_news = False
+        if not is_whole and self._subscription is None:
+            newest, known = self._client.events(count=1), self._state.last_event
+            has_news = (newest[0].number if newest else 0) != (known.number if known else 0)
+        if is_whole or has_news:
             self._read_whole()
             self._polled_at = self._machines_polled_at = now
-        elif self._handle_changes() or is_requested or (self._is_busy and now - self._machines_polled_at >= BUSY_POLL):
+            return self._next_poll()
+        with self._lock:  # of several events only the newest is read
+            paths = {change.path for change in self._changes_since(self._handled_count)}
+            self._handled_count = self._reported_count
+        if self._unexplained or paths & _STOPPING:
+            self._update(last_event=self._stops.read(self._client)[1])
+        if paths or is_requested or (self._is_busy and now - self._machines_polled_at >= BUSY_POLL):
             self._update(machines=self._machines())
             self._machines_polled_at = now
         return self._next_poll()
@@ -434,37 +444,23 @@ class RobotMonitor:
         self._is_lost = True
         self._wake.set()
 
-    def _handle_changes(self) -> bool:
-        """Whether anything was reported; of several events only the newest is read."""
-        with self._lock:
-            paths = {change.path for change in self._changes_since(self._handled_count)}
-            self._handled_count = self._reported_count
-        if self._unexplained or paths & _STOPPING:
-            self._update(last_event=self._stops.read(self._client)[1])
-        return bool(paths)
-
     def _changes_since(self, number: int) -> list[Change]:
         count = self._reported_count - number
         return list(self._journal)[-count:] if count else []
 
     # What is read
 
-    def _has_news(self) -> bool:
-        newest, known = self._client.events(count=1), self._state.last_event
-        return (newest[0].number if newest else 0) != (known.number if known else 0)
-
     def _machines(self) -> Mapping[Side, MachineState | None]:
-        return {side: self._machine(side) for side in Side}
-
-    def _machine(self, side: Side) -> MachineState | None:
-        try:
-            return read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
-        except ProtocolError:
-            return None
-        except ControllerRefused as error:
-            if error.status == _STARTING:
-                raise
-            return None
+        machines: dict[Side, MachineState | None] = dict.fromkeys(Side)
+        for side in Side:
+            try:
+                machines[side] = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
+            except ProtocolError:
+                continue
+            except ControllerRefused as error:
+                if error.status == _STARTING:
+                    raise
+        return machines
 
     def _read_whole(self) -> None:
         """Read all; what is reported meanwhile may be newer than what was read, also if it has been handled since."""

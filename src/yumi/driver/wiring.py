@@ -54,7 +54,7 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import Only
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
 
 
@@ -67,61 +67,39 @@ def start_controllers(
         SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
     """
     started = tuple(_start(manager, settings) for settings in controllers)
-    _check_general(controllers, started)
-    return started
-
-
-def _start(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
-    if settings.kind not in manager.kinds:
-        known = ", ".join(manager.kinds)
-        raise SettingsError(
-            f"{settings.place}: controller {settings.name!r} has type {settings.kind!r}; known are: {known}."
-        )
-    if settings.state is InitialState.UNLOADED:
-        return settings
-    try:
-        manager.load_kind(settings.name, settings.kind)
-    except CommandRefused as refusal:
-        raise SettingsError(f"{settings.place}: {refusal}") from refusal
-    own = _set_parameters(manager, settings)
-    _lead_to_state(manager, settings)
-    return own
-
-
-def _set_parameters(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
-    """One by one, so that a refusal names its line."""
-    known = {info.parameter.name for info in manager.parameters(settings.name)}
-    own = {key: entry for key, entry in settings.entries.items() if key in known or not entry.is_general}
-    for key, entry in own.items():
-        try:
-            manager.set_parameters(settings.name, {key: entry.value})
-        except CommandRefused as refusal:
-            raise SettingsError(f"{entry.place}: {refusal}") from refusal
-    return replace(settings, entries=own)
-
-
-def _lead_to_state(manager: ControllerManager, settings: ControllerSettings) -> None:
-    if settings.state is InitialState.UNCONFIGURED:
-        return
-    try:
-        manager.configure(settings.name)
-        if settings.state is InitialState.ACTIVE or (settings.state is None and not _commands(manager, settings.name)):
-            manager.switch((settings.name,), (), None)
-    except (CommandRefused, SwitchFailed) as refusal:
-        raise SettingsError(f"{settings.place}: {refusal}") from refusal
-
-
-def _commands(manager: ControllerManager, name: str) -> bool:
-    return any(info.required for info in manager.controllers() if info.name == name)
-
-
-def _check_general(controllers: Sequence[ControllerSettings], started: Sequence[ControllerSettings]) -> None:
-    """What stands under a wildcard must be for a controller: a mistyped word would pass unseen."""
+    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
     taken = {entry.place for settings in started for entry in settings.entries.values()}
     for settings in controllers:
         for key, entry in settings.entries.items():
             if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
                 raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
+    return started
+
+
+def _start(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
+    name, state = settings.name, settings.state
+    if settings.kind not in manager.kinds:
+        known = ", ".join(manager.kinds)
+        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
+    if state is InitialState.UNLOADED:
+        return settings
+    place = settings.place  # of what may be refused
+    try:
+        manager.load_kind(name, settings.kind)
+        parameters = {info.parameter.name for info in manager.parameters(name)}
+        own = {key: entry for key, entry in settings.entries.items() if key in parameters or not entry.is_general}
+        for key, entry in own.items():
+            place = entry.place
+            manager.set_parameters(name, {key: entry.value})
+        place = settings.place
+        if state is not InitialState.UNCONFIGURED:
+            manager.configure(name)
+            commands = any(info.required for info in manager.controllers() if info.name == name)
+            if state is InitialState.ACTIVE or (state is None and not commands):
+                manager.switch((name,), (), None)
+    except (CommandRefused, SwitchFailed) as refusal:
+        raise SettingsError(f"{place}: {refusal}") from refusal
+    return replace(settings, entries=own)
 
 
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
@@ -268,19 +246,22 @@ def _manager_of(
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
     halves: Halves = {}
-    return {side: _build_arm(plan, side, own, halves) for side, own in buffers.items()}
+    arms: dict[Side, ConnectedArm] = {}
 
+    def position(side: Side) -> Joints | None:
+        return arms[side].loop.position if side in arms else None
 
-def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> ConnectedArm:
-    socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
-    stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
-    manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
-    start_controllers(manager, plan.controllers[side])
-    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
-    limiter = Limiter(plan.limits, plan.period, plan.position_gain)
-    recorder = FlightRecorder(own.flight)
-    loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
-    return ConnectedArm(loop, socket)
+    for side, own in buffers.items():
+        socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
+        stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
+        manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
+        start_controllers(manager, plan.controllers[side])
+        arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
+        limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other))
+        recorder = FlightRecorder(own.flight)
+        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
+        arms[side] = ConnectedArm(loop, socket)
+    return arms
 
 
 def first_speed_scale(settings: Settings) -> float:

@@ -109,7 +109,11 @@ def read_goal(cartesian: pb.EgmPose) -> tuple[Vector | None, Quaternion | None]:
     position = _position(cartesian.pos) if cartesian.HasField("pos") else None
     if cartesian.HasField("euler"):
         return position, _from_euler(cartesian.euler)
-    return position, _unit(_quaternion(cartesian.orient)) if cartesian.HasField("orient") else None
+    if not cartesian.HasField("orient"):
+        return position, None
+    w, x, y, z = _quaternion(cartesian.orient)
+    norm = hypot(w, x, y, z) or 1.0
+    return position, (w / norm, x / norm, y / norm, z / norm)
 
 
 def write_goal(cartesian: pb.EgmPose, position: Vector | None, orientation: Quaternion | None) -> None:
@@ -196,14 +200,6 @@ def _from_euler(part: pb.EgmEuler) -> Quaternion:
     return quaternion_from_euler_zyx(angles)
 
 
-def _unit(quaternion: Quaternion) -> Quaternion:
-    norm = hypot(*quaternion)
-    if norm == 0.0:
-        return quaternion
-    w, x, y, z = quaternion
-    return (w / norm, x / norm, y / norm, z / norm)
-
-
 def _put_vector(part: pb.EgmCartesian | pb.EgmEuler, values: Sequence[float]) -> None:
     part.x, part.y, part.z = values
 
@@ -219,6 +215,7 @@ MOST_NUMBERS = 40
 """Numbers a RAPID program and a sensor may send each other in one datagram (reference/egm.md §1)."""
 
 DATA = pb.EgmHeader.MSGTYPE_DATA
+_NO_TIME = "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
 _SEVEN = 7
 _Parsed = TypeVar(
     "_Parsed",
@@ -262,6 +259,9 @@ class SensorCodec:
         measured, measured_external = _checked_axes(feedback, axes, "feedBack")
         goal, goal_external = _checked_axes(planned, axes, "planned")
         force, force_control = _read_force(robot)
+        measured_time = read_clock(feedback)
+        if measured_time is None:
+            raise ProtocolError(_NO_TIME)
         return RobotMessage(
             seqno=header.seqno,
             sent_ms=header.tm,
@@ -269,7 +269,7 @@ class SensorCodec:
             planned=goal,
             measured_pose=_checked_pose(feedback),
             planned_pose=_checked_pose(planned),
-            measured_time=_checked_time(feedback),
+            measured_time=measured_time,
             planned_time=read_clock(planned),
             motors=MOTOR_STATES[robot.motorState.state],
             mci=MCI_STATES[robot.mciState.state],
@@ -448,12 +448,16 @@ def check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
 def _checked_axes(motion: Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     robax, external = len(motion.joints.joints), len(motion.externalJoints.joints)
     if robax != ROBOT_AXES or (axes == _SEVEN and not external):
-        wanted = f"a YuMi arm sends {ROBOT_AXES} and 1" if axes == _SEVEN else f"a robot sends {ROBOT_AXES}"
-        raise ProtocolError(f"EGM {name} has {robax} joints and {external} external joints: {wanted}.")
+        raise ProtocolError(_wrong_axes(name, robax, external, axes))
     values, beside = read_axes(motion, axes)
     if not _are_finite((*values, *beside)):
         raise ProtocolError(f"EGM {name} has a joint that is not a finite number: {list(values)}, {list(beside)}.")
     return values, beside
+
+
+def _wrong_axes(name: str, robax: int, external: int, axes: int) -> str:
+    wanted = f"a YuMi arm sends {ROBOT_AXES} and 1" if axes == _SEVEN else f"a robot sends {ROBOT_AXES}"
+    return f"EGM {name} has {robax} joints and {external} external joints: {wanted}."
 
 
 def _checked_pose(motion: Motion) -> Pose | None:
@@ -461,15 +465,6 @@ def _checked_pose(motion: Motion) -> Pose | None:
     if pose is not None and not _are_finite((*pose.position, *pose.orientation)):
         raise ProtocolError(f"EGM has a tool pose that is not finite numbers: {pose.position}, {pose.orientation}.")
     return pose
-
-
-def _checked_time(feedback: pb.EgmFeedBack) -> float:
-    time = read_clock(feedback)
-    if time is None:
-        raise ProtocolError(
-            "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
-        )
-    return time
 
 
 def _read_force(robot: pb.EgmRobot) -> tuple[tuple[float, ...] | None, bool | None]:
@@ -528,6 +523,10 @@ class JointCodec:
             raise ProtocolError(
                 f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
             )
+        clock = feedback.time
+        sec, usec = clock.sec, clock.usec
+        if not sec and not feedback.HasField("time"):
+            raise ProtocolError(_NO_TIME)
         motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
         if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
             check_states(robot)
@@ -535,7 +534,7 @@ class JointCodec:
             seqno,
             _read_joints(feedback, "feedBack"),
             _read_joints(robot.planned, "planned"),
-            _read_time(feedback),
+            sec + usec * 1e-6,
             MOTOR_STATES[motors],
             MCI_STATES[mci],
             RAPID_STATES[rapid],
@@ -559,7 +558,10 @@ def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
         a1, a2, a3, a4, a5, a6 = _read_six(robax)
         (a7,) = _read_one(external)
     else:
-        a1, a2, a3, a4, a5, a6, a7 = _read_packed(robax, external, name)
+        six, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
+        if len(six) != ROBOT_AXES or not extra:
+            raise ProtocolError(_wrong_axes(name, len(six), len(extra), _SEVEN))
+        (a1, a2, a3, a4, a5, a6), a7 = six, extra[0]
     if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
         raise ProtocolError(
             f"EGM {name} has a joint that no arm has: {[a1, a2, a3, a4, a5, a6]}, {[a7]} are to be finite degrees."
@@ -573,25 +575,6 @@ def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
         a5 * RAD_PER_DEG,
         a6 * RAD_PER_DEG,
     )
-
-
-def _read_packed(robax: bytes, external: bytes, name: str) -> list[float]:
-    joints, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
-    if len(joints) != 6 or not extra:
-        raise ProtocolError(
-            f"EGM {name} has {len(joints)} joints and {len(extra)} external joints: a YuMi arm sends 6 and 1."
-        )
-    return [*joints, extra[0]]
-
-
-def _read_time(feedback: pb.JointMotion) -> float:
-    time = feedback.time
-    sec, usec = time.sec, time.usec
-    if not sec and not feedback.HasField("time"):
-        raise ProtocolError(
-            "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
-        )
-    return sec + usec * 1e-6
 
 
 def _reference(tag: int, chain: Joints) -> bytes:

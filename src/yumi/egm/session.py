@@ -69,21 +69,18 @@ class Arrivals:
         if offset < self._lowest:
             self._lowest, self._lowest_at = offset, now
         if now >= self._window_end:
-            self._close_window(now)
+            if self._before is None:
+                self._before = (self._lowest, self._lowest_at)
+            else:
+                lowest, since = self._before
+                self.drift_ppm = (lowest - self._lowest) / (self._lowest_at - since) * 1e6
+            self._lowest, self._window_end = inf, now + _WINDOW
 
     def _set_clock(self, now: float, offset: float) -> None:
         self._offset = self._lowest = offset
         self._lowest_at = now
         self._before = None
         self._window_end = now + _WINDOW
-
-    def _close_window(self, now: float) -> None:
-        if self._before is None:
-            self._before = (self._lowest, self._lowest_at)
-        else:
-            offset, since = self._before
-            self.drift_ppm = (offset - self._lowest) / (self._lowest_at - since) * 1e6
-        self._lowest, self._window_end = inf, now + _WINDOW
 
 
 SILENCE = 0.020

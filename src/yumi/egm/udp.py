@@ -43,7 +43,16 @@ class UdpServer:
         self._remote = remote
         self._peer: _Address | None = None
         self._others: deque[tuple[bytes, _Address]] = deque(maxlen=_WAITING)
-        self._socket = _bound(host, port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            why = f"Cannot listen for EGM on {host}:{port}: {error.strerror}."
+            if error.errno == errno.EADDRINUSE:
+                why = f"UDP port {port} is taken: another driver may be running; stop it or choose another EGM port."
+            raise NoConnection(why) from error
         self._receive = self._socket.recvfrom
 
     def __enter__(self) -> UdpServer:
@@ -189,23 +198,6 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def _bound(host: str, port: int) -> socket.socket:
-    server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    server.setblocking(False)
-    try:
-        server.bind((host, port))
-    except OSError as error:
-        server.close()
-        raise NoConnection(_why_not_bound(host, port, error)) from error
-    return server
-
-
-def _why_not_bound(host: str, port: int, error: OSError) -> str:
-    if error.errno == errno.EADDRINUSE:
-        return f"UDP port {port} is taken: another driver may be running; stop it or choose another EGM port."
-    return f"Cannot listen for EGM on {host}:{port}: {error.strerror}."
 
 
 def _send(sender: socket.socket, datagram: bytes, address: tuple[str, int]) -> None:

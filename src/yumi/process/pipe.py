@@ -7,8 +7,10 @@ import mmap
 import multiprocessing
 import os
 import pickle
+import socket
 import struct
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
@@ -26,6 +28,7 @@ PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 _NUMBER = struct.Struct("!I")
 _PROTOCOL = 5  # whose large blocks of memory travel beside the pickle, and are not copied by it
 _READ_AT_ONCE = 1 << 16  # bytes; takes 20 µs
+_QUEUE = 256  # values that wait for a reader, as one that was stopped does not read: then further ones are dropped
 
 
 class PipeClosed(Exception):
@@ -44,6 +47,8 @@ class PipeEnd:
         self._parts: list[bytes | mmap.mmap] = []
         self._lengths: list[int] = []
         self._filled = 0  # bytes of the last part
+        self._queue: deque[memoryview] = deque()  # what waits for room in the pipe
+        self._sender: socket.socket | None = None  # the same pipe, for sending what does not wait
 
     def fileno(self) -> int:
         return self._connection.fileno()
@@ -57,18 +62,49 @@ class PipeEnd:
         Raises:
             PipeClosed: the reader is gone.
         """
-        blocks: list[pickle.PickleBuffer] = []
-        payload = io.BytesIO()
-        ForkingPickler(payload, _PROTOCOL, True, blocks.append).dump(value)
-        lengths = [len(payload.getbuffer()), *(block.raw().nbytes for block in blocks)]
-        head = b"".join(_NUMBER.pack(number) for number in (len(lengths), *lengths))
         try:
-            for part in (memoryview(head + payload.getvalue()), *(block.raw() for block in blocks)):
+            for part in _parts(value):
                 left = part
                 while left:
                     left = left[os.write(self.fileno(), left) :]
         except OSError as error:
             raise PipeClosed(str(error)) from error
+
+    def send_soon(self, value: object) -> bool:
+        """Pass ``value`` on without ever waiting: as much as the pipe has room for now, the rest with :meth:`flush`.
+
+        Returns:
+            Whether it was taken: not while too many wait already, as for a reader that was stopped.
+
+        Raises:
+            PipeClosed: the reader is gone.
+        """
+        if len(self._queue) >= _QUEUE:
+            return False
+        self._queue.extend(_parts(value))
+        self.flush()
+        return True
+
+    def flush(self) -> bool:
+        """Pass on what waits, as far as the pipe has room; returns whether nothing waits any more.
+
+        Raises:
+            PipeClosed: the reader is gone.
+        """
+        if self._queue and self._sender is None:
+            self._sender = socket.socket(fileno=os.dup(self.fileno()))
+        while self._queue and self._sender is not None:
+            try:
+                sent = self._sender.send(self._queue[0], socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return False
+            except OSError as error:
+                self._queue.clear()
+                raise PipeClosed(str(error)) from error
+            self._queue[0] = self._queue[0][sent:]
+            if not self._queue[0]:
+                self._queue.popleft()
+        return True
 
     def receive(self) -> Any:
         """Wait for the next value.
@@ -130,6 +166,19 @@ class PipeEnd:
 
     def close(self) -> None:
         self._connection.close()
+        if self._sender is not None:
+            self._sender.close()
+
+
+def _parts(value: object) -> list[memoryview]:
+    """What is sent for ``value``."""
+    blocks: list[pickle.PickleBuffer] = []
+    payload = io.BytesIO()
+    ForkingPickler(payload, _PROTOCOL, True, blocks.append).dump(value)
+    raw = [block.raw() for block in blocks]
+    lengths = [len(payload.getbuffer()), *(block.nbytes for block in raw)]
+    head = b"".join(_NUMBER.pack(number) for number in (len(lengths), *lengths))
+    return [memoryview(head + payload.getvalue()), *raw]
 
 
 class ChildProcess:

@@ -57,7 +57,18 @@ def prepare_process() -> str:
     gc.collect()
     gc.freeze()
     gc.disable()
-    return f"{_raise_priority()}, {_lock_memory()}"
+    priority = "normal priority"
+    if hasattr(os, "sched_setscheduler"):
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+            priority = f"real-time priority {_PRIORITY}"
+        except PermissionError:
+            priority = _raise_nice()
+    try:
+        is_locked = ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE) == 0
+    except (OSError, AttributeError):  # not a POSIX libc
+        is_locked = False
+    return f"{priority}, {'memory locked' if is_locked else 'memory not locked (not permitted)'}"
 
 
 def release_process() -> None:
@@ -101,27 +112,8 @@ def short_switch_interval() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
-def _raise_priority() -> str:
-    if hasattr(os, "sched_setscheduler"):
-        try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        except PermissionError:
-            return _raise_nice()
-        return f"real-time priority {_PRIORITY}"
-    return "normal priority"
-
-
 def _raise_nice() -> str:
     try:
         return f"nice {os.nice(_NICE)} (real-time priority is not permitted)"
     except PermissionError:
         return "normal priority (neither real-time priority nor nice is permitted)"
-
-
-def _lock_memory() -> str:
-    try:
-        libc = ctypes.CDLL(None, use_errno=True)
-        failed = libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0
-    except (OSError, AttributeError):  # not a POSIX libc
-        failed = True
-    return "memory not locked (not permitted)" if failed else "memory locked"

@@ -201,7 +201,9 @@ def _load(link: _Link, w: Vector, b: Vector, a: Vector) -> tuple[float, float, f
 
 def _links(payload: Mass | None) -> Iterator[_Link]:
     for index, ((sine, x, z, angle), frame) in enumerate(zip(_JOINTS, _body_frames(), strict=True)):
-        bodies = [_seen_from(link_mass(index), frame)]
+        own = link_mass(index)  # given in ``frame``
+        centre = compose(frame, Pose(own.centre, IDENTITY)).position
+        bodies = [Mass(own.mass, centre, _turned(own.inertia, frame.orientation))]
         if payload is not None and index == JOINT_COUNT - 1:
             bodies.append(payload)  # the last frame is tool0
         mass = sum(body.mass for body in bodies)
@@ -226,15 +228,6 @@ def _body_frames() -> Iterator[Pose]:
             ),
         )
         yield compose(inverse(link_to_foot), body_to_foot)
-
-
-def _seen_from(body: Mass, frame: Pose) -> Mass:
-    """``body``, given in ``frame``, seen from where that frame is seen."""
-    return Mass(
-        body.mass,
-        compose(frame, Pose(body.centre, IDENTITY)).position,
-        _turned(body.inertia, frame.orientation),
-    )
 
 
 def _turned(inertia: Inertia, rotation: Quaternion) -> Inertia:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import degrees, radians
+from operator import le
 from typing import NamedTuple
 
 Joints = tuple[float, float, float, float, float, float, float]
@@ -64,8 +65,23 @@ def joints(values: Sequence[float]) -> Joints:
     """Check the count of ``values`` (7, chain order) and fix them as a tuple."""
     if len(values) != JOINT_COUNT:
         raise ValueError(f"an arm has {JOINT_COUNT} joints, got {len(values)} values")
-    a, b, c, d, e, f, g = (float(value) for value in values)
+    a, b, c, d, e, f, g = map(float, values)
     return (a, b, c, d, e, f, g)
+
+
+def change_rate(new: Joints, old: Joints, dt: float) -> Joints:
+    """How fast the joints have changed from ``old`` to ``new`` within ``dt`` [s]; written out, as every cycle asks."""
+    a, b, c, d, e, f, g = new
+    oa, ob, oc, od, oe, of, og = old
+    return (
+        (a - oa) / dt,
+        (b - ob) / dt,
+        (c - oc) / dt,
+        (d - od) / dt,
+        (e - oe) / dt,
+        (f - of) / dt,
+        (g - og) / dt,
+    )
 
 
 def chain_from_abb(robax: Sequence[float], eax_a: float) -> Joints:
@@ -170,6 +186,8 @@ class JointLimits:
 
     def outside(self, position: Joints) -> int | None:
         """Index of the first joint whose position [rad] is out of range (or not a number), or None."""
+        if all(map(le, self.lower, position)) and all(map(le, position, self.upper)):  # asked in every cycle
+            return None
         for index, value in enumerate(position):
             if not self.lower[index] <= value <= self.upper[index]:
                 return index

@@ -1,25 +1,27 @@
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import pytest
 
 from yumi.control.controller import MemoryBuffer
 from yumi.control.events import ImplausibleFeedback
-from yumi.control.loop import name_the_arm
+from yumi.control.feedback import FeedbackCheck
 from yumi.control.shared_state import Problem, Snapshot, read_snapshot
-from yumi.robot.joints import ZERO, Joints, Side
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
 
 LEFT: Joints = (0.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(("position", "is_other_arm"), [(LEFT, True), ((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), False)])
-def test_doubted_position_that_is_the_other_arms_is_reported_as_such(position: Joints, is_other_arm: bool) -> None:
-    arms: Any = {Side.LEFT: SimpleNamespace(position=LEFT), Side.RIGHT: SimpleNamespace(position=ZERO)}
-    event = name_the_arm(ImplausibleFeedback(Side.RIGHT, "yumi_joint_1_r", 0.5, position, ("a",), is_lost=True), arms)
-    assert isinstance(event, ImplausibleFeedback)
-    assert event.is_other_arm is is_other_arm
+def test_doubted_position_that_is_the_other_arms_is_known_as_such(position: Joints, is_other_arm: bool) -> None:
+    check = FeedbackCheck(YUMI_LIMITS, lambda: LEFT)
+    check.accept(ArmState(0.0, CYCLE, 1, ZERO, ZERO, ZERO, is_running=True))
+    check.reject(ArmState(CYCLE, CYCLE, 1, position, ZERO, position, is_running=True))
+    assert check.is_other_arm is is_other_arm
+
+
+@pytest.mark.parametrize("is_other_arm", [True, False])
+def test_report_of_a_doubted_position_names_the_ports_where_it_is_the_other_arms(is_other_arm: bool) -> None:
+    event = ImplausibleFeedback(Side.RIGHT, "yumi_joint_1_r", 0.5, LEFT, ("a",), True, is_other_arm)
     assert ("left and right EGM ports are exchanged?" in str(event)) is is_other_arm
     assert "yumi_joint_1_r is 28.6° from where the arm can be, the arm holds; a deactivated: " in str(event)
 

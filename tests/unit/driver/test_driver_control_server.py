@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.events import CycleFailed
+from yumi.control.events import ControllerFailed, CycleFailed, ReportsDropped
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     Answer,
@@ -22,7 +22,7 @@ from yumi.driver.control_process import (
     WakeMode,
     run_control_process,
 )
-from yumi.process.pipe import PipeClosed
+from yumi.process.pipe import PROCESSES, PipeClosed, PipeEnd
 from yumi.robot.joints import Side
 
 
@@ -61,6 +61,13 @@ class Parent(Source):
 
     def send(self, value: object) -> None:
         self.received.append(value)
+
+    def send_soon(self, value: object) -> bool:
+        self.received.append(value)
+        return True
+
+    def flush(self) -> bool:
+        return True
 
 
 class Arm:
@@ -199,6 +206,42 @@ def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], paren
     parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
     run(arms, parent, clock)
     assert Answer(3, Refusal("There is no command '_publish'.")) in parent.received
+
+
+class TalkativeArm(Arm):
+    """Reports 100 events of 1 kB in each pass; its parent reads from pass 30 on, and stops it when it has read all."""
+
+    def __init__(self, clock: ManualClock, parent: Parent, driver: PipeEnd) -> None:
+        super().__init__(clock, parent, is_broken=False)
+        self.heard: list[Any] = []
+        self._driver = driver
+
+    def take_events(self) -> tuple[object, ...]:
+        number = len(self.watched)
+        while number >= 30 and self._driver.has_value():
+            self.heard.append(self._driver.receive())
+            if self.heard[-1] == ReportsDropped(Side.LEFT, 29 * 100 - len(self.heard) + 2):
+                self._driver.send(Stop())
+        return tuple(ControllerFailed(Side.RIGHT, f"{number}".ljust(1000)) for _ in range(100 if number < 30 else 0))
+
+
+@pytest.mark.timeout(20)
+def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_reported(
+    clock: ManualClock, parent: Parent
+) -> None:
+    driver, pipe = map(PipeEnd, PROCESSES.Pipe())
+    talkative, silent = TalkativeArm(clock, parent, driver), Arm(clock, parent, is_broken=False)
+    run({Side.RIGHT: talkative, Side.LEFT: silent}, pipe, clock)  # type: ignore[arg-type]
+    driver.close()
+    pipe.close()
+    assert silent.settled >= 31
+    events = [each for each in talkative.heard if isinstance(each, ControllerFailed)]
+    first = [int(each.sentence) for each in events]
+    assert first == sorted(first)
+    assert 256 <= len(events) < 29 * 100
+    dropped = [each for each in talkative.heard if isinstance(each, ReportsDropped)]
+    assert dropped == [ReportsDropped(side, 29 * 100 - len(events)) for side in (Side.RIGHT, Side.LEFT)]
+    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile" in str(dropped[0])
 
 
 def test_processors_are_kept_awake_only_while_a_robot_streams(

@@ -65,6 +65,33 @@ def test_reader_does_not_wait_for_the_rest_of_a_long_value(ends: tuple[PipeEnd, 
     assert len(theirs.receive()) == 1000
 
 
+def test_sender_that_must_not_wait_passes_long_values_on_whole_and_in_order(ends: tuple[PipeEnd, PipeEnd]) -> None:
+    ours, theirs = ends
+    values = [bytes([number]) * 100_000 for number in range(10)]
+    assert all(ours.send_soon(value) for value in values)
+    assert not ours.flush()  # the pipe is full
+    heard = []
+    while len(heard) < len(values):
+        ours.flush()
+        if theirs.read():
+            heard.append(theirs.receive())
+    assert heard == values
+    assert ours.flush()
+
+
+@pytest.mark.timeout(20)
+def test_sender_that_must_not_wait_drops_what_a_reader_never_takes(ends: tuple[PipeEnd, PipeEnd]) -> None:
+    ours, theirs = ends
+    while ours.send_soon(bytes(1000)):
+        continue
+    assert theirs.receive() == bytes(1000)
+    ours.flush()
+    assert ours.send_soon(b"room again")
+    theirs.close()
+    with pytest.raises(PipeClosed):
+        ours.flush()
+
+
 def test_end_of_the_other_side_is_told_in_the_middle_of_a_value(ends: tuple[PipeEnd, PipeEnd]) -> None:
     ours, theirs = ends
     ours.close()
