@@ -149,24 +149,13 @@ def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
     for state in page.states:
         href = next((link.href for link in state.links if link.rel == "self"), None)
         if href is not None:
-            changes.append(Change(_subscribed(href, known), state.fields))
+            # Messages of the event log have paths below it; signals may come with their network and device.
+            near = (path for path in known if href.startswith(f"{path}/") or _signal(path) == _signal(href) != "")
+            changes.append(Change(href if href in known else next(near, href), state.fields))
         elif changes:
             change = changes.pop()
             changes.append(Change(change.path, {**change.fields, **state.fields}))
     return tuple(changes)
-
-
-def _subscribed(href: str, paths: tuple[str, ...]) -> str:
-    """The path under which ``href`` was subscribed.
-
-    Messages of the event log have paths below it; signals may come with their network and device.
-    """
-    if href in paths:
-        return href
-    for path in paths:
-        if href.startswith(f"{path}/") or _signal(path) == _signal(href) != "":
-            return path
-    return href
 
 
 def _signal(path: str) -> str:

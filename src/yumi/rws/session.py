@@ -249,7 +249,17 @@ class RwsSession:
     def _authorized(self, request: Request, deadline: float) -> httpx.Response:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
-        message = self._message(request, deadline)
+        try:
+            message = httpx.Request(
+                request.method,
+                f"http://{self.address}{request.target}",
+                headers={} if request.content_type is None else {"Content-Type": request.content_type},
+                content=request.body,
+                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
+            )
+        except httpx.InvalidURL as error:
+            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
+        message.headers.encoding = "utf-8"  # of user names in a login
         response = self._once(message, cookies, deadline)
         if response.status_code == _UNAUTHORIZED and self.is_open and self._cookies != cookies:
             # Another request has logged in meanwhile: one session is enough.
@@ -265,21 +275,6 @@ class RwsSession:
                 "the right ones (a new controller knows user 'Default User' with password 'robotics')."
             )
         return response
-
-    def _message(self, request: Request, deadline: float) -> httpx.Request:
-        headers = {} if request.content_type is None else {"Content-Type": request.content_type}
-        try:
-            message = httpx.Request(
-                request.method,
-                f"http://{self.address}{request.target}",
-                headers=headers,
-                content=request.body,
-                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
-            )
-        except httpx.InvalidURL as error:
-            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
-        message.headers.encoding = "utf-8"  # of user names in a login
-        return message
 
     def _with_credentials(self, message: httpx.Request, challenge: httpx.Response) -> httpx.Request:
         """``message`` with the answer to the challenge of a controller; httpx computes it."""

@@ -175,11 +175,11 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._hang_up)
-        self._faults = FaultInjection(self.world, self._service)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
+        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
+        self._faults = FaultInjection(self.world, self._service)
         self._background = Background()
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
@@ -201,24 +201,18 @@ class VirtualController:
                 on_ready(server.port)
                 pace = Pace(self._clock)
                 while not is_over.is_set():
-                    self._cycle()
+                    inboxes = {side: link.receive() for side, link in self._links.items()}
+                    with self._lock:
+                        departures = self.world.exchange(inboxes)
+                        self._service.advance(self._clock.now())
+                    for side, datagram, is_foreign in departures:
+                        (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
         finally:
             self._background.stop()
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
-
-    def _cycle(self) -> None:
-        inboxes = {side: link.receive() for side, link in self._links.items()}
-        with self._lock:
-            departures = self.world.exchange(inboxes)
-            self._service.advance(self._clock.now())
-        for side, datagram, is_foreign in departures:
-            (self._foreign_links if is_foreign else self._links)[side].send(datagram)
-
-    def _hang_up(self) -> None:
-        self._server.hang_up()
 
     def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:

@@ -12,25 +12,13 @@ STRINGS = Library(DATA)
 
 
 @STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
-def number_to_string(call: Call) -> str:
-    return _number_text(call)
-
-
 @STRINGS.function("DnumToStr", r"dnum Val, num Dec, \switch Exp", "string")
-def dnum_to_string(call: Call) -> str:
-    return _number_text(call)
-
-
-def _number_text(call: Call) -> str:
-    return f"{call['Val']:.{_decimals(call)}{'E' if call.present('Exp') else 'f'}}"
-
-
-def _decimals(call: Call) -> int:
+def number_text(call: Call) -> str:
     decimals: float = call["Dec"]
     if not 0 <= decimals == decimals // 1 <= LONGEST_STRING:
         sentence = f"{call.name} takes a whole number of decimals, 0 to {LONGEST_STRING}, not {decimals:g}."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return int(decimals)
+    return f"{call['Val']:.{int(decimals)}{'E' if call.present('Exp') else 'f'}}"
 
 
 @STRINGS.function("ValToStr", "anytype Val", "string")

@@ -105,19 +105,16 @@ def robtarget(side: Side, position: Joints, tool: Pose | None, wobj: Pose | None
     """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle."""
     pose = tool0_to_body(side, position, tool)
     trans, rot = frame(pose if wobj is None else compose(inverse(wobj), pose))
-    return trans, rot, _configuration(position), (arm_angle_deg(side, position), *(NOT_PRESENT,) * 5)
+    # confdata: the quarter turns of axes 1, 4 and 6, rounded down; cfx, which no joint motion needs, is 0.
+    axis_1, _, _, _, axis_4, _, axis_6 = position
+    quarters = (*(float(floor(degrees(angle) / 90.0)) for angle in (axis_1, axis_4, axis_6)), 0.0)
+    return trans, rot, quarters, (arm_angle_deg(side, position), *(NOT_PRESENT,) * 5)
 
 
 def frame(pose: Pose) -> _Frame:
     """RAPID's pose, in millimetres."""
     x, y, z = pose.position
     return (x * 1e3, y * 1e3, z * 1e3), pose.orientation
-
-
-def _configuration(position: Joints) -> Sequence[float]:
-    """``confdata``: the quarter turns of axes 1, 4 and 6, rounded down; cfx, which no joint motion needs, is 0."""
-    axis_1, _, _, _, axis_4, _, axis_6 = position
-    return (*(float(floor(degrees(angle) / 90.0)) for angle in (axis_1, axis_4, axis_6)), 0.0)
 
 
 def _within(value: float, low: float, high: float) -> float:

@@ -327,7 +327,11 @@ class EgmMotion:
 
     def advance(self, dt: float) -> None:
         settings, before = self._settings, self.state
-        fade = self._fade(dt)
+        # The mean of the linear ramp-in over the step; afterwards 1.
+        begin, self._time, ramp, fade = self._time, self._time + dt, settings.ramp_in_time, 1.0
+        if begin < ramp:
+            faded_in = min(self._time, ramp)
+            fade = (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
         gain = settings.gain * fade
         # The law converges exponentially: its mean speed over the step is below that at the start.
         closing = -expm1(-gain * dt) / (gain * dt) if gain > 0.0 else 1.0
@@ -354,15 +358,6 @@ class EgmMotion:
         position = cast("Joints", moved)
         velocity = _rate(before.position, position, dt)  # less than the law's where the deviation is bounded
         self.state = MotionState(position, velocity, _rate(before.velocity, velocity, dt))
-
-    def _fade(self, dt: float) -> float:
-        """Mean of the linear ramp-in over the step; afterwards 1."""
-        begin, self._time = self._time, self._time + dt
-        ramp = self._settings.ramp_in_time
-        if begin >= ramp:
-            return 1.0
-        faded_in = min(self._time, ramp)
-        return (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
 
 
 def _rate(before: Joints, now: Joints, dt: float) -> Joints:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite, nan
 from typing import NamedTuple, cast
 
 from aiohttp import web
@@ -127,6 +128,21 @@ class Call:
         value = forms.first(self.form, name)
         if value is None:
             raise invalid(f"the body lacks {name}")
+        return value
+
+    def number(self, name: str) -> float:
+        """A parameter in the body that is a finite number.
+
+        Raises:
+            Failure: it is missing or none.
+        """
+        text = self.required(name)
+        try:
+            value = float(text)
+        except ValueError:
+            value = nan
+        if not isfinite(value):
+            raise invalid(f"{name} is a finite number, not {text!r}")
         return value
 
 

@@ -195,8 +195,13 @@ class RwsService:
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         """Check a call against the table, carry it out, and show its result in the client's format."""
-        is_file = call.method == "PUT" and call.path[:1] == ("fileservice",)
-        call = replace(call, content=request.body, form=() if is_file else _body_form(request))
+        pairs: forms.Pairs = ()
+        if call.method != "PUT" or call.path[:1] != ("fileservice",):  # which is a file
+            kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+            if request.body and kind != forms.CONTENT_TYPE:  # only a body that is there must have its type
+                raise Failure(415, Code.INVALIDARG, f"a body is {forms.CONTENT_TYPE}, not {kind or 'of no type'}")
+            pairs = forms.decode(request.body.decode("utf-8", "replace"))
+        call = replace(call, content=request.body, form=pairs)
         if call.path == ("logout",):
             self._sessions.close(session)
             self._forget_ended()
@@ -219,14 +224,6 @@ def _cookies(request: HttpRequest) -> dict[str, str]:
 
 def _is_upgrade(request: HttpRequest) -> bool:
     return (request.header("Upgrade") or "").lower() == "websocket"
-
-
-def _body_form(request: HttpRequest) -> forms.Pairs:
-    """The form in the body; only a body that is there must have its content type."""
-    kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
-    if request.body and kind != forms.CONTENT_TYPE:
-        raise Failure(415, Code.INVALIDARG, f"a body is {forms.CONTENT_TYPE}, not {kind or 'of no type'}")
-    return forms.decode(request.body.decode("utf-8", "replace"))
 
 
 def _plain(status: int, sentence: str) -> HttpReply:
