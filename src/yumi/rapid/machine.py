@@ -3,8 +3,6 @@
 The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
 interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
 is abandoned, from the top down, each procedure after its UNDO clause.
-
-The frame: one routine under way, with its data, its position in the code and the error its handler works on.
 """
 
 from __future__ import annotations

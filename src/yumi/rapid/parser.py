@@ -1,8 +1,7 @@
 """The parser: RAPID text to syntax tree, with errors that say where, what was found and what is allowed instead.
 
 Lark calls the methods of `TreeBuilder` while it parses, so that there is no parse tree beside the syntax tree.
-
-Literals: values as RAPID text, as the controller prints them (reference/rws.md §6.5), and text back to values.
+Literals, which the controller prints and reads for values (reference/rws.md §6.5), are here, too.
 """
 
 from __future__ import annotations

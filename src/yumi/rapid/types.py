@@ -2,11 +2,8 @@
 
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
 tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. Types that hold no value
-(clock, egmident) are the objects their instructions work on.
-
-Data in memory: variables, parts of variables, and the parameter that was not passed.
-
-The operators of RAPID: which types each takes, what type it gives, and how it computes.
+(clock, egmident) are the objects their instructions work on. After the types come data in memory (variables, parts of
+them, the parameter that was not passed), then the operators with the types they take and give.
 """
 
 from __future__ import annotations

@@ -18,9 +18,8 @@ from yumi.rws.documents import (
     Status,
     read_page,
     read_status,
-    write_page,
-    write_status,
 )
+from yumi.virtual.rws.documents import write_page, write_status
 
 LEGAL = st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="￾￿")
 texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)

@@ -1,7 +1,4 @@
-"""RAPID's predefined types and data: records of positions and motion, speeds, zones, tool0, wobj0.
-
-RAPID's numbers: rounding, roots, angles in degrees, counters, and the size of arrays.
-"""
+"""RAPID's predefined types and data (positions, speeds, zones, tool0), and its functions of numbers and arrays."""
 
 from __future__ import annotations
 

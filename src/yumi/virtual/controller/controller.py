@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from yumi.rapid.builtins.standard import InstructionSet
+from yumi.rapid.library import Library
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
@@ -13,8 +15,11 @@ from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.tasks import RapidExecution, TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, Identity, MechanicalUnit, SyncPoints
-from yumi.virtual.instructions.data import JointTarget, jointtarget
-from yumi.virtual.instructions.library import robot_library
+from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
+from yumi.virtual.instructions.egm import add_egm
+from yumi.virtual.instructions.gripper import add_gripper
+from yumi.virtual.instructions.motion import SpeedRatio, add_motion
+from yumi.virtual.instructions.system import add_system
 
 RESTART_DELAY = 0.2
 """The controller still answers for this time after a restart was requested [s]."""
@@ -347,3 +352,22 @@ class Irc5:
             path = module.attributes["File"]
             task.load(host.read_file(path), path.rsplit("/")[-1])
         return task, unit, host
+
+
+def robot_library(
+    unit: ArmUnit,
+    *,
+    configuration: Configuration,
+    events: EventLog,
+    speed_ratio: SpeedRatio,
+    units: Sequence[MechanicalUnit],
+    sync_points: SyncPoints,
+) -> Library:
+    """RAPID's own instructions with those of one arm on top."""
+    library = InstructionSet()
+    add_data(library, unit.side.unit)
+    add_motion(library, unit, speed_ratio)
+    add_egm(library, unit, configuration, events)
+    add_gripper(library, unit.gripper, events)
+    add_system(library, unit, units, configuration, sync_points)
+    return library

@@ -1,7 +1,4 @@
-"""The event log of the virtual controller (reference/rws.md §12).
-
-Why the virtual controller refuses a request; each protocol has its own code for the reason.
-"""
+"""The event log of the virtual controller (reference/rws.md §12), and the reasons for which it refuses a request."""
 
 from __future__ import annotations
 

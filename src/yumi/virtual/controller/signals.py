@@ -1,7 +1,4 @@
-"""The I/O system: signals, who may write them, and their edges (reference/rws.md §7).
-
-The system parameters: instances of types in domains, read from ABB's cfg files (reference/rws.md §9).
-"""
+"""The system parameters from ABB's cfg files, and the I/O signals they define (reference/rws.md §7, §9)."""
 
 from __future__ import annotations
 

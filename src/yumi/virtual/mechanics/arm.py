@@ -1,7 +1,4 @@
-"""One arm of the virtual robot: a planned motion, a servo that follows it, motors, brakes, load supervision.
-
-The arm angle: how far the elbow is turned about the line from shoulder to wrist, ``eax_a`` of a robtarget.
-"""
+"""One arm of the virtual robot: a planned motion, a servo that follows it, motors, brakes, load supervision."""
 
 from __future__ import annotations
 
@@ -305,7 +302,10 @@ _WRIST_TO_TOOL0 = 0.036
 
 
 def arm_angle_deg(side: Side, position: Joints) -> float:
-    """Arm angle as RAPID writes it [deg], -180 to 180, at joint positions [rad] (reference/yumi.md §5.2)."""
+    """``eax_a`` of a robtarget at joint positions [rad]: the elbow's turn about the line from shoulder to wrist [deg].
+
+    From -180 to 180 (reference/yumi.md §5.2).
+    """
     foot, tool0 = foot_to_body(side), tool0_to_body(side, position)
     shoulder = np.add(foot.position, rotate(foot.orientation, (0.0, 0.0, _SHOULDER_HEIGHT)))
     wrist = np.add(tool0.position, rotate(tool0.orientation, (0.0, 0.0, -_WRIST_TO_TOOL0)))

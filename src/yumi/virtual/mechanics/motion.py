@@ -1,7 +1,6 @@
-"""The dynamics of one arm, and its motions besides EGM: standstill, travel to a target, stop.
+"""The dynamics of one arm and its motions: standstill, travel to a target, stop, and EGM.
 
-EGM's control law: from the sensor's references to the positions the arm plans (reference/egm.md §6.1).
-
+EGM's controller makes the positions the arm plans from the sensor's references (reference/egm.md §6.1):
 ``speed = k·(pos_ref - pos) + speed_ref``, where ``pos`` is EGM's own reference, the integral of that speed. The
 speed fades in, passes a low-pass filter and is capped with one scale for all joints. Its parameters come from the
 configuration and RAPID's EGM instructions, in SI units and chain order (reference/egm.md §5, §6.3).

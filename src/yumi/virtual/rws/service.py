@@ -16,13 +16,14 @@ from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError
 from yumi.rws import documents as forms
-from yumi.rws.documents import Form, write_page, write_status
+from yumi.rws.documents import Form
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.rws import configuration, event_log, files, io, motion, panel, rapid, system
 from yumi.virtual.rws import http as cookies
 from yumi.virtual.rws import http as digest
+from yumi.virtual.rws.documents import write_page, write_status
 from yumi.virtual.rws.http import HttpReply, HttpRequest, Session, SessionTable, TooManySessions
 from yumi.virtual.rws.mastership import Mastership
 from yumi.virtual.rws.operations import Call, Failure, Router, refusal
