@@ -85,6 +85,7 @@ def mapped(call: Call) -> str:
 
 @STRINGS.function("StrOrder", "string Str1, string Str2, string Order", "bool")
 def is_in_order(call: Call) -> bool:
+    """Whether Str1 <= Str2; characters that are not in Order follow those that are (RAPID reference manual)."""
     order: str = call["Order"]
     keys = [[order.find(c) if c in order else len(order) + ord(c) for c in call[name]] for name in ("Str1", "Str2")]
     return keys[0] <= keys[1]
