@@ -8,7 +8,7 @@ from system.recovery_bench import MovingSystem
 from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.rws.types import EventType
 from yumi.virtual.controller.fault_names import Fault
 
 
@@ -130,7 +130,7 @@ def test_time_out_of_egm_with_a_persons_deed_after_it_is_left_to_a_person(deed: 
         if isinstance(each, Fault):
             system.faults.inject(each)
         else:
-            kind = VirtualEventType.ERROR if each == 50375 else VirtualEventType.INFORMATION
+            kind = EventType.ERROR if each == 50375 else EventType.INFORMATION
             system.world.controller.events.append(each, "Deed", "At the robot.", kind)
     system.live(4.0)
     assert not system.is_guided

@@ -19,8 +19,7 @@ from yumi.errors import ControllerRefused
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.events import Change, OnChange, OnLost, Resource, Subscription
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 from yumi.virtual.controller.fault_names import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
@@ -351,7 +350,7 @@ def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitore
 def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> None:
     monitored.lines.clear()
     events = monitored.system.world.controller.events
-    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(6.0)
     assert len(monitored.lines) == 1
     assert monitored.lines[0][0] == logging.ERROR
@@ -360,7 +359,7 @@ def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> 
 
 def test_old_error_is_not_the_cause_of_a_later_stop(monitored: Monitored) -> None:
     events = monitored.system.world.controller.events
-    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(10.0)
     monitored.system.faults.inject(Fault.MOTORS_OFF)
     monitored.wait(1.0)

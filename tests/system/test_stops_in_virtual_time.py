@@ -12,8 +12,7 @@ from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side
-from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.controller.events import EventType
+from yumi.rws.types import ControllerState, EventType, ExecutionState
 from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001

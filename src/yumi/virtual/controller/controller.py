@@ -8,9 +8,9 @@ from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import EventLog, EventType, Refusal, Refused
+from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.tasks import RapidExecution, TaskHost

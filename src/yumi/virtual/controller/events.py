@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
+from enum import Enum, auto
 
 from yumi.errors import YumiError
+from yumi.rws.types import EventType
 
 ALL_DOMAINS = 0
 _CAPACITY = 1000
 _DOMAIN_CAPACITY = 20
-
-
-class EventType(IntEnum):
-    """How serious an event is, in ABB's numbers."""
-
-    INFORMATION = 1
-    WARNING = 2
-    ERROR = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from enum import Enum
 from types import MappingProxyType
 
 from yumi.errors import SettingsError
+from yumi.rws.types import SignalType
 from yumi.virtual.controller.events import Refusal, Refused
 
 Value = str
@@ -124,25 +124,6 @@ class Configuration:
 
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
-
-
-class SignalType(Enum):
-    """Digital, analog or group; input or output."""
-
-    DI = "DI"
-    DO = "DO"
-    AI = "AI"
-    AO = "AO"
-    GI = "GI"
-    GO = "GO"
-
-    @property
-    def is_output(self) -> bool:
-        return self.value.endswith("O")
-
-    @property
-    def is_digital(self) -> bool:
-        return self.value.startswith("D")
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ def set_signal(controller: Irc5, call: Call) -> None:
     signal = controller.signals.get(_name(call))
     if controller.mode.value != "AUTO":
         raise Failure(403, Code.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
-    if signal.device and signal.type.value.endswith("I"):
+    if signal.device and not signal.type.is_output:
         raise Failure(403, Code.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
     mode = call.parameter("mode", "value")
     if mode in ("invert", "toggle"):
