@@ -261,10 +261,10 @@ class EgmRun:
 
 @dataclass(frozen=True, slots=True)
 class EgmSettings:
-    """The parameters of the control law.
+    """The parameters of the controller.
 
     Attributes:
-        gain: k of the law, PosCorrGain times the default position gain [1/s].
+        gain: k above, PosCorrGain times the default position gain [1/s].
         bandwidth: of the low-pass on the speed [Hz]; 0 is none.
         ramp_in_time: [s].
         max_speed: MaxSpeedDeviation [rad/s].
@@ -293,11 +293,11 @@ class EgmSettings:
 
 
 class EgmMotion:
-    """The motion of an arm under EGM; each part of the law is exact for references held during a step.
+    """The motion of an arm under EGM; each part of the controller is exact for references held during a step.
 
     Args:
         position: where the arm stands [rad], (7,); the reference until the sensor gives one.
-        settings: of the law.
+        settings: of the controller.
         limits: whose speeds cap the joints beside MaxSpeedDeviation.
 
     Attributes:
@@ -332,7 +332,7 @@ class EgmMotion:
             faded_in = min(self._time, ramp)
             fade = (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
         gain = settings.gain * fade
-        # The law converges exponentially: its mean speed over the step is below that at the start.
+        # It converges exponentially: its mean speed over the step is below that at the start.
         closing = -expm1(-gain * dt) / (gain * dt) if gain > 0.0 else 1.0
         position_factor, speed_factor = gain * closing, fade * closing
         speed = tuple(
@@ -355,7 +355,7 @@ class EgmMotion:
             for start, now, value in zip(self._start, before.position, speed, strict=True)
         )
         position = cast("Joints", moved)
-        velocity = _rate(before.position, position, dt)  # less than the law's where the deviation is bounded
+        velocity = _rate(before.position, position, dt)  # less than asked for where the deviation is bounded
         self.state = MotionState(position, velocity, _rate(before.velocity, velocity, dt))
 
 
