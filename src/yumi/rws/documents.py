@@ -22,18 +22,18 @@ from yumi.errors import ProtocolError
 
 Pairs = tuple[tuple[str, str], ...]
 
-CONTENT_TYPE = "application/x-www-form-urlencoded"
+FORM_TYPE = "application/x-www-form-urlencoded"
 
 # A raw "+" is a blank in a form, except in the exponent of a number printed by a client that escapes nothing.
 _BLANK_PLUS = re.compile(r"(?<![0-9.][eE])\+|\+(?![0-9])")
 
 
-def encode(pairs: Iterable[tuple[str, str]]) -> str:
+def encode_form(pairs: Iterable[tuple[str, str]]) -> str:
     """``name=value&…``, everything but letters, digits and ``-._~`` percent-encoded as UTF-8."""
     return "&".join(f"{quote(name, safe='')}={quote(value, safe='')}" for name, value in pairs)
 
 
-def decode(text: str) -> Pairs:
+def decode_form(text: str) -> Pairs:
     """The pairs of a query or form body, in order.
 
     The text is split only at ``&``: a ``;`` belongs to the values of subscriptions. A name without ``=`` has
@@ -43,7 +43,7 @@ def decode(text: str) -> Pairs:
     return tuple((_text(name), _text(value)) for name, _, value in pairs)
 
 
-def first(pairs: Pairs, name: str) -> str | None:
+def first_value(pairs: Pairs, name: str) -> str | None:
     """The first value of ``name``, or None."""
     return next((value for key, value in pairs if key == name), None)
 
@@ -137,7 +137,7 @@ class Page:
     def next_query(self) -> Pairs | None:
         """The query of the page on which a list goes on, or None at its end."""
         href = self.link("next")
-        return None if href is None else decode(href.partition("?")[2])
+        return None if href is None else decode_form(href.partition("?")[2])
 
 
 @dataclass(frozen=True, slots=True)

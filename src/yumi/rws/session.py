@@ -27,8 +27,7 @@ import httpx
 
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
-from yumi.rws import documents as forms
-from yumi.rws.documents import Pairs
+from yumi.rws.documents import FORM_TYPE, Pairs, encode_form
 from yumi.rws.transport import ConnectionLost, Listener, Socket, until
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
@@ -74,19 +73,19 @@ class Request:
     def target(self) -> str:
         """Path and query as on the request line."""
         path = quote(self.path, safe=_PATH_SAFE)
-        return f"{path}?{forms.encode(self.query)}" if self.query else path
+        return f"{path}?{encode_form(self.query)}" if self.query else path
 
     @property
     def body(self) -> bytes:
         """The file, or the form, encoded."""
-        return forms.encode(self.form or ()).encode("ascii") if self.content is None else self.content
+        return encode_form(self.form or ()).encode("ascii") if self.content is None else self.content
 
     @property
     def content_type(self) -> str | None:
         """What the body is; None for a request without one."""
         if self.content is not None:
             return "application/octet-stream"
-        return None if self.form is None else forms.CONTENT_TYPE
+        return None if self.form is None else FORM_TYPE
 
     @property
     def is_repeatable(self) -> bool:

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.rws import documents as forms
+from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.egm_network import LASTING, SINGLE
@@ -145,7 +145,7 @@ class FaultInjection:
             known = ", ".join(each.value.name for each in Fault)
             return _sentence(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
         try:
-            self.inject(fault, *_choice(forms.decode(request.body.decode("utf-8", "replace"))))
+            self.inject(fault, *_choice(decode_form(request.body.decode("utf-8", "replace"))))
         except YumiError as error:
             return _sentence(409, str(error))
         return HttpReply(204)
@@ -233,9 +233,9 @@ def _check_choice(
         raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
 
 
-def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
-    side, way = forms.first(form, "side"), forms.first(form, "way")
-    duration, amount = forms.first(form, "duration"), forms.first(form, "by")
+def _choice(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+    side, way = first_value(form, "side"), first_value(form, "way")
+    duration, amount = first_value(form, "duration"), first_value(form, "by")
     sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
     if side is not None and side not in sides:
         raise CommandRefused(f"A side is left or right, not {side!r}.")

@@ -28,7 +28,7 @@ from yumi.rapid.parser import parse_expression, parse_module
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
-from yumi.rws import documents as forms
+from yumi.rws.documents import decode_form, first_value
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
@@ -249,16 +249,16 @@ class VirtualController:
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):
                 return None
-        form = forms.decode(request.body.decode("utf-8", "replace"))
+        form = decode_form(request.body.decode("utf-8", "replace"))
         if _LOAD_MODULE in query:
-            path = forms.first(form, "modulepath") or ""
+            path = first_value(form, "modulepath") or ""
             text = self.world.controller.files.get(path)
             task = self.world.controller.tasks.get(request.target.partition("?")[0].rpartition("/")[2].upper())
             if text is None or task is None:
                 return None
             return self._background.submit(partial(self._link, task, text, path))
         if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
-            return self._background.submit(partial(_parse_value, forms.first(form, "value") or ""))
+            return self._background.submit(partial(_parse_value, first_value(form, "value") or ""))
         return self._background.submit(self._compile) if _RESET_PP in query else None
 
     def _link(self, task: Task, text: str, path: str) -> None:

@@ -7,9 +7,8 @@ import re
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import documents as forms
 from yumi.rws import events as event_pages
-from yumi.rws.documents import Link, State
+from yumi.rws.documents import Link, State, decode_form
 from yumi.rws.events import (
     Change,
     Priority,
@@ -44,7 +43,7 @@ def test_resources_survive_their_form() -> None:
 
 
 def test_resources_are_read_in_the_order_of_other_clients() -> None:
-    form = forms.decode("1=%2Frw%2Fpanel%2Fopmode&1-p=1&2=/rw/elog/0&2-p=0&resources=1&resources=2")
+    form = decode_form("1=%2Frw%2Fpanel%2Fopmode&1-p=1&2=/rw/elog/0&2-p=0&resources=1&resources=2")
     assert read_resources(form) == (Resource("/rw/panel/opmode"), Resource("/rw/elog/0", Priority.LOW))
 
 
@@ -59,7 +58,7 @@ def test_resources_are_read_in_the_order_of_other_clients() -> None:
 )
 def test_form_that_lacks_something_is_refused(body: str, sentence: str) -> None:
     with pytest.raises(ProtocolError) as refused:
-        read_resources(forms.decode(body))
+        read_resources(decode_form(body))
     assert str(refused.value) == sentence
 
 

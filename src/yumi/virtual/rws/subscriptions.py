@@ -16,8 +16,7 @@ from typing import Protocol
 from yumi.errors import ProtocolError
 from yumi.rapid.errors import UnknownSymbol
 from yumi.rapid.task import Task
-from yumi.rws import documents as forms
-from yumi.rws.documents import Form, Link, Pairs, State
+from yumi.rws.documents import Form, Link, Pairs, State, first_value
 from yumi.rws.events import PROTOCOL, Priority, Resource
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
@@ -228,7 +227,7 @@ def read_resources(form: Pairs) -> tuple[Resource, ...]:
         raise ProtocolError("the body lacks resources")
     resources: list[Resource] = []
     for number in numbers:
-        path, priority = forms.first(form, number), forms.first(form, f"{number}-p")
+        path, priority = first_value(form, number), first_value(form, f"{number}-p")
         if not path or priority is None:
             raise ProtocolError(f"the body lacks {number if not path else f'{number}-p'}")
         if priority not in ("0", "1", "2"):
