@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from math import radians
 
+from tracking_runs import follow_sine
+
 from yumi.control.controllers.joint_trajectory import LOOKAHEAD
 from yumi.settings import Values
-from yumi_evaluation.virtual_time import PlannedSine, follow_sine
+from yumi_evaluation.virtual_time import PlannedSine
 
 CASES: tuple[tuple[str, Values], ...] = (
     ("feed-forward and look-ahead", {}),

@@ -15,10 +15,10 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
+from tracking_runs import FULL_SPEED_LIMITS, Run, Stream, draw_runs, follow
+
 from yumi.settings import Values
 from yumi_evaluation.experiments import AXIS_6, FEED_FORWARD, Sine, Step
-from yumi_evaluation.pictures import draw_runs
-from yumi_evaluation.virtual_time import FULL_SPEED_LIMITS, Run, Stream, follow
 
 DURATION = 17.0
 """Three periods and a start [s]."""

@@ -3,19 +3,92 @@
 Record while the arm moves, on the real robot or the virtual one (``yumi up --record FILE``), then::
 
     python benchmarks/tracking/transport_delay.py FILE
+
+Each command is a position and a speed that the robot's position loop (reference/egm.md §6.1) makes a motion of. That
+motion is calculated from the recorded commands, and the measured one is laid over it at the delay where the two agree
+best. The arm has to have moved in a way that does not repeat itself within the longest delay looked for: a few goals,
+or a slow sine, on any joint.
 """
 
 from __future__ import annotations
 
 import argparse
-from math import degrees
+from collections.abc import Iterable
+from math import degrees, exp, sqrt
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
+
+from yumi.control.flight_recorder import Frame
 from yumi.control.motion import EGM_GAIN
 from yumi.errors import CommandRefused
 from yumi.recording.mcap import read_recording
-from yumi.robot.joints import joint_names
-from yumi_evaluation.transport_delay import transport_delay
+from yumi.robot.joints import CYCLE, joint_names
+from yumi_evaluation.metrics import minimum
+
+LONGEST = 0.150
+"""No longer delay is looked for [s]."""
+
+_FEWEST = 250
+_LEAST_MOTION = 0.02  # [rad]
+
+
+class TransportDelay(NamedTuple):
+    """The delay of an arm.
+
+    Attributes:
+        delay: from the moment a command is sent to the middle of the motion it makes [s].
+        error: root mean square of what the delay does not explain [rad].
+        joint: index of the joint that moved most, which it was taken from.
+    """
+
+    delay: float
+    error: float
+    joint: int
+
+
+def transport_delay(cycles: Iterable[Frame], gain: float = EGM_GAIN) -> TransportDelay:
+    """The delay of an arm with which the ``cycles`` are explained best.
+
+    Args:
+        cycles: in order, from one session, while the arm moved.
+        gain: of the robot's position loop, PosCorrGain times 5 [1/s].
+
+    Raises:
+        CommandRefused: there are too few cycles, or the arm hardly moved.
+    """
+    rows = [cycle for cycle in cycles if cycle.is_running]
+    if len(rows) < _FEWEST:
+        raise CommandRefused(f"There are {len(rows)} cycles in which the robot followed; a delay needs {_FEWEST}.")
+    positions = np.array([row.position for row in rows])
+    spans = np.ptp(positions, axis=0)
+    joint = int(spans.argmax())
+    if spans[joint] < _LEAST_MOTION:
+        raise CommandRefused(
+            f"The arm moved by {spans[joint]:.4f} rad; a delay needs a motion of {_LEAST_MOTION:g} rad."
+        )
+    times = np.array([row.time for row in rows])
+
+    # Where the commands would have the joint if they worked at once, each for its own cycle around its time.
+    place, path, steps = rows[0].planned[joint], [rows[0].planned[joint]], np.minimum(np.diff(times), LONGEST)
+    for row, dt in zip(rows[:-1], steps, strict=True):
+        position, velocity = row.sent[joint], row.sent_velocity[joint]
+        if gain > 0.0:  # the robot's position loop, exact for references held for dt
+            end = position + velocity / gain
+            place = end + (place - end) * exp(-gain * dt)
+        else:
+            place += velocity * dt
+        path.append(place)
+    due = times[0] - 0.5 * CYCLE + np.concatenate(([0.0], np.cumsum(steps)))
+    later = times > times[0] + LONGEST
+
+    def mismatch(delay: float) -> float:
+        """Variance [rad²]: a constant difference does not count, the two began at different delays."""
+        return float(np.var(positions[later, joint] - np.interp(times[later] - delay, due, path)))
+
+    delay = minimum(mismatch, 0.0, LONGEST)
+    return TransportDelay(delay, sqrt(mismatch(delay)), joint)
 
 
 def main() -> None:

@@ -69,7 +69,8 @@ class EvaluationNode:
         self._node = rclpy.create_node(f"evaluation_{side.value}", start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        self._behind = _difference()
+        # From the machine's monotonic clock to the time of day [ns]; an interrupted reading is too large.
+        self._behind = min(time.time_ns() - time.monotonic_ns() for _ in range(100))
         self._counters: dict[str, int] = {}
         self._callers: dict[str, Any] = {}
         namespace = side.value
@@ -133,7 +134,12 @@ class EvaluationNode:
         wall = int(begin * 1e9) + self._behind
         message = JointTrajectory(joint_names=list(joint_names(self.side)))
         message.header.stamp = Time(sec=wall // 10**9, nanosec=wall % 10**9)
-        message.points = [_point(each) for each in points]
+        for each in points:
+            nanoseconds = round(each.time * 1e9)
+            point = JointTrajectoryPoint(positions=list(each.position), velocities=list(each.velocity or ()))
+            point.accelerations = list(each.acceleration or ())
+            point.time_from_start = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+            message.points.append(point)
         self._trajectories.publish(message)
 
     def position(self) -> Joints:
@@ -235,18 +241,3 @@ def evaluation_node(side: Side, check: Callable[[], None]) -> Iterator[Evaluatio
         yield node
     finally:
         node.close()
-
-
-def _point(point: TrajectoryPoint) -> JointTrajectoryPoint:
-    nanoseconds = round(point.time * 1e9)
-    return JointTrajectoryPoint(
-        positions=list(point.position),
-        velocities=list(point.velocity or ()),
-        accelerations=list(point.acceleration or ()),
-        time_from_start=Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9),
-    )
-
-
-def _difference() -> int:
-    """From the machine's monotonic clock to the time of day [ns]; an interrupted reading is too large."""
-    return min(time.time_ns() - time.monotonic_ns() for _ in range(100))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from yumi.clock import SystemClock
+from yumi.clock import Clock, SystemClock
 from yumi.control.controllers.joint_position import DELAY
 from yumi.driver.settings import PASSWORD_VARIABLE
 from yumi.egm.udp import free_port
@@ -56,6 +56,7 @@ from yumi_evaluation.round_trips import (
     LoopCycle,
     RoundTrip,
     SentGoal,
+    Unpaced,
     join_trips,
     machine_trip,
     nudge,
@@ -356,16 +357,10 @@ def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recor
     return join_trips(goals, cycles, states)
 
 
-class _Unpaced(SystemClock):
-    """A virtual controller takes any number of requests a second, a real one fewer than twenty."""
-
-    def wait(self, seconds: float) -> None:
-        """Do not."""
-
-
 def state_machine_client(plan: NetworkedPlan, address: str) -> RwsClient:
     """A client without request pacing for a virtual controller, with it for a real one; not connected yet."""
-    clock = SystemClock() if plan.robot else _Unpaced()
+    clock: Clock = SystemClock()
+    clock = clock if plan.robot else Unpaced(clock)
     return RwsClient(address, user=plan.user, password=plan.password, clock=clock)
 
 

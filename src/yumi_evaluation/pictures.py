@@ -1,4 +1,4 @@
-"""The pictures of the evaluation's report, as SVG whose ink follows the page, and those of gains and streams."""
+"""The pictures of the evaluation's report, as SVG whose ink follows the page, and that of gains."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ from yumi_evaluation.gain_sweep import SLOWER, GainPoint, Recommendation
 from yumi_evaluation.kpis import legs
 from yumi_evaluation.results import Result, Results
 from yumi_evaluation.round_trips import LEGS, RoundTrip
-from yumi_evaluation.virtual_time import Run
 
 COLORS = ("#2f81f7", "#d98200", "#009e73", "#cc79a7", "#56b4e9", "#8b949e")
 """Distinct on white and on black, and for colour-blind readers (after Okabe and Ito)."""
@@ -79,24 +78,6 @@ def draw_recommendation(found: Recommendation, file: Path) -> None:
 
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(_svg(draw, 3.4, "tune", is_transparent=False), encoding="utf-8")
-
-
-def draw_runs(runs: Sequence[tuple[str, Run]], file: Path) -> None:
-    """Draw each named run in a column of its own, the errors below, and save the picture as ``file``."""
-    figure = Figure(figsize=(4.5 * len(runs), 6.0), layout="constrained")
-    panels = figure.subplots(2, len(runs), sharex="col", squeeze=False, height_ratios=(2, 1))
-    for (name, run), upper, lower in zip(runs, panels[0], panels[1], strict=True):
-        upper.plot(run.times, np.degrees(run.measured - run.errors), label="reference", linewidth=3.0, alpha=0.4)
-        upper.plot(run.times, np.degrees(run.measured), label="measured")
-        lower.plot(run.times, np.degrees(run.errors))
-        upper.set_title(name)
-        lower.set_xlabel("time [s]")
-        for panel in (upper, lower):
-            panel.grid(alpha=0.3)
-    panels[0][0].set_ylabel("angle [°]")
-    panels[1][0].set_ylabel("error [°]")
-    panels[0][-1].legend(frameon=False)
-    figure.savefig(file, dpi=150)
 
 
 def _svg(draw: Draw, height: float, name: str, *, is_transparent: bool = True) -> str:

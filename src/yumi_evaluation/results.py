@@ -194,13 +194,32 @@ def write_json(results: Results, file: Path) -> None:
 
 def document(results: Results) -> dict[str, Any]:
     """Every figure, ready for JSON."""
+    experiments = {}
+    for run in results.runs:
+        experiment, pairs = run.experiment, compared(run.trace, run.figures)
+        experiments[run.name] = {
+            "title": experiment.title,
+            "thesis_figure": experiment.figure,
+            "kind": experiment.kind,
+            "size_deg": experiment.size_deg,
+            "controller": experiment.controller.name,
+            "mode": experiment.mode.word,
+            "arm": experiment.side.word,
+            "joints": [run.trace.joint_name(joint) for joint in experiment.moved],
+            **asdict(run.figures),
+            "slowed_cycles": run.trace.slowed,
+            "published": {name: published for name, (published, _, _) in pairs.items()},
+            "ratio_to_published": {name: ratio for name, (_, _, ratio) in pairs.items()},
+            "ratio_to_virtual": results.ratio_to_virtual(run),
+            "repeats": len(results.repeats.get(run.name, ())),
+        }
     content = {
         "format": FORMAT,
         "complete": results.is_complete,
         "failures": results.failures,
         "repeats": {name: {"count": len(whys), "reasons": list(whys)} for name, whys in results.repeats.items()},
         **results.settings,
-        "experiments": {run.name: _experiment(results, run) for run in results.runs},
+        "experiments": experiments,
         "sweeps": {
             system.value: {
                 "oscillation_from_p": onset_of(points),
@@ -233,23 +252,3 @@ def finite(value: Any) -> Any:
     if isinstance(value, list):
         return [finite(item) for item in value]
     return None if isinstance(value, float) and not isfinite(value) else value
-
-
-def _experiment(results: Results, run: Result) -> dict[str, Any]:
-    experiment, pairs = run.experiment, compared(run.trace, run.figures)
-    return {
-        "title": experiment.title,
-        "thesis_figure": experiment.figure,
-        "kind": experiment.kind,
-        "size_deg": experiment.size_deg,
-        "controller": experiment.controller.name,
-        "mode": experiment.mode.word,
-        "arm": experiment.side.word,
-        "joints": [run.trace.joint_name(joint) for joint in experiment.moved],
-        **asdict(run.figures),
-        "slowed_cycles": run.trace.slowed,
-        "published": {name: published for name, (published, _, _) in pairs.items()},
-        "ratio_to_published": {name: ratio for name, (_, _, ratio) in pairs.items()},
-        "ratio_to_virtual": results.ratio_to_virtual(run),
-        "repeats": len(results.repeats.get(run.name, ())),
-    }

@@ -7,12 +7,8 @@ likes, and the limiter lets every step pass, as the thesis's system did.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import cos, inf, pi, radians, sin
-from random import Random
-
-import numpy as np
-from numpy.typing import NDArray
 
 from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
@@ -23,7 +19,7 @@ from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Join
 from yumi.settings import Parameter, Values
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi_evaluation.experiments import AXIS_6, GOAL_RATE, Experiment, Mode, Sine, Step, System, Trace
-from yumi_evaluation.metrics import Series, minimum, series
+from yumi_evaluation.metrics import Series, series
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 CONTROLLER = "joint_position_controller"
@@ -77,7 +73,7 @@ def run_virtually(experiment: Experiment, system: System = System.SHIPPED, model
         return Trace(experiment, planned.goals(), {which[0]: path.measured}, path.slowed)
     limits = YUMI_LIMITS.slowed_to(radians(experiment.mode.value.max_speed_deviation))
     is_bare = system is System.BARE
-    rig = _Streaming(
+    rig = StreamedArm(
         limits,
         experiment.controller.values,
         experiment.mode,
@@ -101,7 +97,7 @@ def moved(start: Joints, distance: float, which: Sequence[int]) -> Joints:
     return joints([value + distance * (index in which) for index, value in enumerate(start)])
 
 
-class _Streaming:
+class StreamedArm:
     """An arm in virtual time whose joint position controller is active and is sent goals."""
 
     def __init__(
@@ -239,128 +235,3 @@ def follow_planned(
     states = [cycle.state for cycle in rig.cycles[first:]]
     measured = series([(each.time - begin, each.position[joint] - start[joint]) for each in states])
     return Path(measured, rig.snapshot.slowed - slowed, str(rig.events[-1]))
-
-
-@dataclass(frozen=True, slots=True)
-class Tracking:
-    """How closely a known trajectory was followed.
-
-    Attributes:
-        max_error_deg: largest difference of the measured from the planned position [°].
-        mean_lag: by how much it was late on average, in the sense of least squares [s].
-        slowed: cycles in which the limiter changed the command.
-    """
-
-    max_error_deg: float
-    mean_lag: float
-    slowed: int
-
-
-def follow_sine(sine: PlannedSine, parameters: Values | None = None) -> Tracking:
-    """The figures of axis 6 following ``sine`` as a trajectory."""
-    path = follow_planned(sine, parameters)
-    planned = np.array([sine.at(time) for time in path.measured[:, 0]])
-    errors, speeds = path.measured[:, 1] - planned[:, 0], planned[:, 1]
-    return Tracking(float(np.degrees(np.abs(errors).max())), float(-(errors @ speeds) / (speeds @ speeds)), path.slowed)
-
-
-@dataclass(frozen=True, slots=True)
-class Stream:
-    """How goals are sent.
-
-    Attributes:
-        rate: goals per second [Hz].
-        lateness: mean of the time by which they arrive late, exponentially distributed, in order [s].
-        until: no goal is sent after that [s].
-    """
-
-    rate: float = 500.0
-    lateness: float = 0.0
-    until: float = inf
-
-    def arrivals(self, duration: float) -> list[tuple[float, float]]:
-        """When a goal arrives and when it was sent [s], the first at 0; the same every time."""
-        chance, last, found = Random(1), 0.0, list[tuple[float, float]]()
-        while (sent := len(found) / self.rate) <= min(self.until, duration + CYCLE):
-            late = chance.expovariate(1.0 / self.lateness) if self.lateness > 0.0 else 0.0
-            last = max(last, sent + late)
-            found.append((last, sent))
-        return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """An arm that followed a streamed reference; arrays with a value for each cycle.
-
-    Attributes:
-        reference: what was streamed.
-        times: since the first goal [s].
-        measured: angle from where the joint began [rad].
-        speeds: that the robot planned [rad/s].
-        slowed: cycles in which the limiter changed the command.
-    """
-
-    reference: Step | Sine
-    times: NDArray[np.float64]
-    measured: NDArray[np.float64]
-    speeds: NDArray[np.float64]
-    slowed: int
-    errors: NDArray[np.float64] = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "errors", self.measured - self._reference(self.times))
-
-    def after(self, begin: float) -> Run:
-        """The part of it from ``begin`` [s] on."""
-        is_later = self.times >= begin
-        return replace(self, times=self.times[is_later], measured=self.measured[is_later], speeds=self.speeds[is_later])
-
-    @property
-    def max_error_deg(self) -> float:
-        """Largest difference of the measured position from the reference of the same moment [°]."""
-        return float(np.degrees(np.abs(self.errors).max()))
-
-    @property
-    def overshoot_deg(self) -> float:
-        """By how much the measured position went past the end of the reference [°]."""
-        end = self.reference(self.times[-1])
-        return float(np.degrees((np.sign(end or 1.0) * (self.measured - end)).max()))
-
-    @property
-    def max_acceleration(self) -> float:
-        """Largest acceleration the robot planned [rad/s²]."""
-        return float(np.abs(np.diff(self.speeds)).max() / CYCLE)
-
-    @property
-    def lag(self) -> float:
-        """The delay of the reference with which it comes closest to the measured positions [s]."""
-        times, measured = self.times[::4], self.measured[::4]
-        return minimum(lambda late: float(((measured - self._reference(times - late)) ** 2).sum()), -0.02, 0.38)
-
-    def settling_time(self, band_deg: float) -> float:
-        """Since when the measured position has been as close as that to the reference [s]."""
-        outside = self.times[np.degrees(np.abs(self.errors)) > band_deg]
-        return float(outside[-1]) + CYCLE if outside.size else 0.0
-
-    def _reference(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array([self.reference(time) for time in times])
-
-
-FULL_SPEED_LIMITS = YUMI_LIMITS.slowed_to(radians(Mode.FULLSPEED.value.max_speed_deviation))
-"""What the robot lets the joints do at full-speed settings."""
-
-
-def follow(reference: Step | Sine, duration: float, values: Values | None = None, stream: Stream | None = None) -> Run:
-    """Have axis 6 of the virtual left arm follow a reference that is streamed, so that its future is unknown.
-
-    Args:
-        reference: what is streamed.
-        duration: how long [s].
-        values: parameters of the joint position controller.
-        stream: how it is streamed.
-    """
-    rig = _Streaming(FULL_SPEED_LIMITS, values or {}, Mode.FULLSPEED, Side.LEFT, Limiter(FULL_SPEED_LIMITS))
-    rig.stream(reference, (AXIS_6,), (stream or Stream()).arrivals(duration), duration)
-    measured = rig.measured(AXIS_6)
-    speeds = np.array([each[AXIS_6] for each in rig.speeds])
-    return Run(reference, measured[:, 0], measured[:, 1], speeds, rig.slowed)

@@ -11,10 +11,10 @@ from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.program import Execution
 from yumi.rapid.task import ModuleInfo
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals, SignalType
+from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
 from yumi.virtual.controller.units import YUMI_UNITS, Identity
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
@@ -145,10 +145,10 @@ class PlainController:
 
 def _signals() -> list[Signal]:
     return [
-        Signal("EGM_START_JOINT", SignalType.DI, "", "All", 0.0, ""),
-        Signal("OUTPUT_STATIONARY_ROB_R", SignalType.DO, "", "ReadOnly", 1.0, ""),
-        Signal("hand_MaxSpeed_R", SignalType.GO, "HandRight", "All", 200.0, "Hand_R", "EtherNetIP"),
-        Signal("hand_ActualPosition_R", SignalType.GI, "HandRight", "All", 250.0, "Hand_R", "EtherNetIP"),
+        Signal("EGM_START_JOINT", SignalType.DIGITAL_INPUT, "", "All", 0.0, ""),
+        Signal("OUTPUT_STATIONARY_ROB_R", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1.0, ""),
+        Signal("hand_MaxSpeed_R", SignalType.GROUP_OUTPUT, "HandRight", "All", 200.0, "Hand_R", "EtherNetIP"),
+        Signal("hand_ActualPosition_R", SignalType.GROUP_INPUT, "HandRight", "All", 250.0, "Hand_R", "EtherNetIP"),
     ]
 
 

@@ -17,7 +17,7 @@ from digest_client import authorization
 from soak import FUZZ_PROGRAMS, FUZZ_REQUESTS
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.program import Execution
-from yumi.rws import documents as forms
+from yumi.rws.documents import FORM_TYPE
 from yumi.virtual.rws import service as rws_service
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Operation, Router
@@ -185,7 +185,7 @@ headers = st.lists(
 )
 calls = st.builds(
     lambda method, target, content, more: HttpRequest(
-        method, target, (*more, ("Content-Type", forms.CONTENT_TYPE)), content, "127.0.0.1:4711"
+        method, target, (*more, ("Content-Type", FORM_TYPE)), content, "127.0.0.1:4711"
     ),
     st.sampled_from(("GET", "POST", "PUT", "DELETE", "HEAD", "PATCH", "\udcff")),
     targets,
@@ -194,7 +194,7 @@ calls = st.builds(
 )
 
 
-FORM = ("Content-Type", forms.CONTENT_TYPE)
+FORM = ("Content-Type", FORM_TYPE)
 DIGEST = (
     'Digest username="{user}", realm="validusers@robapi.abb", nonce="{nonce}", uri="/rw", response="x", opaque="x", '
     'qop="auth", nc=00000001, cnonce="x"'

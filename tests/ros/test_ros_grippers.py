@@ -249,7 +249,7 @@ def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> 
     hand.virtual.workpiece = Workpiece(0.02)
     assert hand.result(hand.command(0.0, 9.0)).result.effort == 9.0
     hand.client.until(lambda: bool(states) and states[-1].effort[0] == 9.0)
-    hand.robot.faults.happen(Fault.OBJECT_LOST, Side.LEFT)
+    hand.robot.faults.inject(Fault.OBJECT_LOST, Side.LEFT)
     hand.robot.wait(1.0)
     hand.client.until(lambda: (states[-1].effort[0], states[-1].position[0]) == (0.0, 0.0))
     assert hand.result(hand.command(TRAVEL)).result.reached_goal
@@ -257,7 +257,7 @@ def test_object_that_is_lost_is_reported_and_the_gripper_goes_on(hand: Hand) -> 
 
 def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand: Hand) -> None:
     states = hand.hear(DiagnosticStatus, "state", 1)
-    hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    hand.robot.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
     hand.robot.wait(CYCLE)
     hand.client.until(lambda: any(state.message == "not calibrated; call calibrate" for state in states))
     assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
@@ -268,7 +268,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand:
 
 def test_error_is_cleared_by_its_service_and_shown_in_the_state(hand: Hand) -> None:
     states = hand.hear(DiagnosticStatus, "state", 1)
-    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
     hand.client.until(lambda: any(state.message.startswith("error 7; look at the event log") for state in states))
     assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
@@ -329,14 +329,14 @@ def test_refused_goal_has_its_reason_in_the_state(hand: Hand) -> None:
 
 
 def test_failed_goal_has_its_reason_in_the_state(hand: Hand) -> None:
-    hand.robot.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    hand.robot.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
     hand.robot.wait(CYCLE)
     with pytest.raises(GoalNotReached, match=r"The left gripper is not calibrated; calibrate it first: service l/grip"):
         hand.application.begin(0.01)()
-    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     assert hand.trigger("clear_error").message == "The gripper reports no error."
     assert hand.trigger("calibrate").success
-    hand.robot.faults.happen(Fault.GRIPPER_ERROR, Side.LEFT)
+    hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
     with pytest.raises(GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear it"):
         hand.application.begin(0.01)()

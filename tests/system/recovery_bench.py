@@ -44,7 +44,7 @@ class MovingSystem(System):
     def be_silent(self, seconds: float, *sides: Side) -> None:
         """The network loses the datagrams of some arms, or both, both ways; the controller goes on."""
         for side in sides or Side:
-            self.faults.happen(Fault.EGM_SILENCE, side, seconds)
+            self.faults.inject(Fault.EGM_SILENCE, side, seconds)
         self.wait(seconds + 0.05)
 
     def recover(self, confirmed: str = "") -> str:

@@ -8,7 +8,7 @@ from system.recovery_bench import MovingSystem
 from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.rws.types import EventType
 from yumi.virtual.controller.fault_names import Fault
 
 
@@ -60,7 +60,7 @@ def test_time_out_of_egm_is_recovered_without_a_person() -> None:
 
 def test_restart_of_the_controller_is_recovered_without_a_person() -> None:
     system = SelfRecovering()
-    system.faults.happen(Fault.WARM_RESTART, duration=3.0)
+    system.faults.inject(Fault.WARM_RESTART, duration=3.0)
     system.wait(0.5)
     system.live(8.0)
     assert system.is_guided
@@ -80,11 +80,11 @@ def test_restart_of_the_controller_is_recovered_without_a_person() -> None:
 )
 def test_stop_that_a_person_may_have_made_is_left_to_a_person(fault: Fault) -> None:
     system = SelfRecovering()
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.live(2.0)
     mended = {Fault.EMERGENCY_STOP: Fault.EMERGENCY_STOP_RESET, Fault.MANUAL_MODE: Fault.AUTO_MODE}
     if fault in mended:
-        system.faults.happen(mended[fault])
+        system.faults.inject(mended[fault])
     system.live(3.0)
     assert not system.is_guided
     assert not [line for line in system.lines if "Recovered" in line]
@@ -94,19 +94,19 @@ def test_stop_that_a_person_may_have_made_is_left_to_a_person(fault: Fault) -> N
 def test_lost_link_with_a_persons_stop_in_between_is_left_to_a_person(fault: Fault) -> None:
     system = SelfRecovering()
     system.be_silent(0.5)
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.1)
     if fault is Fault.EMERGENCY_STOP:
-        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+        system.faults.inject(Fault.EMERGENCY_STOP_RESET)
     system.live(3.0)
     assert not system.is_guided
 
 
 def test_restart_that_follows_a_persons_stop_is_left_to_a_person() -> None:
     system = SelfRecovering()
-    system.faults.happen(Fault.COLLISION)
+    system.faults.inject(Fault.COLLISION)
     system.wait(0.1)
-    system.faults.happen(Fault.WARM_RESTART, duration=3.0)
+    system.faults.inject(Fault.WARM_RESTART, duration=3.0)
     system.live(8.0)
     assert not system.is_guided
 
@@ -128,9 +128,9 @@ def test_time_out_of_egm_with_a_persons_deed_after_it_is_left_to_a_person(deed: 
     system.wait(0.5)
     for each in deed:
         if isinstance(each, Fault):
-            system.faults.happen(each)
+            system.faults.inject(each)
         else:
-            kind = VirtualEventType.ERROR if each == 50375 else VirtualEventType.INFORMATION
+            kind = EventType.ERROR if each == 50375 else EventType.INFORMATION
             system.world.controller.events.append(each, "Deed", "At the robot.", kind)
     system.live(4.0)
     assert not system.is_guided
@@ -142,7 +142,7 @@ def test_event_log_that_was_cleared_meanwhile_is_left_to_a_person() -> None:
     system = SelfRecovering()
     system.live(1.0)
     system.be_silent(0.5)
-    system.faults.happen(Fault.COLLISION)
+    system.faults.inject(Fault.COLLISION)
     system.client.clear_events()
     system.world.controller.events.append(41822, "No data from the UdpUc device")
     system.live(3.0)
@@ -158,7 +158,7 @@ def test_egm_that_was_stopped_on_request_is_not_begun_again() -> None:
 
 def test_recovery_by_itself_gives_up_after_some_attempts() -> None:
     system = SelfRecovering()
-    system.faults.happen(Fault.EGM_SILENCE)
+    system.faults.inject(Fault.EGM_SILENCE)
     system.wait(0.5)
     system.live(ATTEMPTS + 5)
     assert not system.is_guided

@@ -112,7 +112,7 @@ def test_grippers_are_calibrated_only_where_it_is_needed(system: System) -> None
 
 @pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
 def test_manager_calibrates_nothing_while_a_stop_is_open_that_was_not_seen_yet(system: System, fault: Fault) -> None:
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     with pytest.raises(StopNotConfirmed, match="call recover with the id"):
         system.manager.calibrate(system.grippers[Side.RIGHT])
     assert not system.grippers[Side.RIGHT].is_calibrated()
@@ -136,7 +136,7 @@ def test_egm_does_not_start_while_a_gripper_is_being_calibrated(system: System) 
     ("happen", "sentence"),
     [
         (lambda system: system.manager.interrupt(), "A stop was requested meanwhile"),
-        (lambda system: (system.faults.happen(Fault.COLLISION), system.manager.monitor.read()), "was stopped by 50204"),
+        (lambda system: (system.faults.inject(Fault.COLLISION), system.manager.monitor.read()), "was stopped by 50204"),
     ],
     ids=["stop", "collision"],
 )
@@ -214,7 +214,7 @@ def test_both_grippers_are_calibrated_in_the_time_of_one(system: System) -> None
     system.grippers[Side.RIGHT].calibrate()
     one = system.now() - begin
     for side in Side:
-        system.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, side)
+        system.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, side)
     begin = system.now()
     system.grippers[Side.RIGHT].calibrate(system.grippers[Side.LEFT])
     assert system.now() - begin < 1.2 * one
@@ -225,9 +225,9 @@ def test_grippers_that_lost_their_calibration_in_a_restart_are_calibrated_by_rec
     prepared = Preparing(calibrated)
     calibrated.manager.start_egm()
     assert prepared.said == []
-    calibrated.faults.happen(Fault.WARM_RESTART)
+    calibrated.faults.inject(Fault.WARM_RESTART)
     for side in Side:
-        calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, side)
+        calibrated.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, side)
     calibrated.wait(0.5)
     assert calibrated.manager.recover(lambda step: None).endswith("EGM runs on both arms, the controllers are active.")
     assert are_calibrated(calibrated) == [True, True]
@@ -237,10 +237,10 @@ def test_grippers_that_lost_their_calibration_in_a_restart_are_calibrated_by_rec
 def test_grippers_of_a_robot_that_becomes_ready_late_are_calibrated_before_egm_starts() -> None:
     system = System()
     prepared = Preparing(system)
-    system.faults.happen(Fault.MANUAL_MODE)
+    system.faults.inject(Fault.MANUAL_MODE)
     with pytest.raises(RobotNotReady, match="MANR"):
         system.manager.make_ready()
-    system.faults.happen(Fault.AUTO_MODE)
+    system.faults.inject(Fault.AUTO_MODE)
     system.manager.start_egm()
     assert are_calibrated(system) == [True, True]
     assert prepared.complaints == []
@@ -317,7 +317,7 @@ def test_grippers_are_reported_again_beside_a_monitor_however_often_the_web_sock
     """The controller allows two groups of subscriptions; what is lost must not count as one."""
     calibrated.manager.monitor.read()
     for _ in range(3):
-        calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
+        calibrated.faults.inject(Fault.WEB_SOCKET_DROP)
         calibrated.wait(0.1)
         assert calibrated.signals.state(Side.RIGHT) is None
         calibrated.signals.keep_open()
@@ -325,7 +325,7 @@ def test_grippers_are_reported_again_beside_a_monitor_however_often_the_web_sock
 
 
 def test_gripper_is_known_again_after_the_web_socket_broke(calibrated: System, right: Gripper) -> None:
-    calibrated.faults.happen(Fault.WEB_SOCKET_DROP)
+    calibrated.faults.inject(Fault.WEB_SOCKET_DROP)
     calibrated.wait(0.1)
     assert calibrated.signals.state(Side.RIGHT) is None
     assert done(right, OPEN) is Outcome.OPEN
@@ -429,7 +429,7 @@ def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: Gr
 
 
 def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
-    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
+    calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
     calibrated.wait(REPORTED)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
         right.begin(OPEN)
@@ -440,13 +440,13 @@ def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System
 def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gripper) -> None:
     right.begin(OPEN)
     calibrated.wait(0.3)
-    calibrated.faults.happen(Fault.GRIPPER_ERROR, Side.RIGHT)
+    calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
     with pytest.raises(RobotNotReady, match="The right gripper reports error 7"):
         right.wait(OPEN)
 
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
-    calibrated.faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
+    calibrated.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
     calibrated.wait(REPORTED)
     with pytest.raises(RobotNotReady, match="is not calibrated; calibrate it first: service r/gripper/calibrate, or r"):
         right.begin(OPEN)

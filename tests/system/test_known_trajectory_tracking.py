@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import radians
 
 import pytest
+from tracking_runs import follow_sine
 
-from yumi_evaluation.virtual_time import PlannedSine, follow_sine
+from yumi_evaluation.virtual_time import PlannedSine
 
 
 @pytest.mark.parametrize(("amplitude_deg", "allowed_deg"), [(10.0, 0.05), (60.0, 0.3)])

@@ -34,7 +34,7 @@ def system() -> MovingSystem:
     ],
 )
 def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: Fault, why: str) -> None:
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     told = system.recover()
@@ -62,11 +62,11 @@ def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: 
 def test_recovery_says_what_a_person_has_to_do_first(
     system: MovingSystem, fault: Fault, mended: Fault, sentence: str
 ) -> None:
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.2)
     with pytest.raises(RobotNotReady, match=sentence):
         system.recover()
-    system.faults.happen(mended)
+    system.faults.inject(mended)
     system.recover()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -89,11 +89,11 @@ def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
 
 
 def test_network_that_stays_silent_is_reported_with_what_to_check(system: MovingSystem) -> None:
-    system.faults.happen(Fault.EGM_SILENCE)
+    system.faults.inject(Fault.EGM_SILENCE)
     system.wait(1.0)
     with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
         system.recover()
-    system.faults.happen(Fault.EGM_REPAIR)
+    system.faults.inject(Fault.EGM_REPAIR)
     system.recover()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -109,7 +109,7 @@ def test_robot_that_got_no_answer_in_time_is_brought_back() -> None:
 
 
 def test_motion_that_ended_by_convergence_begins_again(system: MovingSystem) -> None:
-    system.faults.happen(Fault.EGM_CONVERGENCE)
+    system.faults.inject(Fault.EGM_CONVERGENCE)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
@@ -154,7 +154,7 @@ def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: Mo
 
 
 def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> None:
-    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.PROGRAM_STOP)
     system.wait(0.2)
     system.recover()
     assert "activate joint_position_controller on the right arm" in system.told
@@ -163,7 +163,7 @@ def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> 
 
 
 def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
-    system.faults.happen(Fault.WARM_RESTART)
+    system.faults.inject(Fault.WARM_RESTART)
     system.wait(0.5)
     begin = system.now()
     assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
@@ -174,7 +174,7 @@ def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
 
 
 def test_stop_ends_the_waiting_for_a_controller_at_once(system: MovingSystem) -> None:
-    system.faults.happen(Fault.WARM_RESTART)
+    system.faults.inject(Fault.WARM_RESTART)
     system.wait(0.5)
 
     def stop(_: str) -> None:
@@ -195,7 +195,7 @@ def test_waiting_for_a_controller_ends_when_it_is_no_use_any_more(system: Moving
         if system.now() > begin + 0.5:
             raise Enough
 
-    system.faults.happen(Fault.WARM_RESTART)
+    system.faults.inject(Fault.WARM_RESTART)
     system.wait(0.5)
     begin = system.now()
     with pytest.raises(Enough):
@@ -212,17 +212,17 @@ def test_controller_that_never_answers_again_is_reported(system: MovingSystem) -
 @pytest.mark.parametrize("fault", [Fault.RWS_RESET, Fault.RWS_BUSY, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP])
 def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: MovingSystem, fault: Fault) -> None:
     system.manager.monitor.step()  # it subscribes
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
-    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.PROGRAM_STOP)
     assert system.recover().startswith("The robot was stopped by 10125 Program stopped")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
 
 def test_connection_that_is_reset_in_the_middle_of_a_request_does_not_stop_recovery(system: MovingSystem) -> None:
-    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.PROGRAM_STOP)
     system.http.resets = 1
     system.recover()
     assert system.is_moving_again()
@@ -241,8 +241,8 @@ def test_driver_that_was_killed_is_followed_by_one_that_brings_the_arms_to_rest_
 
 
 def test_controller_that_is_busy_is_waited_for(system: MovingSystem) -> None:
-    system.faults.happen(Fault.PROGRAM_STOP)
-    system.faults.happen(Fault.RWS_BUSY, duration=3.0)
+    system.faults.inject(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.RWS_BUSY, duration=3.0)
     system.recover()
     assert system.told[0] == "wait for the controller, which does not answer"
     assert system.is_moving_again()
@@ -286,7 +286,7 @@ def test_one_slow_answer_does_not_end_the_waiting_for_a_controller(
 
 def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingSystem) -> None:
     """Ctrl-C in the middle of a bring-up: no motors on, no program after it."""
-    system.faults.happen(Fault.MOTORS_OFF)
+    system.faults.inject(Fault.MOTORS_OFF)
     system.wait(0.2)
 
     def interrupt(step: str) -> None:

@@ -38,7 +38,7 @@ def in_egm() -> System:
 
 def after(fault: Fault) -> System:
     system = ready()
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.5)
     return system
 

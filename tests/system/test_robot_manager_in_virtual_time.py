@@ -233,7 +233,7 @@ def test_manager_says_that_a_routine_is_unknown(system: System) -> None:
 
 def test_motors_go_off_also_when_the_arms_cannot_come_to_rest_gently(system: System) -> None:
     system.manager.start_egm()
-    system.faults.happen(Fault.WRONG_PROGRAM)
+    system.faults.inject(Fault.WRONG_PROGRAM)
     system.manager.motors_on()
     assert system.manager.motors_off() == "The motors are off"
     assert system.client.controller_state() is ControllerState.MOTORS_OFF
@@ -261,7 +261,7 @@ def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: 
     arm = system.arms[Side.RIGHT]
     system.manager.start_egm()
     session = arm.snapshot.session
-    system.faults.happen(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, Way.TO_ROBOT)
+    system.faults.inject(Fault.EGM_LOSS, Side.RIGHT, 1.0, 100.0, Way.TO_ROBOT)
     arm.go(joints([value + 0.2 for value in arm.snapshot.position]))
     system.wait(0.5)
     assert arm.snapshot.problem is Problem.REFERENCES_IGNORED

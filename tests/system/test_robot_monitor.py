@@ -19,8 +19,7 @@ from yumi.errors import ControllerRefused
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.events import Change, OnChange, OnLost, Resource, Subscription
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.controller.events import EventType as VirtualEventType
+from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 from yumi.virtual.controller.fault_names import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
@@ -90,13 +89,13 @@ def monitored() -> Monitored:
 def test_change_from_any_side_is_known_within_200_ms(
     monitored: Monitored, fault: Fault, is_known: Callable[[RobotState], bool]
 ) -> None:
-    monitored.system.faults.happen(fault)
+    monitored.system.faults.inject(fault)
     notice = 0.2 if fault is Fault.WARM_RESTART else 0.0  # the controller goes down so long after it was told to
     assert monitored.until(is_known) <= NOTICED + notice
 
 
 def test_program_that_ended_a_motion_by_itself_is_known_within_200_ms(monitored: Monitored) -> None:
-    monitored.system.faults.happen(Fault.EGM_CONVERGENCE)
+    monitored.system.faults.inject(Fault.EGM_CONVERGENCE)
     monitored.wait_for_idle_programs()
     assert monitored.until(lambda state: set(state.machines.values()) == {MachineState.IDLE}) <= NOTICED
 
@@ -117,7 +116,7 @@ def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
     jog(system)
     monitored.wait(0.2)
     assert right.state().state is ServoState.JOG_OPEN
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     monitored.wait(0.3)
     assert right.state().state is ServoState.READY
     assert 0.0 < right.position() < TRAVEL
@@ -126,13 +125,13 @@ def test_jog_ends_when_a_stop_comes_that_a_person_must_confirm(
 def test_stop_that_needs_no_confirmation_ends_no_jog(monitored: Monitored) -> None:
     right = monitored.system.grippers[Side.RIGHT]
     right.jog(opens=True)
-    monitored.system.faults.happen(Fault.PROGRAM_STOP)
+    monitored.system.faults.inject(Fault.PROGRAM_STOP)
     monitored.wait(0.3)
     assert right.state().state is ServoState.JOG_OPEN
 
 
 def test_fingers_can_be_stopped_by_their_signal_while_a_stop_is_open(monitored: Monitored) -> None:
-    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.system.faults.inject(Fault.COLLISION)
     monitored.wait(0.3)
     monitored.system.manager.write_signal("hand_CmdGripper_R", str(int(ServoCommand.GO_TO_READY)))
 
@@ -148,7 +147,7 @@ def test_start_signal_of_another_client_is_known(monitored: Monitored) -> None:
 
 
 def test_monitor_knows_the_robot_again_after_a_restart(monitored: Monitored) -> None:
-    monitored.system.faults.happen(Fault.WARM_RESTART)
+    monitored.system.faults.inject(Fault.WARM_RESTART)
     monitored.until(lambda state: not state.is_connected)
     assert monitored.until(lambda state: state.is_connected, 25.0) > 19.0
     assert monitored.monitor.state().reason == "the motors are off"
@@ -177,7 +176,7 @@ def test_robot_is_known_again_soon_after_one_look_that_failed(
 def test_stop_is_explained_although_a_look_has_failed(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(monitored.monitor, "_thread", object())
     causes: list[Cause] = []
-    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.system.faults.inject(Fault.COLLISION)
     monitored.system.wait(0.02)
     fail_to_look(monitored, monkeypatch)
     monitored.monitor.explain(causes.append)
@@ -190,9 +189,9 @@ def test_stop_is_explained_although_a_look_has_failed(monitored: Monitored, monk
 
 
 def test_monitor_goes_on_after_its_web_socket_broke(monitored: Monitored) -> None:
-    monitored.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    monitored.system.faults.inject(Fault.WEB_SOCKET_DROP)
     monitored.wait(0.5)
-    monitored.system.faults.happen(Fault.MOTORS_OFF)
+    monitored.system.faults.inject(Fault.MOTORS_OFF)
     assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
 
 
@@ -210,7 +209,7 @@ def test_change_that_is_forgotten_while_the_web_socket_opens_is_known(
         return subscription
 
     monkeypatch.setattr(monitored.system.client, "subscribe", forget)
-    monitored.system.faults.happen(Fault.WEB_SOCKET_DROP)
+    monitored.system.faults.inject(Fault.WEB_SOCKET_DROP)
     assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= NOTICED
     monitored.wait(1.0)
     assert monitored.monitor.state().controller_state is ControllerState.MOTORS_OFF
@@ -225,7 +224,7 @@ def test_monitor_that_may_not_subscribe_looks_at_the_event_log(monkeypatch: pyte
     monkeypatch.setattr(system.client, "subscribe", refuse)
     monitored = Monitored(system)
     monitored.wait(1.0)
-    system.faults.happen(Fault.MOTORS_OFF)
+    system.faults.inject(Fault.MOTORS_OFF)
     assert monitored.until(lambda state: state.controller_state is ControllerState.MOTORS_OFF) <= 0.5
 
 
@@ -255,7 +254,7 @@ def test_reading_that_began_before_a_change_does_not_undo_it(
 
 def test_monitor_reports_each_change_once(monitored: Monitored) -> None:
     monitored.told.clear()
-    monitored.system.faults.happen(Fault.PROGRAM_STOP)
+    monitored.system.faults.inject(Fault.PROGRAM_STOP)
     monitored.wait(1.0)
     assert monitored.told[-1].execution is ExecutionState.STOPPED
     assert all(before != after for before, after in pairwise(monitored.told))
@@ -304,7 +303,7 @@ def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
         monitored.system.manager.stop_egm()
         monitored.wait(2.0)
     monitored.lines.clear()
-    monitored.system.faults.happen(fault)
+    monitored.system.faults.inject(fault)
     monitored.wait(2.0)
     assert [line[0] for line in monitored.lines] == [level], monitored.lines
     assert says in monitored.lines[0][1]
@@ -313,7 +312,7 @@ def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
 
 
 def test_stop_that_a_person_must_confirm_is_logged_with_its_id(monitored: Monitored) -> None:
-    monitored.system.faults.happen(Fault.COLLISION)
+    monitored.system.faults.inject(Fault.COLLISION)
     monitored.wait(1.0)
     (stop,) = {state.stop for state in monitored.told if state.stop}
     assert f"Nothing moves until a person confirms the stop {stop}" in monitored.lines[-1][1]
@@ -334,7 +333,7 @@ def test_what_was_requested_is_logged_without_alarm(monitored: Monitored) -> Non
 def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
     monitored.lines.clear()
     with monitored.monitor.log.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):
-        monitored.system.faults.happen(Fault.EMERGENCY_STOP)
+        monitored.system.faults.inject(Fault.EMERGENCY_STOP)
         monitored.wait(1.0)
     assert [level for level, _ in monitored.lines] == [logging.ERROR]
 
@@ -343,7 +342,7 @@ def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> No
 def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitored: Monitored, fault: Fault) -> None:
     monitored.system.manager.go_to(Mode.READY, print)
     monitored.lines.clear()
-    monitored.system.faults.happen(fault)
+    monitored.system.faults.inject(fault)
     monitored.wait(1.0)
     assert [level for level, _ in monitored.lines if level > logging.INFO] == [logging.WARNING]
 
@@ -351,7 +350,7 @@ def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitore
 def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> None:
     monitored.lines.clear()
     events = monitored.system.world.controller.events
-    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(6.0)
     assert len(monitored.lines) == 1
     assert monitored.lines[0][0] == logging.ERROR
@@ -360,9 +359,9 @@ def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> 
 
 def test_old_error_is_not_the_cause_of_a_later_stop(monitored: Monitored) -> None:
     events = monitored.system.world.controller.events
-    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", VirtualEventType.ERROR)
+    events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(10.0)
-    monitored.system.faults.happen(Fault.MOTORS_OFF)
+    monitored.system.faults.inject(Fault.MOTORS_OFF)
     monitored.wait(1.0)
     assert monitored.monitor.state().cause.startswith("10010 Motors OFF")
 
@@ -383,7 +382,7 @@ def test_end_of_egm_is_explained_within_half_a_second(
     """EGM's end is known before the controller's event is."""
     monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
     causes: list[Cause] = []
-    monitored.system.faults.happen(fault)
+    monitored.system.faults.inject(fault)
     monitored.system.wait(0.02)
     begin = monitored.system.now()
     monitored.monitor.explain(causes.append)

@@ -255,10 +255,10 @@ def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> N
 def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options) as robot:
         motion = robot.right.move_to(FAR, wait=False, speed=0.1)
-        own_virtual.happen(Fault.EMERGENCY_STOP)
+        own_virtual.inject(Fault.EMERGENCY_STOP)
         with pytest.raises(GoalNotReached, match="Cause: 10013 Emergency stop: an emergency stop was pressed") as end:
             motion.wait(TIMEOUT)
-        own_virtual.happen(Fault.EMERGENCY_STOP_RESET)
+        own_virtual.inject(Fault.EMERGENCY_STOP_RESET)
         with pytest.raises(StopNotConfirmed, match="10013 Emergency stop") as refusal:
             robot.recover()
         with pytest.raises(RobotNotReady, match="10013 Emergency stop"):
@@ -272,7 +272,7 @@ def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual
 
 def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options):
-        own_virtual.happen(Fault.COLLISION)
+        own_virtual.inject(Fault.COLLISION)
     robot = yumi.connect(**own_virtual.options)
     with pytest.raises(StopNotConfirmed, match="50204 Motion supervision: an arm has collided") as refusal:
         robot.open()

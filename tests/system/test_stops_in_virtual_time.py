@@ -12,8 +12,7 @@ from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side
-from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.controller.events import EventType
+from yumi.rws.types import ControllerState, EventType, ExecutionState
 from yumi.virtual.controller.fault_names import Fault
 
 NO_JUMP = 1.001
@@ -44,10 +43,10 @@ def system() -> MovingSystem:
 
 def stop(system: System, fault: Fault) -> None:
     """It happens; a button that was pressed is released again."""
-    system.faults.happen(fault)
+    system.faults.inject(fault)
     system.wait(0.3)
     if fault is Fault.EMERGENCY_STOP:
-        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+        system.faults.inject(Fault.EMERGENCY_STOP_RESET)
     system.wait(0.3)
 
 
@@ -123,12 +122,12 @@ def test_id_of_a_stop_is_random_and_names_its_event() -> None:
 
 
 def test_confirmation_while_the_button_is_pressed_does_not_count(system: MovingSystem) -> None:
-    system.faults.happen(Fault.EMERGENCY_STOP)
+    system.faults.inject(Fault.EMERGENCY_STOP)
     system.wait(0.2)
     identity = system.stop_id()
     with pytest.raises(StopNotConfirmed, match="cannot be confirmed yet: the emergency stop is pressed; release it"):
         system.recover(identity)
-    system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+    system.faults.inject(Fault.EMERGENCY_STOP_RESET)
     system.wait(1.0)
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP_RESET
     with pytest.raises(StopNotConfirmed):
@@ -143,7 +142,7 @@ def test_stop_that_comes_while_the_robot_is_brought_back_ends_that(system: Movin
 
     def report(step: str) -> None:
         if step == "move the program pointers to main":
-            system.faults.happen(Fault.COLLISION, Side.RIGHT)
+            system.faults.inject(Fault.COLLISION, Side.RIGHT)
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
         system.manager.recover(report, confirmed=identity)
@@ -162,7 +161,7 @@ def test_stop_that_makes_a_step_fail_is_reported_with_its_own_id_and_cause(
         raise NoConnection("No answer.")
 
     def collide(_: float) -> None:
-        system.faults.happen(Fault.COLLISION)
+        system.faults.inject(Fault.COLLISION)
         if not is_asked:
             system.manager.monitor.read()
             monkeypatch.setattr(system.client, "events", lose_connection)
@@ -193,10 +192,10 @@ def test_step_that_fails_without_another_stop_is_reported_with_the_id_that_is_st
 
 @pytest.mark.parametrize("is_pressed", [True, False])
 def test_every_refusal_with_the_id_of_a_stop_names_it(system: MovingSystem, is_pressed: bool) -> None:
-    system.faults.happen(Fault.EMERGENCY_STOP)
+    system.faults.inject(Fault.EMERGENCY_STOP)
     system.wait(0.3)
     if not is_pressed:
-        system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+        system.faults.inject(Fault.EMERGENCY_STOP_RESET)
         system.wait(0.3)
     requests = [*REQUESTS.values(), lambda system: system.manager.check_not_stopped()]
     if is_pressed:
@@ -215,7 +214,7 @@ def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: Mo
 
     def report(step: str) -> None:
         if step == "move the program pointers to main":
-            system.faults.happen(Fault.COLLISION, Side.RIGHT)
+            system.faults.inject(Fault.COLLISION, Side.RIGHT)
             system.manager.monitor.read()
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
@@ -224,11 +223,11 @@ def test_stop_that_another_thread_has_noticed_ends_what_is_being_done(system: Mo
 
 
 def test_guard_stop_of_the_mode_switch_is_confirmed_at_the_flexpendant(system: MovingSystem) -> None:
-    system.faults.happen(Fault.MANUAL_MODE)
+    system.faults.inject(Fault.MANUAL_MODE)
     system.world.controller.events.append(10012, "Guard stop state", "The enabling device was released.")
     system.wait(0.2)
     assert system.manager.state().stop.startswith("10012-")
-    system.faults.happen(Fault.AUTO_MODE)
+    system.faults.inject(Fault.AUTO_MODE)
     system.wait(0.2)
     assert system.manager.state().stop == ""
     system.recover()
@@ -237,8 +236,8 @@ def test_guard_stop_of_the_mode_switch_is_confirmed_at_the_flexpendant(system: M
 
 def test_emergency_stop_before_the_mode_switch_still_waits_for_confirmation(system: MovingSystem) -> None:
     stop(system, Fault.EMERGENCY_STOP)
-    system.faults.happen(Fault.MANUAL_MODE)
-    system.faults.happen(Fault.AUTO_MODE)
+    system.faults.inject(Fault.MANUAL_MODE)
+    system.faults.inject(Fault.AUTO_MODE)
     system.wait(0.2)
     with pytest.raises(StopNotConfirmed, match="10013"):
         system.recover()
@@ -248,7 +247,7 @@ def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) ->
     system.manager.stop_egm()
     system.client.stop_rapid()
     system.bringup._reports.append(
-        lambda step: system.faults.happen(Fault.COLLISION) if step == "move the program pointers to main" else None
+        lambda step: system.faults.inject(Fault.COLLISION) if step == "move the program pointers to main" else None
     )
     with pytest.raises(StopNotConfirmed, match="50204"):
         system.manager.start_egm()
@@ -258,7 +257,7 @@ def test_stop_that_comes_while_egm_is_started_ends_that(system: MovingSystem) ->
 def test_guard_stop_waits_for_confirmation_when_the_guard_is_closed() -> None:
     system = MovingSystem()
     controller = system.world.controller
-    system.faults.happen(Fault.MOTORS_OFF)
+    system.faults.inject(Fault.MOTORS_OFF)
     controller.controller_state = ControllerState.GUARD_STOP
     controller.events.append(10012, "Guard stop state", "The guard was opened.")
     system.wait(0.2)
@@ -308,8 +307,8 @@ def test_emergency_stop_while_one_known_by_the_state_is_recovered_ends_that(syst
 
     def report(step: str) -> None:
         if step.startswith("The robot was stopped by"):
-            system.faults.happen(Fault.EMERGENCY_STOP)
-            system.faults.happen(Fault.EMERGENCY_STOP_RESET)
+            system.faults.inject(Fault.EMERGENCY_STOP)
+            system.faults.inject(Fault.EMERGENCY_STOP_RESET)
 
     with pytest.raises(StopNotConfirmed, match=f"'{identity}' is not the stop that is open now"):
         system.manager.recover(report, confirmed=identity)

@@ -6,9 +6,9 @@ from dataclasses import replace
 from math import radians
 
 import pytest
+from tracking_runs import FULL_SPEED_LIMITS, Stream, follow
 
 from yumi_evaluation.experiments import AXIS_6, FEED_FORWARD, Sine, Step
-from yumi_evaluation.virtual_time import FULL_SPEED_LIMITS, Stream, follow
 
 START = 2.0
 """A sine that begins at full speed cannot be followed from its first moment [s]."""

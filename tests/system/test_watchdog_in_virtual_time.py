@@ -97,7 +97,7 @@ def test_egm_that_another_program_has_begun_is_begun_anew_and_watched() -> None:
 
 def test_sign_that_met_a_stopped_program_keeps_no_other_from_being_seen(system: MovingSystem) -> None:
     driver = watchdog(system)
-    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.PROGRAM_STOP)
     system.wait(0.2)
     driver.beat()  # which is not taken back
     system.recover()
@@ -120,7 +120,7 @@ def test_robot_goes_on_as_long_as_its_driver_lives(system: MovingSystem) -> None
 def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: MovingSystem) -> None:
     """A signal that is up already has no edge."""
     driver = watchdog(system)
-    system.faults.happen(Fault.PROGRAM_STOP)
+    system.faults.inject(Fault.PROGRAM_STOP)
     driver.beat()
     system.recover()
     driver.arm_robot()
@@ -187,7 +187,7 @@ def test_driver_that_goes_disarms_the_watchdog_also_when_egm_has_ended_by_itself
     system.manager.watchdog.start()
     try:
         system.manager.start_egm()
-        system.faults.happen(Fault.EGM_CONVERGENCE)
+        system.faults.inject(Fault.EGM_CONVERGENCE)
         system.wait(0.5)
         system.manager.end_motion()
         assert system.manager.panel.read_variable("T_ROB_L", WATCHDOG, "active") == "FALSE"

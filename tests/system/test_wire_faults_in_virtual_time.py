@@ -74,7 +74,7 @@ def test_swing_that_nothing_disturbs_goes_on_within_the_limits(system: SwingingS
 def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: SwingingSystem, attack: Attack) -> None:
     begin = {side: system.passed(side).cycle for side in Side}
     paths = {side: Swing(side, system.passed(side).heard[-124:]) for side in Side}
-    system.faults.happen(attack.fault, attack.side, attack.duration, attack.amount, attack.way)
+    system.faults.inject(attack.fault, attack.side, attack.duration, attack.amount, attack.way)
     system.wait((attack.duration or 0.0) + AFTER)
     for side in Side:
         passed = system.passed(side)

@@ -405,27 +405,22 @@ def declared_type(expressions: Expressions, datum: s.Data) -> Type:
     scope = expressions.scope
     type_ = scope.program.type_named(datum.type_name, scope.module, datum)
     if datum.dimensions:
-        type_ = ArrayType(type_, _sizes(expressions, datum))
+        try:
+            sizes = tuple(expressions.value(n, NUM).evaluate(CONSTANT_FRAME) for n in datum.dimensions)
+        except (RapidRuntimeError, ArithmeticError) as error:
+            scope.refuse(datum, f"the sizes of '{datum.name}' cannot be computed: {error}")
+        if not 1 <= len(sizes) <= 3 or not all(1 <= size == size // 1 for size in sizes):
+            scope.refuse(datum, f"the array '{datum.name}' needs one to three sizes of at least 1")
+        if math.prod(sizes) > LARGEST_ARRAY:
+            sentence = f"the array '{datum.name}' would have {math.prod(sizes):.0f} elements, there is memory for"
+            scope.refuse(datum, f"{sentence} {LARGEST_ARRAY}")
+        type_ = ArrayType(type_, tuple(int(size) for size in sizes))
         if holds_objects(type_) and value_count(type_) > MOST_OBJECTS:
             sentence = f"the array '{datum.name}' of {type_.name} would hold {value_count(type_)} values"
             scope.refuse(datum, f"{sentence}, there is memory for {MOST_OBJECTS}")
     if datum.initial is None and datum.storage is s.Storage.CONST:
         scope.refuse(datum, f"the constant '{datum.name}' needs a value")
     return type_
-
-
-def _sizes(expressions: Expressions, datum: s.Data) -> tuple[int, ...]:
-    scope = expressions.scope
-    try:
-        sizes = tuple(expressions.value(n, NUM).evaluate(CONSTANT_FRAME) for n in datum.dimensions)
-    except (RapidRuntimeError, ArithmeticError) as error:
-        scope.refuse(datum, f"the sizes of '{datum.name}' cannot be computed: {error}")
-    if not 1 <= len(sizes) <= 3 or not all(1 <= size == size // 1 for size in sizes):
-        scope.refuse(datum, f"the array '{datum.name}' needs one to three sizes of at least 1")
-    if math.prod(sizes) > LARGEST_ARRAY:
-        sentence = f"the array '{datum.name}' would have {math.prod(sizes):.0f} elements, there is memory for"
-        scope.refuse(datum, f"{sentence} {LARGEST_ARRAY}")
-    return tuple(int(size) for size in sizes)
 
 
 # Linking: types and first values of a module's data ---------------------------------------------------------------
@@ -456,7 +451,14 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
         expressions = Expressions(Scope(program, module))
         type_ = declared_type(expressions, datum)
         _check_memory(program, module, datum, type_)
-        value = type_.default() if datum.initial is None else _constant(expressions, datum, datum.initial, type_)
+        if datum.initial is None:
+            value = type_.default()
+        else:
+            evaluate = expressions.value(datum.initial, type_).evaluate
+            try:
+                value = type_.convert(evaluate(CONSTANT_FRAME))
+            except (RapidError, ArithmeticError) as error:
+                expressions.scope.refuse(datum, f"the value of '{datum.name}' cannot be computed: {error}")
     except RecursionError:
         raise misfit(module, datum, f"the value of '{datum.name}' is nested too deeply") from None
     with _publishing:
@@ -464,14 +466,6 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
             variable.type, variable.initial = type_, UNSET if holds_objects(type_) else value
             variable.value = value
             module.value_count += value_count(type_)
-
-
-def _constant(expressions: Expressions, datum: s.Data, initial: s.Expression, type_: Type) -> Any:
-    evaluate = expressions.value(initial, type_).evaluate
-    try:
-        return type_.convert(evaluate(CONSTANT_FRAME))
-    except (RapidError, ArithmeticError) as error:
-        expressions.scope.refuse(datum, f"the value of '{datum.name}' cannot be computed: {error}")
 
 
 def _names(datum: s.Data) -> Iterator[str]:

@@ -11,8 +11,6 @@
     ├── RapidRuntimeError    an execution error with an error number, which an ERROR handler may catch
     ├── UnknownSymbol        no such module or symbol
     └── RapidValueError      a literal does not fit the symbol it was written to
-
-The error numbers a program can meet in ERRNO: names as ABB gives them, and which numbers are whose.
 """
 
 from __future__ import annotations

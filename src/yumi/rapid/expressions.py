@@ -250,7 +250,18 @@ class Expressions:
     def compile_binary(self, node: s.Binary, wanted: Type | None) -> Compiled:
         if node.operator in {"AND", "OR"}:
             return self._logical(node)
-        left, right = self._operands(node)
+        if isinstance(node.left, s.Aggregate):  # it takes the type of the other side
+            right = self.any(node.right)
+            left = self.value(node.left, right.type)
+        else:
+            left = self.operand(node.left)
+            left = self._kept(left) if self.runs_routine(node.right) else left
+            right = self._without_signal(self.any(node.right, left.type))
+        # A literal is a dnum beside one.
+        if left.is_literal and resolved(right.type) == DNUM:
+            left = replace(left, type=DNUM)
+        elif right.is_literal and resolved(left.type) == DNUM:
+            right = replace(right, type=DNUM)
         found = binary_operation(node.operator, left.type, right.type)
         if found is None:
             types = f"{described(left.type)} and {described(right.type)}"
@@ -259,20 +270,6 @@ class Expressions:
         first, second = left.evaluate, right.evaluate
         is_literal = left.is_literal and right.is_literal
         return Compiled(lambda frame: operation(first(frame), second(frame)), type_, is_literal)
-
-    def _operands(self, node: s.Binary) -> tuple[Compiled, Compiled]:
-        """Both sides; an aggregate takes the type of the other side, a literal becomes a dnum beside one."""
-        if isinstance(node.left, s.Aggregate):
-            right = self.any(node.right)
-            return self.value(node.left, right.type), right
-        left = self.operand(node.left)
-        left = self._kept(left) if self.runs_routine(node.right) else left
-        right = self._without_signal(self.any(node.right, left.type))
-        if left.is_literal and resolved(right.type) == DNUM:
-            left = replace(left, type=DNUM)
-        elif right.is_literal and resolved(left.type) == DNUM:
-            right = replace(right, type=DNUM)
-        return left, right
 
     def _logical(self, node: s.Binary) -> Compiled:
         """AND and OR: the right side is evaluated only when the left one has not decided."""
@@ -301,8 +298,7 @@ class Expressions:
         if isinstance(record, RecordType) and len(record.components) == len(node.items):
             return record, [type_ for _, type_ in record.components]
         if isinstance(record, ArrayType) and record.sizes[0] in (0, len(node.items)):
-            row = ArrayType(record.element, record.sizes[1:]) if len(record.sizes) > 1 else record.element
-            return ArrayType(record.element, (len(node.items), *record.sizes[1:])), [row] * len(node.items)
+            return ArrayType(record.element, (len(node.items), *record.sizes[1:])), [record.row] * len(node.items)
         is_unknown = record is None or isinstance(record, OpenType)
         what = "its type is unknown" if record is None or is_unknown else f"{one(record)} is needed"
         self.scope.refuse(node, f"an aggregate of {len(node.items)} is found where {what}")
@@ -313,19 +309,16 @@ class Expressions:
         if self.scope.is_declaration:
             self.scope.refuse(node, "a declaration cannot call a function")
         if node.name.lower() == "present":
-            return self._present(node)
+            argument = node.arguments[0].value if len(node.arguments) == 1 else None
+            local = self.scope.locals.get(argument.name.lower()) if isinstance(argument, s.Name) else None
+            if local is None or local.mode is None:
+                self.scope.refuse(node, "Present takes the name of a parameter of this routine")
+            slot = local.slot
+            return Compiled(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
         found = self.scope.find(node.name, node)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a function")
         return self.calls.function(found, node)
-
-    def _present(self, node: s.FunctionCall) -> Compiled:
-        argument = node.arguments[0].value if len(node.arguments) == 1 else None
-        local = self.scope.locals.get(argument.name.lower()) if isinstance(argument, s.Name) else None
-        if local is None or local.mode is None:
-            self.scope.refuse(node, "Present takes the name of a parameter of this routine")
-        slot = local.slot
-        return Compiled(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
 
     # References to data -------------------------------------------------------------------------------------------
 

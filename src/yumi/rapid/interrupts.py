@@ -1,7 +1,4 @@
-"""Interrupts: which trap belongs to which interrupt number, what orders it, and the queue of those that came.
-
-The timer queue: what a task does at a later time while its program goes on, such as ending a pulse.
-"""
+"""A task's interrupts with their traps and queue, and its actions at a later time, such as the end of a pulse."""
 
 from __future__ import annotations
 

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections import ChainMap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -161,12 +162,12 @@ class Library:
     """Names that every module of a task sees; what is registered here hides the same name of `base`."""
 
     def __init__(self, base: Library | None = None) -> None:
-        self._base = base
-        self._routines: dict[str, LibraryRoutine] = {}
-        self._types: dict[str, Type] = {}
-        self._data: dict[str, Variable] = {}
-        self._missing: set[str] = set()
-        self._errors: dict[str, float] = {}
+        # By lower-case name: what is registered here, then what the base has.
+        self._routines: ChainMap[str, LibraryRoutine] = base._routines.new_child() if base else ChainMap()
+        self._types: ChainMap[str, Type] = base._types.new_child() if base else ChainMap()
+        self._data: ChainMap[str, Variable] = base._data.new_child() if base else ChainMap()
+        self._errors: ChainMap[str, float] = base._errors.new_child() if base else ChainMap()
+        self._missing: ChainMap[str, None] = base._missing.new_child() if base else ChainMap()
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER
 
     # Registering --------------------------------------------------------------------------------------------------
@@ -242,28 +243,26 @@ class Library:
 
         It is loaded, and stops where it executes one.
         """
-        self._missing.update(name.lower() for name in names)
+        self._missing.update(dict.fromkeys(name.lower() for name in names))
 
     def include(self, other: Library) -> None:
         """Take over everything that `other` registered itself, without what it is based on."""
-        self._routines.update(other._routines)
-        self._types.update(other._types)
-        self._data.update(other._data)
-        self._errors.update(other._errors)
-        self._missing.update(other._missing)
+        self._routines.update(other._routines.maps[0])
+        self._types.update(other._types.maps[0])
+        self._data.update(other._data.maps[0])
+        self._errors.update(other._errors.maps[0])
+        self._missing.update(other._missing.maps[0])
 
     # Looking up ---------------------------------------------------------------------------------------------------
 
     def routine(self, name: str) -> LibraryRoutine | None:
-        found = self._routines.get(name.lower())
-        return found or (self._base.routine(name) if self._base else None)
+        return self._routines.get(name.lower())
 
     def is_missing(self, name: str) -> bool:
-        return name.lower() in self._missing or (self._base is not None and self._base.is_missing(name))
+        return name.lower() in self._missing
 
     def find_type(self, name: str) -> Type | None:
-        found = self._types.get(name.lower())
-        return found or (self._base.find_type(name) if self._base else None)
+        return self._types.get(name.lower())
 
     def type(self, name: str) -> Type:
         """The type called `name`; raises RapidReferenceError."""
@@ -273,16 +272,13 @@ class Library:
         return found
 
     def datum(self, name: str) -> Variable | None:
-        found = self._data.get(name.lower())
-        return found or (self._base.datum(name) if self._base else None)
+        return self._data.get(name.lower())
 
     def error_number(self, name: str) -> float | None:
-        found = self._errors.get(name.lower())
-        return found or (self._base.error_number(name) if self._base else None)
+        return self._errors.get(name.lower())
 
     def error_name(self, number: float) -> str | None:
-        found = next((name.upper() for name, n in self._errors.items() if n == number), None)
-        return found or (self._base.error_name(number) if self._base else None)
+        return next((name.upper() for name, n in self._errors.items() if n == number), None)
 
 
 def core_library() -> Library:

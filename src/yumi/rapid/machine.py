@@ -3,8 +3,6 @@
 The call stack is explicit: a frame for each routine that is under way. A trap is a frame on top of the routine it
 interrupts, one execution level higher. An error looks down the stack for a handler; what lies above the one found
 is abandoned, from the top down, each procedure after its UNDO clause.
-
-The frame: one routine under way, with its data, its position in the code and the error its handler works on.
 """
 
 from __future__ import annotations
@@ -213,7 +211,8 @@ class Machine:
         self.instant += 1
         while self.task.is_running:
             frame = self.frames[-1]
-            if self.interrupts.queue and self._is_open(frame):
+            is_open = not self.in_trap and not self.interrupts.is_disabled and self._unwinding is None
+            if self.interrupts.queue and is_open and (frame.waiting is not None or frame.is_between_statements()):
                 self._begin_trap(frame)
             elif frame.waiting is not None:
                 if frame.polled_at == self.instant:  # once in an instant
@@ -357,10 +356,6 @@ class Machine:
         self.task.exited(where)
 
     # Interrupts ---------------------------------------------------------------------------------------------------
-
-    def _is_open(self, frame: Frame) -> bool:
-        is_allowed = not self.in_trap and not self.interrupts.is_disabled and self._unwinding is None
-        return is_allowed and (frame.waiting is not None or frame.is_between_statements())
 
     def _begin_trap(self, below: Frame) -> None:
         number, trap = self.interrupts.take()

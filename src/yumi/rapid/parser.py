@@ -1,8 +1,7 @@
 """The parser: RAPID text to syntax tree, with errors that say where, what was found and what is allowed instead.
 
 Lark calls the methods of `TreeBuilder` while it parses, so that there is no parse tree beside the syntax tree.
-
-Literals: values as RAPID text, as the controller prints them (reference/rws.md §6.5), and text back to values.
+Literals, which the controller prints and reads for values (reference/rws.md §6.5), are here, too.
 """
 
 from __future__ import annotations
@@ -497,16 +496,12 @@ def format_value(type_: Type, value: Any) -> str:
         parts = (format_value(t, v) for (_, t), v in zip(type_.components, value, strict=True))
         return f"[{','.join(parts)}]"
     if isinstance(type_, ArrayType):
-        row = ArrayType(type_.element, type_.sizes[1:]) if len(type_.sizes) > 1 else type_.element
-        return f"[{','.join(format_value(row, item) for item in value)}]"
-    return _format_atom(type_, value)
-
-
-def _format_atom(type_: Type, value: Any) -> str:
+        return f"[{','.join(format_value(type_.row, item) for item in value)}]"
     if type_ == BOOL:
         return "TRUE" if value else "FALSE"
     if type_ == STRING:
-        return f'"{SPECIAL.sub(_escaped, value)}"'
+        escaped = SPECIAL.sub(lambda m: m[0] * 2 if m[0] in '"\\' else f"\\{ord(m[0]):02X}", value)
+        return f'"{escaped}"'
     if type_ in (NUM, DNUM):
         return format_number(value, type_.name)
     raise RapidValueError(f"The type {type_.name} has no values that could be written down.")
@@ -516,11 +511,6 @@ def format_number(value: float, type_name: str = "num") -> str:
     if value == int(value) and abs(value) <= LARGEST_EXACT[type_name]:
         return str(int(value))
     return f"{value:.{NUM_DIGITS if type_name == 'num' else DNUM_DIGITS}G}"
-
-
-def _escaped(match: re.Match[str]) -> str:
-    character = match.group()
-    return character * 2 if character in '"\\' else f"\\{ord(character):02X}"
 
 
 def parse_value(type_: Type, text: str) -> Any:
@@ -547,8 +537,7 @@ def _value(type_: Type, node: Expression) -> Any:
         items = _items(node, len(type_.components))
         return type_.value_class._make(_value(t, item) for (_, t), item in zip(type_.components, items, strict=True))
     if isinstance(type_, ArrayType):
-        row = ArrayType(type_.element, type_.sizes[1:]) if len(type_.sizes) > 1 else type_.element
-        return tuple(_value(row, item) for item in _items(node, type_.sizes[0]))
+        return tuple(_value(type_.row, item) for item in _items(node, type_.sizes[0]))
     if isinstance(type_, AtomicType):
         return type_.convert(_atom(type_, node))
     raise _WrongType(f"The type {type_.name} has no values that could be written down.")

@@ -1,9 +1,8 @@
 """The program of a task: its modules, what names mean in them, and the code of its routines.
 
 A `Program` never changes: to load or unload a module makes another one, which may be linked and compiled in a
-background thread before the task goes on with it. Only the values of data change, and the codes that are added.
-
-The host: what a task needs from the controller it runs on, and the events it reports to it.
+background thread before the task goes on with it. Only the values of data change, and the codes that are added. First
+come the host, the controller as a task sees it, and the events that a task reports to it.
 """
 
 from __future__ import annotations

@@ -303,13 +303,12 @@ class Task:
         machine, end = self._machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
-        while (due := self._next_due()) < end and not machine.is_exhausted():
+        while True:
+            due = min(machine.next_due() if self.is_running else math.inf, self.timers.next_time)
+            if due >= end or machine.is_exhausted():
+                break
             self._pass_to(max(due, self.now))
         self._pass_to(end)
-
-    def _next_due(self) -> float:
-        due = self._machine.next_due() if self.is_running else math.inf
-        return min(due, self.timers.next_time)
 
     def _pass_to(self, time: float) -> None:
         self.now = time
@@ -318,8 +317,18 @@ class Task:
             if self.is_running:
                 self._machine.interrupts.time_passed(time)
                 self._machine.run()
-        except Exception as error:  # whatever a program does, the controller goes on
-            self._failed_internally(error)
+        except Exception as error:  # one that RAPID has no number for: whatever a program does, the controller goes on
+            frame = self._machine.frames[-1] if self._machine.frames else None
+            where = "no routine" if frame is None else self._where(frame)
+            what = f"{type(error).__name__}: {error}"
+            sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
+            log.error("%s", sentence, exc_info=error)
+            self.stop()
+            if frame is None:
+                self.host.report(self.name, TaskEvent(EventKind.ERROR, sentence))
+            else:
+                self._halt(EventKind.ERROR, sentence, frame)
+                frame.rewind()
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Latch the interrupts that an I/O signal's change orders; lost while the task is not started."""
@@ -345,20 +354,6 @@ class Task:
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
-
-    def _failed_internally(self, error: Exception) -> None:
-        """Stop after an error that RAPID has no number for."""
-        frame = self._machine.frames[-1] if self._machine.frames else None
-        where = "no routine" if frame is None else self._where(frame)
-        what = f"{type(error).__name__}: {error}"
-        sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
-        log.error("%s", sentence, exc_info=error)
-        self.stop()
-        if frame is None:
-            self.host.report(self.name, TaskEvent(EventKind.ERROR, sentence))
-        else:
-            self._halt(EventKind.ERROR, sentence, frame)
-            frame.rewind()
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""

@@ -2,11 +2,8 @@
 
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
 tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. Types that hold no value
-(clock, egmident) are the objects their instructions work on.
-
-Data in memory: variables, parts of variables, and the parameter that was not passed.
-
-The operators of RAPID: which types each takes, what type it gives, and how it computes.
+(clock, egmident) are the objects their instructions work on. After the types come data in memory (variables, parts of
+them, the parameter that was not passed), then the operators with the types they take and give.
 """
 
 from __future__ import annotations
@@ -104,7 +101,7 @@ class ArrayType:
         return self.element.name
 
     def default(self) -> Any:
-        row = self._row()
+        row = self.row
         if holds_objects(row):
             return tuple(row.default() for _ in range(self.sizes[0]))
         return (row.default(),) * self.sizes[0]  # values do not change, so that all elements may be the same one
@@ -112,10 +109,12 @@ class ArrayType:
     def convert(self, value: Any) -> Any:
         if type(value) is tuple:  # of a datum, which holds converted values only
             return value
-        row = self._row()
+        row = self.row
         return tuple(row.convert(item) for item in value)
 
-    def _row(self) -> Type:
+    @property
+    def row(self) -> Type:
+        """What is found at one index: an element, or an array with a dimension less."""
         return ArrayType(self.element, self.sizes[1:]) if len(self.sizes) > 1 else self.element
 
 
@@ -231,12 +230,10 @@ def is_assignable(wanted: Type, given: Type) -> bool:
     if isinstance(wanted, SignalType) and isinstance(given, SignalType):
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):
-        return is_assignable(wanted.element, given.element) and _sizes_fit(wanted.sizes, given.sizes)
+        same_rank = len(wanted.sizes) == len(given.sizes)
+        sizes_fit = same_rank and all(w in (0, g) for w, g in zip(wanted.sizes, given.sizes, strict=True))
+        return sizes_fit and is_assignable(wanted.element, given.element)
     return wanted is given or wanted == given
-
-
-def _sizes_fit(wanted: tuple[int, ...], given: tuple[int, ...]) -> bool:
-    return len(wanted) == len(given) and all(w in (0, g) for w, g in zip(wanted, given, strict=True))
 
 
 def described(type_: Type) -> str:
@@ -380,18 +377,6 @@ def _integer_quotient(left: float, right: float) -> float:
     return float(quotient if (dividend < 0) == (divisor < 0) else -quotient)
 
 
-def _remainder(left: float, right: float) -> float:
-    return math.fmod(*_whole(left, right))
-
-
-def _sum(left: Any, right: Any) -> Any:
-    return type(left)._make(map(operator.add, left, right))
-
-
-def _difference(left: Any, right: Any) -> Any:
-    return type(left)._make(map(operator.sub, left, right))
-
-
 def _scaled(position: Any, factor: float) -> Any:
     return type(position)._make(component * factor for component in position)
 
@@ -417,15 +402,15 @@ NUMERIC: dict[str, tuple[Operation, bool]] = {
     "*": (operator.mul, False),
     "/": (_divided, False),
     "DIV": (_integer_quotient, False),
-    "MOD": (_remainder, False),
+    "MOD": (lambda left, right: math.fmod(*_whole(left, right)), False),
     "<": (operator.lt, True),
     "<=": (operator.le, True),
     ">": (operator.gt, True),
     ">=": (operator.ge, True),
 }
 RECORDS: dict[tuple[str, str, str], Operation] = {
-    ("+", "pos", "pos"): _sum,
-    ("-", "pos", "pos"): _difference,
+    ("+", "pos", "pos"): lambda left, right: left._make(map(operator.add, left, right)),
+    ("-", "pos", "pos"): lambda left, right: left._make(map(operator.sub, left, right)),
     ("*", "pos", "num"): _scaled,
     ("*", "num", "pos"): lambda factor, position: _scaled(position, factor),
     ("*", "pos", "pos"): _cross,

@@ -10,7 +10,6 @@ C++ client sends values unescaped, Python clients percent-encode them; both must
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -23,18 +22,18 @@ from yumi.errors import ProtocolError
 
 Pairs = tuple[tuple[str, str], ...]
 
-CONTENT_TYPE = "application/x-www-form-urlencoded"
+FORM_TYPE = "application/x-www-form-urlencoded"
 
 # A raw "+" is a blank in a form, except in the exponent of a number printed by a client that escapes nothing.
 _BLANK_PLUS = re.compile(r"(?<![0-9.][eE])\+|\+(?![0-9])")
 
 
-def encode(pairs: Iterable[tuple[str, str]]) -> str:
+def encode_form(pairs: Iterable[tuple[str, str]]) -> str:
     """``name=value&…``, everything but letters, digits and ``-._~`` percent-encoded as UTF-8."""
     return "&".join(f"{quote(name, safe='')}={quote(value, safe='')}" for name, value in pairs)
 
 
-def decode(text: str) -> Pairs:
+def decode_form(text: str) -> Pairs:
     """The pairs of a query or form body, in order.
 
     The text is split only at ``&``: a ``;`` belongs to the values of subscriptions. A name without ``=`` has
@@ -44,7 +43,7 @@ def decode(text: str) -> Pairs:
     return tuple((_text(name), _text(value)) for name, _, value in pairs)
 
 
-def first(pairs: Pairs, name: str) -> str | None:
+def first_value(pairs: Pairs, name: str) -> str | None:
     """The first value of ``name``, or None."""
     return next((value for key, value in pairs if key == name), None)
 
@@ -138,7 +137,7 @@ class Page:
     def next_query(self) -> Pairs | None:
         """The query of the page on which a list goes on, or None at its end."""
         href = self.link("next")
-        return None if href is None else decode(href.partition("?")[2])
+        return None if href is None else decode_form(href.partition("?")[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,28 +153,6 @@ class Form(Enum):
 
     XHTML = "application/xhtml+xml"
     JSON = "application/json"  # without a charset: abb_robot_client compares the whole value
-
-
-def write_page(page: Page, form: Form) -> bytes:
-    """The page as a document: XHTML on one line after the XML declaration, as clients match it line by line.
-
-    The title has no place in JSON.
-    """
-    if form is Form.JSON:
-        links = {"base": {"href": page.base}} | _json_links(page.links)
-        return _dump({"_links": links, "_embedded": {"_state": [_json_state(state) for state in page.states]}})
-    states = "".join(map(write_item, page.states))
-    content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
-    return _document(page.title, page.base, content)
-
-
-def write_status(status: Status, form: Form, *, base: str, title: str = "rw") -> bytes:
-    """The status as an error document; its code is a number in JSON."""
-    if form is Form.JSON:
-        embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
-        return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
-    content = f'<div class="status">{_span("code", str(status.code))}{_span("msg", status.message)}</div>'
-    return _document(title, base, content)
 
 
 def read_page(content_type: str, body: bytes) -> Page:
@@ -207,53 +184,11 @@ def read_status(content_type: str, body: bytes) -> Status:
         raise ProtocolError("The controller's error document holds no code.") from error
 
 
-_XML = '<?xml version="1.0" encoding="UTF-8"?>'
-_XMLNS = "http://www.w3.org/1999/xhtml"
+XMLNS = "http://www.w3.org/1999/xhtml"
 _XHTML_TYPES = (Form.XHTML.value, "text/html", "text/xml", "application/xml")
-_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_ENTITIES = {
-    "&": "&amp;",
-    "<": "&lt;",
-    ">": "&gt;",
-    '"': "&quot;",
-    "\t": "&#9;",
-    "\n": "&#10;",
-    "\r": "&#13;",
-}
-_SPECIAL = re.compile('[&<>"\t\n\r]')
 _ARGUMENT = re.compile(r"arg\d+")
 _DEEPEST = 32  # lists within lists; a controller's pages have two
 _LARGEST = 16 * 1024 * 1024  # [byte]; a page holds 100 items at most (reference/rws.md §1.1)
-
-
-def _document(title: str, base: str, content: str) -> bytes:
-    head = f'<head><title>{escaped(title)}</title><base href="{escaped(base)}"/></head>'
-    return f'{_XML}\n<html xmlns="{_XMLNS}">{head}<body>{content}</body></html>'.encode("utf-8", "replace")
-
-
-def write_item(state: State) -> str:
-    """A state as an item of a list."""
-    spans = "".join(_span(name, text) for name, text in state.fields.items())
-    arguments = "".join(
-        f'<span class="arg{number}" type="{escaped(argument.type)}">{escaped(argument.value)}</span>'
-        for number, argument in enumerate(state.arguments, start=1)
-    )
-    children = f"<ul>{''.join(map(write_item, state.children))}</ul>" if state.children else ""
-    head = f'<li class="{escaped(state.type)}" title="{escaped(state.title)}">'
-    return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
-
-
-def _anchors(links: tuple[Link, ...]) -> str:
-    return "".join(f'<a href="{escaped(link.href)}" rel="{escaped(link.rel)}"/>' for link in links)
-
-
-def _span(name: str, text: str) -> str:
-    return f'<span class="{escaped(name)}">{escaped(text)}</span>'
-
-
-def escaped(text: str) -> str:
-    """``text`` as it may stand in a document."""
-    return _SPECIAL.sub(lambda match: _ENTITIES[match.group()], _ILLEGAL.sub("\ufffd", text))
 
 
 def _parse(content_type: str, body: bytes) -> Element:
@@ -271,7 +206,7 @@ def _parse(content_type: str, body: bytes) -> Element:
     except (UnicodeDecodeError, ValueError, RecursionError, ElementTree.ParseError) as error:
         raise ProtocolError("The answer is not well-formed XHTML.") from error
     for element in root.iter():
-        element.tag = element.tag.removeprefix(f"{{{_XMLNS}}}")
+        element.tag = element.tag.removeprefix(f"{{{XMLNS}}}")
     return root
 
 
@@ -298,46 +233,3 @@ def _is_argument(span: Element) -> bool:
 
 def _links(element: Element) -> tuple[Link, ...]:
     return tuple(Link(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
-
-
-# Where the controller's JSON deviates from its XHTML (reference/rws.md §3.2).
-_FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
-    "ms-robtargets": {f"eax_{letter}": f"eax{letter}" for letter in "abcdef"},
-    "ms-mechunit": {
-        "task-name": "task",
-        "is-integrated-unit": "is-integrated-unitname",
-        "has-integrated-unit": "has-integrated-unitname",
-    },
-}
-_TYPES = {"elog-message-li": "elog-message"}
-_LISTS = {"sys-option-li": "options", "cfg-ia-t-li": "attrib"}
-_NUMBERS = ("lvalue", "pvalue")
-
-
-def _dump(value: object) -> bytes:
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
-
-
-def _json_state(state: State) -> dict[str, object]:
-    names = _FIELD_NAMES.get(state.type, {})
-    result: dict[str, object] = {"_type": _TYPES.get(state.type, state.type), "_title": state.title}
-    if state.links:
-        result["_links"] = _json_links(state.links)
-    for name, text in state.fields.items():
-        result[names.get(name, name)] = _number(text) if name in _NUMBERS else text
-    if state.arguments:
-        result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
-    if state.children:
-        result[_LISTS.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
-    return result
-
-
-def _number(text: str) -> object:
-    try:
-        return int(text) if text.lstrip("-").isdecimal() else float(text)
-    except ValueError:
-        return text
-
-
-def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
-    return {link.rel: {"href": f"{link.href}{'&' if '?' in link.href else '?'}json=1"} for link in links}

@@ -1,13 +1,8 @@
-"""What a client may subscribe to, and the documents in which changes come (reference/rws.md §14).
+"""What a client may subscribe to, and its subscription: a group at the controller, a WebSocket, the changes on it.
 
 A controller sends a change at once, but at most as often as the priority permits: low every 5 s, medium every 200 ms,
 high every 50 ms; of a resource that changes faster, the last value is sent. High is for signals and persistent
-variables only.
-
-The documents are XHTML on one line, ASCII, short (reference/rws.md §14.1-14.2): clients cut them with regular
-expressions and receive into buffers of 1024 bytes, so spelling and length count.
-
-A client's subscription: a group at the controller, its WebSocket, and the changes that come on it.
+variables only. Source: reference/rws.md §14.
 """
 
 from __future__ import annotations
@@ -15,28 +10,18 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import httpx
 
 from yumi.errors import LoginRefused, NoConnection, ProtocolError, YumiError
-from yumi.rws import documents as forms
-from yumi.rws.documents import Form, Page, Pairs, State, escaped, read_page, write_item
+from yumi.rws.documents import Form, Page, Pairs, read_page
 from yumi.rws.session import Request, RwsSession
 from yumi.rws.transport import Listener, Socket
 
 PROTOCOL = "robapi2_subscription"
 """Sub-protocol of the WebSocket."""
-
-MAX_GROUPS = 2
-"""Groups a session may have."""
-
-MAX_RESOURCES = 1000
-"""Resources a group may have."""
-
-MAX_HIGH = 64
-"""Resources with high priority, of all clients together."""
 
 _SYMBOL_DATA = "/rw/rapid/symbol/data/RAPID/"
 
@@ -119,26 +104,6 @@ def write_resources(resources: Sequence[Resource]) -> Pairs:
     return tuple(pairs)
 
 
-def read_resources(form: Pairs) -> tuple[Resource, ...]:
-    """The resources a form asks for.
-
-    Raises:
-        ProtocolError: a path or a priority is missing, or the priority is none.
-    """
-    numbers = [value for name, value in form if name == "resources"]
-    if not numbers:
-        raise ProtocolError("the body lacks resources")
-    resources: list[Resource] = []
-    for number in numbers:
-        path, priority = forms.first(form, number), forms.first(form, f"{number}-p")
-        if not path or priority is None:
-            raise ProtocolError(f"the body lacks {number if not path else f'{number}-p'}")
-        if priority not in ("0", "1", "2"):
-            raise ProtocolError(f"{number}-p is 0, 1 or 2, not {priority!r}")
-        resources.append(Resource(path, Priority(int(priority))))
-    return tuple(resources)
-
-
 def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
     """The changes in an event or in the answer to a subscription to ``paths``.
 
@@ -149,24 +114,13 @@ def read_changes(page: Page, paths: Iterable[str]) -> tuple[Change, ...]:
     for state in page.states:
         href = next((link.href for link in state.links if link.rel == "self"), None)
         if href is not None:
-            changes.append(Change(_subscribed(href, known), state.fields))
+            # Messages of the event log have paths below it; signals may come with their network and device.
+            near = (path for path in known if href.startswith(f"{path}/") or _signal(path) == _signal(href) != "")
+            changes.append(Change(href if href in known else next(near, href), state.fields))
         elif changes:
             change = changes.pop()
             changes.append(Change(change.path, {**change.fields, **state.fields}))
     return tuple(changes)
-
-
-def _subscribed(href: str, paths: tuple[str, ...]) -> str:
-    """The path under which ``href`` was subscribed.
-
-    Messages of the event log have paths below it; signals may come with their network and device.
-    """
-    if href in paths:
-        return href
-    for path in paths:
-        if href.startswith(f"{path}/") or _signal(path) == _signal(href) != "":
-            return path
-    return href
 
 
 def _signal(path: str) -> str:
@@ -174,32 +128,7 @@ def _signal(path: str) -> str:
     return path.rpartition("/")[2] if "/iosystem/signals/" in path else ""
 
 
-MAX_EVENT = 1024
-"""What the receive buffers of common clients hold [byte]."""
-
 _POLL = re.compile(r"/poll/(\d+)")
-
-
-def write_group(root: str, group: int, events: Sequence[Sequence[State]]) -> bytes:
-    """The answer to a subscription, with the values of this moment; ``root`` is ``host:port`` of the controller."""
-    links = (
-        f'<a href="subscription/{group}" rel="group"></a>'
-        f'<a href="ws://{escaped(root)}/poll/{group}" rel="self"></a>'
-        f'<a href="subscription/{group}?action=show" rel="action"></a>'
-    )
-    return _document(root, links, (state for event in events for state in event))
-
-
-def write_event(root: str, group: int, event: Sequence[State]) -> str:
-    """The message with one event; common clients look for one only in each.
-
-    What is too long for their buffers is sent without its value, which a client can read where the link leads.
-    """
-    link = f'<a href="subscription/{group}" rel="group"></a>'
-    text = _document(root, link, event)
-    if len(text) > MAX_EVENT:
-        text = _document(root, link, [replace(event[0], fields={})])
-    return text.decode("ascii")
 
 
 def read_event(text: str) -> Page:
@@ -215,16 +144,6 @@ def group_of(text: str) -> int | None:
     """Number of the group in an address such as ``ws://192.168.125.1:80/poll/5``."""
     found = _POLL.search(text)
     return None if found is None else int(found[1])
-
-
-def _document(root: str, links: str, states: Iterable[State]) -> bytes:
-    items = "".join(map(write_item, states))
-    text = (
-        '<?xml version="1.0" encoding="UTF-8"?><html xmlns="http://www.w3.org/1999/xhtml">'
-        f'<head><title>Event</title><base href="http://{escaped(root)}/"/></head>'
-        f'<body><div class="state">{links}<ul>{items}</ul></div></body></html>'
-    )
-    return text.encode("ascii", "xmlcharrefreplace")
 
 
 OnChange = Callable[[Change], None]

@@ -27,8 +27,7 @@ import httpx
 
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
-from yumi.rws import documents as forms
-from yumi.rws.documents import Pairs
+from yumi.rws.documents import FORM_TYPE, Pairs, encode_form
 from yumi.rws.transport import ConnectionLost, Listener, Socket, until
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
@@ -74,19 +73,19 @@ class Request:
     def target(self) -> str:
         """Path and query as on the request line."""
         path = quote(self.path, safe=_PATH_SAFE)
-        return f"{path}?{forms.encode(self.query)}" if self.query else path
+        return f"{path}?{encode_form(self.query)}" if self.query else path
 
     @property
     def body(self) -> bytes:
         """The file, or the form, encoded."""
-        return forms.encode(self.form or ()).encode("ascii") if self.content is None else self.content
+        return encode_form(self.form or ()).encode("ascii") if self.content is None else self.content
 
     @property
     def content_type(self) -> str | None:
         """What the body is; None for a request without one."""
         if self.content is not None:
             return "application/octet-stream"
-        return None if self.form is None else forms.CONTENT_TYPE
+        return None if self.form is None else FORM_TYPE
 
     @property
     def is_repeatable(self) -> bool:
@@ -249,7 +248,17 @@ class RwsSession:
     def _authorized(self, request: Request, deadline: float) -> httpx.Response:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
-        message = self._message(request, deadline)
+        try:
+            message = httpx.Request(
+                request.method,
+                f"http://{self.address}{request.target}",
+                headers={} if request.content_type is None else {"Content-Type": request.content_type},
+                content=request.body,
+                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
+            )
+        except httpx.InvalidURL as error:
+            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
+        message.headers.encoding = "utf-8"  # of user names in a login
         response = self._once(message, cookies, deadline)
         if response.status_code == _UNAUTHORIZED and self.is_open and self._cookies != cookies:
             # Another request has logged in meanwhile: one session is enough.
@@ -265,21 +274,6 @@ class RwsSession:
                 "the right ones (a new controller knows user 'Default User' with password 'robotics')."
             )
         return response
-
-    def _message(self, request: Request, deadline: float) -> httpx.Request:
-        headers = {} if request.content_type is None else {"Content-Type": request.content_type}
-        try:
-            message = httpx.Request(
-                request.method,
-                f"http://{self.address}{request.target}",
-                headers=headers,
-                content=request.body,
-                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
-            )
-        except httpx.InvalidURL as error:
-            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
-        message.headers.encoding = "utf-8"  # of user names in a login
-        return message
 
     def _with_credentials(self, message: httpx.Request, challenge: httpx.Response) -> httpx.Request:
         """``message`` with the answer to the challenge of a controller; httpx computes it."""

@@ -108,13 +108,21 @@ class HttpTransport(httpx.BaseTransport):
                     extensions=request.extensions,
                 )
             )
+            stream: _Stream = response.extensions["network_stream"]
+            stream.head_left = None  # the head is complete
+            body = bytearray()
             try:
-                body = self._read(response)
+                for chunk in response.iter_stream():
+                    body += chunk
+                    if len(body) > _MAX_BODY:
+                        raise ProtocolError(f"The answer of {self.address} is longer than {_MAX_BODY} bytes.")
+            except httpcore.ReadTimeout as error:
+                raise AnswerTimeout(f"{self.address} is too slow: its answer did not end in time.") from error
             finally:
                 response.close()
         # A controller compresses nothing; what another peer compresses is left as it is, so that it cannot explode.
         headers = [(name, value) for name, value in response.headers if name.lower() != b"content-encoding"]
-        return httpx.Response(response.status, headers=headers, content=body)
+        return httpx.Response(response.status, headers=headers, content=bytes(body))
 
     def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> WebSocket:
         """A WebSocket at the path ``target``, on a connection of its own.
@@ -134,19 +142,6 @@ class HttpTransport(httpx.BaseTransport):
         return httpcore.ConnectionPool(
             max_connections=_CONNECTIONS, keepalive_expiry=_KEEP_ALIVE, network_backend=self._backend
         )
-
-    def _read(self, response: httpcore.Response) -> bytes:
-        stream: _Stream = response.extensions["network_stream"]
-        stream.head_left = None
-        body = bytearray()
-        try:
-            for chunk in response.iter_stream():
-                body += chunk
-                if len(body) > _MAX_BODY:
-                    raise ProtocolError(f"The answer of {self.address} is longer than {_MAX_BODY} bytes.")
-        except httpcore.ReadTimeout as error:
-            raise AnswerTimeout(f"{self.address} is too slow: its answer did not end in time.") from error
-        return bytes(body)
 
 
 class _Backend(httpcore.NetworkBackend):

@@ -88,9 +88,17 @@ class SignalType(Enum):
     GROUP_INPUT = "GI"
     GROUP_OUTPUT = "GO"
 
+    @property
+    def is_output(self) -> bool:
+        return self.value.endswith("O")
 
-class EventType(Enum):
-    """Weight of an event log message."""
+    @property
+    def is_digital(self) -> bool:
+        return self.value.startswith("D")
+
+
+class EventType(IntEnum):
+    """How serious a message of the event log is."""
 
     INFORMATION = 1
     WARNING = 2

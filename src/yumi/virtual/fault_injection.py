@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.rws import documents as forms
+from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.egm_network import LASTING, SINGLE
@@ -72,7 +72,7 @@ class FaultInjection:
             Fault.OBJECT_LOST: self._lose_object,
         }
 
-    def happen(
+    def inject(
         self,
         fault: Fault,
         side: Side | None = None,
@@ -127,13 +127,25 @@ class FaultInjection:
             )
         name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
         if not name:
-            return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(_list()).encode())
+            kinds = [
+                {
+                    "name": fault.value.name,
+                    "meaning": fault.value.meaning,
+                    "has_side": fault.value.has_side,
+                    "has_duration": fault.value.has_duration,
+                    "default_duration_s": fault.value.default_duration,
+                    "by": None if fault.value.amount is None else asdict(fault.value.amount),
+                    "has_way": fault.value.has_way,
+                }
+                for fault in Fault
+            ]
+            return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(kinds).encode())
         fault = kind_of(name)
         if fault is None or request.method != "POST":
             known = ", ".join(each.value.name for each in Fault)
             return _sentence(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
         try:
-            self.happen(fault, *_choice(forms.decode(request.body.decode("utf-8", "replace"))))
+            self.inject(fault, *_choice(decode_form(request.body.decode("utf-8", "replace"))))
         except YumiError as error:
             return _sentence(409, str(error))
         return HttpReply(204)
@@ -221,9 +233,9 @@ def _check_choice(
         raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
 
 
-def _choice(form: forms.Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
-    side, way = forms.first(form, "side"), forms.first(form, "way")
-    duration, amount = forms.first(form, "duration"), forms.first(form, "by")
+def _choice(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+    side, way = first_value(form, "side"), first_value(form, "way")
+    duration, amount = first_value(form, "duration"), first_value(form, "by")
     sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
     if side is not None and side not in sides:
         raise CommandRefused(f"A side is left or right, not {side!r}.")
@@ -245,21 +257,6 @@ def _number(text: str, meaning: str) -> float:
     if not isfinite(number):
         raise CommandRefused(f"{meaning}, not {text!r}.")
     return number
-
-
-def _list() -> list[dict[str, object]]:
-    return [
-        {
-            "name": fault.value.name,
-            "meaning": fault.value.meaning,
-            "has_side": fault.value.has_side,
-            "has_duration": fault.value.has_duration,
-            "default_duration_s": fault.value.default_duration,
-            "by": None if fault.value.amount is None else asdict(fault.value.amount),
-            "has_way": fault.value.has_way,
-        }
-        for fault in Fault
-    ]
 
 
 def _host_of(url: str) -> str:

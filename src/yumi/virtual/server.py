@@ -28,7 +28,7 @@ from yumi.rapid.parser import parse_expression, parse_module
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
-from yumi.rws import documents as forms
+from yumi.rws.documents import decode_form, first_value
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
@@ -175,11 +175,11 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._hang_up)
-        self._faults = FaultInjection(self.world, self._service)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
+        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
+        self._faults = FaultInjection(self.world, self._service)
         self._background = Background()
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
@@ -201,24 +201,18 @@ class VirtualController:
                 on_ready(server.port)
                 pace = Pace(self._clock)
                 while not is_over.is_set():
-                    self._cycle()
+                    inboxes = {side: link.receive() for side, link in self._links.items()}
+                    with self._lock:
+                        departures = self.world.exchange(inboxes)
+                        self._service.advance(self._clock.now())
+                    for side, datagram, is_foreign in departures:
+                        (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
         finally:
             self._background.stop()
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
-
-    def _cycle(self) -> None:
-        inboxes = {side: link.receive() for side, link in self._links.items()}
-        with self._lock:
-            departures = self.world.exchange(inboxes)
-            self._service.advance(self._clock.now())
-        for side, datagram, is_foreign in departures:
-            (self._foreign_links if is_foreign else self._links)[side].send(datagram)
-
-    def _hang_up(self) -> None:
-        self._server.hang_up()
 
     def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:
@@ -255,16 +249,16 @@ class VirtualController:
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):
                 return None
-        form = forms.decode(request.body.decode("utf-8", "replace"))
+        form = decode_form(request.body.decode("utf-8", "replace"))
         if _LOAD_MODULE in query:
-            path = forms.first(form, "modulepath") or ""
+            path = first_value(form, "modulepath") or ""
             text = self.world.controller.files.get(path)
             task = self.world.controller.tasks.get(request.target.partition("?")[0].rpartition("/")[2].upper())
             if text is None or task is None:
                 return None
             return self._background.submit(partial(self._link, task, text, path))
         if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
-            return self._background.submit(partial(_parse_value, forms.first(form, "value") or ""))
+            return self._background.submit(partial(_parse_value, first_value(form, "value") or ""))
         return self._background.submit(self._compile) if _RESET_PP in query else None
 
     def _link(self, task: Task, text: str, path: str) -> None:

@@ -68,7 +68,17 @@ class World:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
         self._configuration = _configuration(settings)
-        self._units = {side: _arm_unit(side, settings) for side in Side}
+        self._units: dict[Side, ArmUnit] = {}
+        for side in Side:
+            arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
+            gripper = VirtualGripper(
+                settings.workpieces.get(side),
+                settings.gripper_modules.get(side, GripperModules.SERVO),
+                is_calibrated=settings.grippers_are_calibrated,
+            )
+            for cup in gripper.cups.values():
+                cup.under = settings.cup_objects.get(side)
+            self._units[side] = ArmUnit(arm, EgmClient(arm, settings.egm), gripper)
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._units.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
@@ -121,15 +131,6 @@ class World:
         device = self._configuration.find("SIO", "COM_TRP", self._units[side].egm_device)
         assert device is not None, "EGMSetupUC chooses devices that exist"
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
-
-
-def _arm_unit(side: Side, settings: WorldSettings) -> ArmUnit:
-    arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
-    modules = settings.gripper_modules.get(side, GripperModules.SERVO)
-    gripper = VirtualGripper(settings.workpieces.get(side), modules, is_calibrated=settings.grippers_are_calibrated)
-    for cup in gripper.cups.values():
-        cup.under = settings.cup_objects.get(side)
-    return ArmUnit(arm, EgmClient(arm, settings.egm), gripper)
 
 
 def _configuration(settings: WorldSettings) -> Configuration:

@@ -40,7 +40,21 @@ def document(
         "targets": {
             each.name: {"bound": each.bound, **asdict(each.measured), "holds": each.holds} for each in targets(figures)
         },
-        "runs": [_run(run) for run in figures.runs],
+        "runs": [
+            {
+                "round": run.round,
+                "contender": run.case.contender.name,
+                "mode": run.case.mode.value,
+                "cycles": run.cycles,
+                "cycles_per_second": run.cycles_per_second,
+                "cpu_percent": run.cpu_percent,
+                "cpu_all_percent": run.cpu_all_percent,
+                "generator_late_max_us": run.generator_late_max_us,
+                "arms": [asdict(arm.latency) | {each: getattr(arm, each) for each in COUNTERS} for arm in run.arms],
+                "heard": run.heard,
+            }
+            for run in figures.runs
+        ],
     }
     return dict(finite(content))
 
@@ -147,21 +161,6 @@ def _summary(figures: Figures, case: Case) -> dict[str, Any]:
     totals: dict[str, Any] = {counter: sum(run.count(counter) for run in runs) for counter in COUNTERS}
     totals["cycles"] = sum(run.cycles * len(run.arms) for run in runs)
     return totals | {name: asdict(value) if value else None for name, value in values.items()}
-
-
-def _run(run: Run) -> dict[str, Any]:
-    return {
-        "round": run.round,
-        "contender": run.case.contender.name,
-        "mode": run.case.mode.value,
-        "cycles": run.cycles,
-        "cycles_per_second": run.cycles_per_second,
-        "cpu_percent": run.cpu_percent,
-        "cpu_all_percent": run.cpu_all_percent,
-        "generator_late_max_us": run.generator_late_max_us,
-        "arms": [asdict(arm.latency) | {counter: getattr(arm, counter) for counter in COUNTERS} for arm in run.arms],
-        "heard": run.heard,
-    }
 
 
 def _latency(figure: str) -> Callable[[Run], float]:

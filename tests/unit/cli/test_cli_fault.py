@@ -37,7 +37,7 @@ def run(*arguments: object) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
-def test_fault_command_lets_a_fault_happen(world: World, port: int) -> None:
+def test_fault_command_injects_a_fault(world: World, port: int) -> None:
     assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
     assert [world.network.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import pi, radians, sin
 
 import pytest
+from transport_delay import transport_delay
 
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import DELAY, JointPositionController
@@ -13,7 +14,6 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.transport_delay import transport_delay
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 

@@ -41,7 +41,16 @@ def test_search_in_a_string(expression: str, value: str) -> None:
 
 @pytest.mark.parametrize(
     ("expression", "value"),
-    [('StrMemb("Robot",2,"aeiou")', "TRUE"), ('StrOrder("FIRST","SECOND",STR_UPPER)', "TRUE"), ("RobOS()", "FALSE")],
+    [
+        ('StrMemb("Robot",2,"aeiou")', "TRUE"),
+        ('StrOrder("FIRST","SECOND",STR_UPPER)', "TRUE"),
+        ('StrOrder("SECOND","FIRST",STR_UPPER)', "FALSE"),
+        ('StrOrder("FIRST","FIRST",STR_UPPER)', "TRUE"),
+        ('StrOrder("FIRST","FIR",STR_UPPER)', "FALSE"),
+        ('StrOrder("b","a","ba")', "TRUE"),
+        ('StrOrder("1","Z",STR_UPPER)', "FALSE"),
+        ("RobOS()", "FALSE"),
+    ],
 )
 def test_question_about_a_string(expression: str, value: str) -> None:
     assert evaluated(expression, "bool") == value

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.errors import ProtocolError
-from yumi.rws import documents as forms
 from yumi.rws.documents import (
     Argument,
     Form,
@@ -16,11 +15,13 @@ from yumi.rws.documents import (
     Page,
     State,
     Status,
+    decode_form,
+    encode_form,
+    first_value,
     read_page,
     read_status,
-    write_page,
-    write_status,
 )
+from yumi.virtual.rws.documents import write_page, write_status
 
 LEGAL = st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="￾￿")
 texts = st.text(LEGAL | st.sampled_from("\t\n\r\"'<>&;"), max_size=12)
@@ -193,7 +194,7 @@ any_texts = st.text(alphabet=st.characters(exclude_categories=("Cs",)))
 
 @given(st.lists(st.tuples(any_texts, any_texts).filter(any)))
 def test_form_brings_back_what_was_written(pairs: list[tuple[str, str]]) -> None:
-    assert forms.decode(forms.encode(pairs)) == tuple(pairs)
+    assert decode_form(encode_form(pairs)) == tuple(pairs)
 
 
 @pytest.mark.parametrize(
@@ -211,11 +212,11 @@ def test_form_brings_back_what_was_written(pairs: list[tuple[str, str]]) -> None
     ],
 )
 def test_value_is_read_whether_escaped_or_raw(raw: str, value: str) -> None:
-    assert forms.decode(raw) == (("value", value),)
+    assert decode_form(raw) == (("value", value),)
 
 
 def test_form_is_split_only_at_ampersands() -> None:
-    assert forms.decode("resources=0&0=/rw/rapid/execution;ctrlexecstate&0-p=1") == (
+    assert decode_form("resources=0&0=/rw/rapid/execution;ctrlexecstate&0-p=1") == (
         ("resources", "0"),
         ("0", "/rw/rapid/execution;ctrlexecstate"),
         ("0-p", "1"),
@@ -223,8 +224,8 @@ def test_form_is_split_only_at_ampersands() -> None:
 
 
 def test_first_value_counts_when_a_name_repeats() -> None:
-    assert forms.first(forms.decode("json=1&json=2"), "json") == "1"
+    assert first_value(decode_form("json=1&json=2"), "json") == "1"
 
 
 def test_missing_name_has_no_value() -> None:
-    assert forms.first((), "json") is None
+    assert first_value((), "json") is None

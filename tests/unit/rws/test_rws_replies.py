@@ -6,9 +6,10 @@ import pytest
 
 from yumi.errors import ProtocolError
 from yumi.rws import replies
-from yumi.rws.documents import Form, Page, State, Status, write_status
+from yumi.rws.documents import Form, Page, State, Status
 from yumi.rws.replies import Event, Signal, SystemInfo, TaskInfo
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
+from yumi.virtual.rws.documents import write_status
 
 JOINTS = {f"rax_{axis}": str(10 * axis) for axis in range(1, 7)}
 EXTERNAL = {"eax_a": "-135"} | {f"eax_{letter}": "8.999999e+009" for letter in "bcdef"}

@@ -7,20 +7,20 @@ import re
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import documents as forms
 from yumi.rws import events as event_pages
-from yumi.rws.documents import Link, State
+from yumi.rws.documents import Link, State, decode_form
 from yumi.rws.events import (
     Change,
     Priority,
     Resource,
     event_log,
     read_changes,
-    read_resources,
     signal_state,
     variable_value,
     write_resources,
 )
+from yumi.virtual.rws import documents as event_documents
+from yumi.virtual.rws.subscriptions import read_resources
 
 RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_value("T_ROB_R", "M", "v", Priority.LOW))
 SIGNAL = "/rw/iosystem/signals/EGM_STOP;state"
@@ -34,7 +34,7 @@ def told(*events: tuple[State, ...], paths: tuple[str, ...] = ()) -> tuple[Chang
     return tuple(
         change
         for each in events
-        for change in read_changes(event_pages.read_event(event_pages.write_event("yumi:80", 5, each)), paths)
+        for change in read_changes(event_pages.read_event(event_documents.write_event("yumi:80", 5, each)), paths)
     )
 
 
@@ -43,7 +43,7 @@ def test_resources_survive_their_form() -> None:
 
 
 def test_resources_are_read_in_the_order_of_other_clients() -> None:
-    form = forms.decode("1=%2Frw%2Fpanel%2Fopmode&1-p=1&2=/rw/elog/0&2-p=0&resources=1&resources=2")
+    form = decode_form("1=%2Frw%2Fpanel%2Fopmode&1-p=1&2=/rw/elog/0&2-p=0&resources=1&resources=2")
     assert read_resources(form) == (Resource("/rw/panel/opmode"), Resource("/rw/elog/0", Priority.LOW))
 
 
@@ -58,7 +58,7 @@ def test_resources_are_read_in_the_order_of_other_clients() -> None:
 )
 def test_form_that_lacks_something_is_refused(body: str, sentence: str) -> None:
     with pytest.raises(ProtocolError) as refused:
-        read_resources(forms.decode(body))
+        read_resources(decode_form(body))
     assert str(refused.value) == sentence
 
 
@@ -84,7 +84,7 @@ def test_value_of_a_variable_comes_in_a_second_state() -> None:
 
 
 def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() -> None:
-    text = event_pages.write_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
+    text = event_documents.write_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
     assert "\n" not in text
     assert text.isascii()
     assert '<a href="subscription/5" rel="group"></a>' in text
@@ -92,13 +92,13 @@ def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() 
 
 
 def test_event_too_long_for_common_clients_is_told_without_its_value() -> None:
-    text = event_pages.write_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
-    assert len(text) <= event_pages.MAX_EVENT
+    text = event_documents.write_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
+    assert len(text) <= event_documents.MAX_EVENT
     assert told(event(SIGNAL, lvalue="x" * 1024)) == (Change(SIGNAL),)
 
 
 def test_group_names_its_web_socket_as_common_clients_expect() -> None:
-    body = event_pages.write_group("192.168.125.1:80", 5, [event(SIGNAL)]).decode("ascii")
+    body = event_documents.write_group("192.168.125.1:80", 5, [event(SIGNAL)]).decode("ascii")
     assert re.search(r'<a href="ws:\/\/.*(\/poll\/\d+)" rel="self">', body)
     assert event_pages.group_of(body) == 5
     assert event_pages.group_of("http://yumi/") is None

@@ -74,7 +74,7 @@ def post(
 
 @pytest.mark.parametrize("duration", [0.05, 1.0])
 def test_silence_lasts_for_its_duration(egm_system: System, egm_faults: FaultInjection, duration: float) -> None:
-    egm_faults.happen(Fault.EGM_SILENCE, Side.LEFT, duration)
+    egm_faults.inject(Fault.EGM_SILENCE, Side.LEFT, duration)
     heard = {side: egm_system.arms[side].snapshot.cycles for side in Side}
     egm_system.wait(duration - 0.01)
     assert egm_system.arms[Side.LEFT].snapshot.cycles == heard[Side.LEFT]
@@ -84,10 +84,10 @@ def test_silence_lasts_for_its_duration(egm_system: System, egm_faults: FaultInj
 
 
 def test_silence_without_a_duration_lasts_until_the_repair(egm_system: System, egm_faults: FaultInjection) -> None:
-    egm_faults.happen(Fault.EGM_SILENCE)
+    egm_faults.inject(Fault.EGM_SILENCE)
     egm_system.wait(1.0)
     assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) == 100.0 for side in Side)
-    egm_faults.happen(Fault.EGM_REPAIR)
+    egm_faults.inject(Fault.EGM_REPAIR)
     assert all(egm_system.world.network.amount(Fault.EGM_LOSS, side) is None for side in Side)
 
 
@@ -105,7 +105,7 @@ def test_silence_without_a_duration_lasts_until_the_repair(egm_system: System, e
 def test_fault_stops_the_program_and_is_logged(
     egm_system: System, egm_faults: FaultInjection, fault: Fault, state: ControllerState, code: int
 ) -> None:
-    egm_faults.happen(fault)
+    egm_faults.inject(fault)
     egm_system.wait(0.1)
     controller = egm_system.world.controller
     assert (controller.controller_state, controller.is_running) == (state, False)
@@ -114,7 +114,7 @@ def test_fault_stops_the_program_and_is_logged(
 
 
 def test_robot_without_datagrams_ends_egm_by_its_timeout(egm_system: System, egm_faults: FaultInjection) -> None:
-    egm_faults.happen(Fault.COMM_TIMEOUT, Side.LEFT)
+    egm_faults.inject(Fault.COMM_TIMEOUT, Side.LEFT)
     egm_system.wait(0.1)
     egm = egm_system.world.egm[Side.LEFT]
     assert (egm.is_running, egm.outcome) == (False, EgmOutcome.COMM_TIMEOUT)
@@ -122,7 +122,7 @@ def test_robot_without_datagrams_ends_egm_by_its_timeout(egm_system: System, egm
 
 
 def test_converged_egm_ends_for_the_arm_alone(egm_system: System, egm_faults: FaultInjection) -> None:
-    egm_faults.happen(Fault.EGM_CONVERGENCE, Side.LEFT)
+    egm_faults.inject(Fault.EGM_CONVERGENCE, Side.LEFT)
     egm_system.wait(0.05)
     assert not egm_system.world.egm[Side.LEFT].is_running
     assert egm_system.world.egm[Side.RIGHT].is_running
@@ -130,7 +130,7 @@ def test_converged_egm_ends_for_the_arm_alone(egm_system: System, egm_faults: Fa
 
 
 def test_collision_is_acknowledged_by_the_next_start(egm_system: System, egm_faults: FaultInjection) -> None:
-    egm_faults.happen(Fault.COLLISION, Side.RIGHT)
+    egm_faults.inject(Fault.COLLISION, Side.RIGHT)
     egm_system.wait(0.1)
     assert egm_system.world.controller.collision_state is CollisionState.TRIGGERED
     egm_system.client.start_rapid()
@@ -138,28 +138,28 @@ def test_collision_is_acknowledged_by_the_next_start(egm_system: System, egm_fau
 
 
 def test_key_is_turned_to_manual_and_back(system: System, faults: FaultInjection) -> None:
-    faults.happen(Fault.MANUAL_MODE)
+    faults.inject(Fault.MANUAL_MODE)
     assert system.world.controller.mode is OperatingMode.MANUAL_REDUCED
-    faults.happen(Fault.AUTO_MODE)
+    faults.inject(Fault.AUTO_MODE)
     assert system.world.controller.mode is OperatingMode.AUTO
 
 
 def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(
     egm_system: System, egm_faults: FaultInjection
 ) -> None:
-    egm_faults.happen(Fault.WRONG_PROGRAM)
+    egm_faults.inject(Fault.WRONG_PROGRAM)
     assert [module.name for module in egm_system.client.modules("T_ROB_L")] == ["Pick"]
     egm_system.client.start_rapid()
     egm_system.wait(2.0)
     assert egm_system.world.controller.is_running
-    egm_faults.happen(Fault.RIGHT_PROGRAM)
+    egm_faults.inject(Fault.RIGHT_PROGRAM)
     egm_system.bringup.make_ready()
 
 
 def test_restarting_robot_does_not_answer_and_runs_egm_afterwards(
     egm_system: System, egm_faults: FaultInjection
 ) -> None:
-    egm_faults.happen(Fault.WARM_RESTART, duration=1.0)
+    egm_faults.inject(Fault.WARM_RESTART, duration=1.0)
     egm_system.wait(0.5)
     heard = egm_system.arms[Side.LEFT].snapshot.cycles
     egm_system.wait(0.6)
@@ -172,8 +172,8 @@ def test_restarting_robot_does_not_answer_and_runs_egm_afterwards(
 def test_gripper_loses_calibration_and_object(system: System, faults: FaultInjection) -> None:
     gripper = system.world.grippers[Side.LEFT]
     gripper.is_calibrated = True
-    faults.happen(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
-    faults.happen(Fault.OBJECT_LOST)
+    faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+    faults.inject(Fault.OBJECT_LOST)
     assert (gripper.is_calibrated, gripper.workpiece) == (False, None)
 
 
@@ -199,7 +199,7 @@ def test_fault_that_makes_no_sense_is_refused(
     idle_faults: FaultInjection, fault: Fault, side: Side | None, duration: float | None, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused) as refused:
-        idle_faults.happen(fault, side, duration)
+        idle_faults.inject(fault, side, duration)
     assert str(refused.value) == sentence
 
 
@@ -221,25 +221,25 @@ def test_strength_that_makes_no_sense_is_refused(
     idle_faults: FaultInjection, fault: Fault, amount: float | None, way: Way | None, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused) as refused:
-        idle_faults.happen(fault, amount=amount, way=way)
+        idle_faults.inject(fault, amount=amount, way=way)
     assert str(refused.value) == sentence
 
 
 def test_stop_that_is_pressed_is_not_pressed_again_but_reset_once(system: System, faults: FaultInjection) -> None:
-    faults.happen(Fault.EMERGENCY_STOP)
+    faults.inject(Fault.EMERGENCY_STOP)
     with pytest.raises(CommandRefused, match="The emergency stop is pressed already; emergency-stop-reset releases it"):
-        faults.happen(Fault.EMERGENCY_STOP)
-    faults.happen(Fault.EMERGENCY_STOP_RESET)
+        faults.inject(Fault.EMERGENCY_STOP)
+    faults.inject(Fault.EMERGENCY_STOP_RESET)
     assert system.world.controller.controller_state is ControllerState.EMERGENCY_STOP_RESET
     with pytest.raises(CommandRefused, match="not pressed"):
-        faults.happen(Fault.EMERGENCY_STOP_RESET)
+        faults.inject(Fault.EMERGENCY_STOP_RESET)
 
 
 def test_datagram_that_was_never_sent_cannot_come_again(egm_system: System, egm_faults: FaultInjection) -> None:
     with pytest.raises(
         CommandRefused, match=r"The left arm has sent only \d+ EGM datagrams, not 999; let it send more"
     ):
-        egm_faults.happen(Fault.EGM_STALE, Side.LEFT, amount=999.0)
+        egm_faults.inject(Fault.EGM_STALE, Side.LEFT, amount=999.0)
 
 
 def test_faults_are_listed(idle_faults: FaultInjection) -> None:
@@ -319,4 +319,4 @@ def test_program_of_this_machine_injects_faults(
 @pytest.mark.parametrize("fault", Fault)
 def test_every_fault_can_be_injected(used_faults: FaultInjection, fault: Fault) -> None:
     with suppress(CommandRefused):
-        used_faults.happen(fault)
+        used_faults.inject(fault)

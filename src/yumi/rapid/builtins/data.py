@@ -1,7 +1,4 @@
-"""RAPID's predefined types and data: records of positions and motion, speeds, zones, tool0, wobj0.
-
-RAPID's numbers: rounding, roots, angles in degrees, counters, and the size of arrays.
-"""
+"""RAPID's predefined types and data (positions, speeds, zones, tool0), and its functions of numbers and arrays."""
 
 from __future__ import annotations
 
@@ -58,47 +55,29 @@ ZONES_MM = {
     200: (200, 300, 30),
 }
 NO_POSE = ((0, 0, 0), (1, 0, 0, 0))
+LOAD0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
 
 
-def _data_library() -> Library:
-    library = Library(core_library())
-    for name in NUMS:
-        library.alias(name, "num")
-    for name, components in RECORDS.items():
-        library.record(name, components)
-    _add_constants(library)
-    _add_motion_data(library)
-    return library
-
-
-def _add_constants(library: Library) -> None:
-    library.data("pi", "num", math.pi)
-    library.data("stEmpty", "string", "")
-    for name, value in (("low", 0), ("high", 1), ("edge", 2)):
-        library.data(name, "dionum", value)
-    for value, name in enumerate(("OP_UNDEF", "OP_AUTO", "OP_MAN_PROG", "OP_MAN_TEST")):
-        library.data(name, "symnum", value)
-
-
-def _add_motion_data(library: Library) -> None:
-    load0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
-    library.data("load0", "loaddata", load0)
-    library.data("tool0", "tooldata", (True, NO_POSE, load0))
-    library.data("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
-    for speed in SPEEDS_MM_S:
-        library.data(f"v{speed}", "speeddata", _speed(speed))
-    library.data("vmax", "speeddata", _speed(SPEEDS_MM_S[-1]))
-    library.data("fine", "zonedata", (True, 0, 0, 0, 0, 0, 0))
-    for radius, (path, reorientation, angle) in ZONES_MM.items():
-        zone = (False, path, reorientation, reorientation, angle, reorientation, angle)
-        library.data(f"z{radius}", "zonedata", zone)
-
-
-def _speed(tool_mm_s: float) -> tuple[float, float, float, float]:
-    return (tool_mm_s, REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S)
-
-
-DATA = _data_library()
+DATA = Library(core_library())
+for _name in NUMS:
+    DATA.alias(_name, "num")
+for _name, _components in RECORDS.items():
+    DATA.record(_name, _components)
+DATA.data("pi", "num", math.pi)
+DATA.data("stEmpty", "string", "")
+for _value, _name in enumerate(("low", "high", "edge")):
+    DATA.data(_name, "dionum", _value)
+for _value, _name in enumerate(("OP_UNDEF", "OP_AUTO", "OP_MAN_PROG", "OP_MAN_TEST")):
+    DATA.data(_name, "symnum", _value)
+DATA.data("load0", "loaddata", LOAD0)
+DATA.data("tool0", "tooldata", (True, NO_POSE, LOAD0))
+DATA.data("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
+for _name, _speed in (*((f"v{each}", each) for each in SPEEDS_MM_S), ("vmax", SPEEDS_MM_S[-1])):
+    DATA.data(_name, "speeddata", (_speed, REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S))
+DATA.data("fine", "zonedata", (True, 0, 0, 0, 0, 0, 0))
+for _radius, (_path, _reorientation, _angle) in ZONES_MM.items():
+    _zone = (False, _path, _reorientation, _reorientation, _angle, _reorientation, _angle)
+    DATA.data(f"z{_radius}", "zonedata", _zone)
 
 
 MATHS = Library(DATA)

@@ -1,6 +1,6 @@
-"""RAPID's own instructions, and the set a host builds its instructions on.
+"""The instructions a host builds on: what RAPID provides here, and the names of what RobotWare 6 base has besides.
 
-The instructions and functions of RobotWare 6 base, by name, provided here or not; options are left out.
+Names of RobotWare's options are left out.
 """
 
 from __future__ import annotations

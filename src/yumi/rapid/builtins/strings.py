@@ -12,25 +12,13 @@ STRINGS = Library(DATA)
 
 
 @STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
-def number_to_string(call: Call) -> str:
-    return _number_text(call)
-
-
 @STRINGS.function("DnumToStr", r"dnum Val, num Dec, \switch Exp", "string")
-def dnum_to_string(call: Call) -> str:
-    return _number_text(call)
-
-
-def _number_text(call: Call) -> str:
-    return f"{call['Val']:.{_decimals(call)}{'E' if call.present('Exp') else 'f'}}"
-
-
-def _decimals(call: Call) -> int:
+def number_text(call: Call) -> str:
     decimals: float = call["Dec"]
     if not 0 <= decimals == decimals // 1 <= LONGEST_STRING:
         sentence = f"{call.name} takes a whole number of decimals, 0 to {LONGEST_STRING}, not {decimals:g}."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return int(decimals)
+    return f"{call['Val']:.{int(decimals)}{'E' if call.present('Exp') else 'f'}}"
 
 
 @STRINGS.function("ValToStr", "anytype Val", "string")
@@ -97,6 +85,7 @@ def mapped(call: Call) -> str:
 
 @STRINGS.function("StrOrder", "string Str1, string Str2, string Order", "bool")
 def is_in_order(call: Call) -> bool:
+    """Whether Str1 <= Str2; characters that are not in Order follow those that are (RAPID reference manual)."""
     order: str = call["Order"]
     keys = [[order.find(c) if c in order else len(order) + ord(c) for c in call[name]] for name in ("Str1", "Str2")]
     return keys[0] <= keys[1]

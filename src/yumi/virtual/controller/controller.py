@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from yumi.rapid.builtins.standard import InstructionSet
+from yumi.rapid.library import Library
 from yumi.rapid.task import Task
 from yumi.robot.joints import Side
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import EventLog, EventType, Refusal, Refused
+from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.tasks import RapidExecution, TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, Identity, MechanicalUnit, SyncPoints
-from yumi.virtual.instructions.data import JointTarget, jointtarget
-from yumi.virtual.instructions.library import robot_library
+from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
+from yumi.virtual.instructions.egm import add_egm
+from yumi.virtual.instructions.gripper import add_gripper
+from yumi.virtual.instructions.motion import SpeedRatio, add_motion
+from yumi.virtual.instructions.system import add_system
 
 RESTART_DELAY = 0.2
 """The controller still answers for this time after a restart was requested [s]."""
@@ -270,30 +275,32 @@ class Irc5:
         self.time += dt
         if self._restart_left > 0.0:
             self._restart_left -= dt
-            if self._restart_left <= 0.0:
-                self._go_down_or_up()
+            if self._restart_left <= 0.0 and self.is_restarting:
+                self.is_restarting = False
+                self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
+            elif self._restart_left <= 0.0:  # from now on nothing answers
+                self.is_restarting = True
+                self._restart_left = self._restart_time
+                if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
+                    self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
+                for unit in self._arms.values():
+                    unit.forget_egm()
+                self.signals.restore_defaults()
+                self._gripper_signals.clear()
+                self.collision_state = CollisionState.INIT
         self.execution.advance(dt)
-
-    def _go_down_or_up(self) -> None:
-        """The two ends of a restart."""
-        self.is_restarting = not self.is_restarting
-        if not self.is_restarting:
-            self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
-            return
-        self._restart_left = self._restart_time
-        if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
-            self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
-        for unit in self._arms.values():
-            unit.forget_egm()
-        self.signals.restore_defaults()
-        self._gripper_signals.clear()
-        self.collision_state = CollisionState.INIT
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
         for unit in self._arms.values():
             self.signals.drive(f"OUTPUT_STATIONARY_{unit.side.unit}", float(unit.arm.is_stationary))
-            self._copy_gripper(unit)
+            values = unit.gripper.signals()
+            if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
+                self._gripper_signals[unit.side] = values
+                self._is_copying = True
+                for name, value in values.items():
+                    self.signals.drive(f"{name}_{unit.side.name[0]}", float(value))
+                self._is_copying = False
             failure = unit.egm.take_failure()
             if failure is None:
                 continue
@@ -305,16 +312,6 @@ class Irc5:
                 self.execution.stop(failure.sentence)
             else:
                 self._switch_motors_off(state, failure.sentence)
-
-    def _copy_gripper(self, unit: ArmUnit) -> None:
-        """Write the gripper's signals; in most cycles nothing has changed."""
-        values = unit.gripper.signals()
-        if values != self._gripper_signals.get(unit.side):
-            self._gripper_signals[unit.side] = values
-            self._is_copying = True
-            for name, value in values.items():
-                self.signals.drive(f"{name}_{unit.side.name[0]}", float(value))
-            self._is_copying = False
 
     def _signal_changed(self, name: str, old: float, new: float) -> None:
         if name.startswith("hand_") and self.signals.get(name).type.is_output and not self._is_copying:
@@ -355,3 +352,22 @@ class Irc5:
             path = module.attributes["File"]
             task.load(host.read_file(path), path.rsplit("/")[-1])
         return task, unit, host
+
+
+def robot_library(
+    unit: ArmUnit,
+    *,
+    configuration: Configuration,
+    events: EventLog,
+    speed_ratio: SpeedRatio,
+    units: Sequence[MechanicalUnit],
+    sync_points: SyncPoints,
+) -> Library:
+    """RAPID's own instructions with those of one arm on top."""
+    library = InstructionSet()
+    add_data(library, unit.side.unit)
+    add_motion(library, unit, speed_ratio)
+    add_egm(library, unit, configuration, events)
+    add_gripper(library, unit.gripper, events)
+    add_system(library, unit, units, configuration, sync_points)
+    return library

@@ -411,12 +411,9 @@ class EgmClient:
 
     def _check_convergence(self, session: EgmSession, reference: Joints) -> None:
         run, bands = self._run, self._activation.cond_min_max
+        axes = zip(reference, self._arm.position, bands, run.axes, strict=True)
         is_in_band = all(
-            low <= measured - goal <= high
-            for goal, measured, (low, high), is_selected in zip(
-                reference, self._arm.position, bands, run.axes, strict=True
-            )
-            if is_selected
+            low <= measured - goal <= high for goal, measured, (low, high), is_selected in axes if is_selected
         )
         # The time in the bands begins with the first datagram of the sensor.
         counts = is_in_band and session.has_sensor
@@ -438,15 +435,11 @@ class EgmClient:
             self.ignored_datagrams += 1
             return
         session.note_sensor()
-        if session.is_run:
-            self._set_reference(message.position, message.velocity)
-
-    def _set_reference(self, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
         egm = self._arm.egm
-        if egm is None:
+        if egm is None or not session.is_run:
             return
-        goal = None if position is None else _completed(position, egm.reference)
-        speed = None if velocity is None else _completed(velocity, ZERO)
+        goal = None if message.position is None else _completed(message.position, egm.reference)
+        speed = None if message.velocity is None else _completed(message.velocity, ZERO)
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,

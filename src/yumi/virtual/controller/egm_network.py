@@ -136,7 +136,7 @@ class EgmNetwork:
 
     def arriving(self, inboxes: Mapping[Side, Sequence[bytes]]) -> Mapping[Side, Sequence[bytes]]:
         """What of the driver's datagrams reaches the arms in this cycle."""
-        return {side: self._carry(Way.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
+        return {side: self._deliver(Way.TO_ROBOT, side, inboxes.get(side, ())) for side in Side}
 
     def leaving(self, datagrams: Mapping[Side, bytes]) -> list[Outgoing]:
         """What goes to the driver in this cycle, in its order, when the arms send ``datagrams``."""
@@ -144,7 +144,7 @@ class EgmNetwork:
         for side in Side:
             fresh = self._made(side, datagrams[side]) if side in datagrams else ()
             to = side if self.amount(Fault.EGM_SWAP_ARMS, side) is None else side.other
-            for datagram in self._carry(Way.FROM_ROBOT, side, fresh):
+            for datagram in self._deliver(Way.FROM_ROBOT, side, fresh):
                 if self.amount(Fault.EGM_FOREIGN_PORT, side) is not None:
                     outgoing.append(Outgoing(to, datagram, is_foreign=True))
                 outgoing.append(Outgoing(to, datagram))
@@ -185,7 +185,7 @@ class EgmNetwork:
             )
         )
 
-    def _carry(self, way: Way, side: Side, fresh: Iterable[bytes]) -> Sequence[bytes]:
+    def _deliver(self, way: Way, side: Side, fresh: Iterable[bytes]) -> Sequence[bytes]:
         """What of ``fresh``, and of what was under way, arrives now in one direction."""
         if not self._effects and not self._under_way:
             return tuple(fresh)

@@ -1,28 +1,18 @@
-"""The event log of the virtual controller (reference/rws.md §12).
-
-Why the virtual controller refuses a request; each protocol has its own code for the reason.
-"""
+"""The event log of the virtual controller (reference/rws.md §12), and the reasons for which it refuses a request."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
+from enum import Enum, auto
 
 from yumi.errors import YumiError
+from yumi.rws.types import EventType
 
 ALL_DOMAINS = 0
 _CAPACITY = 1000
 _DOMAIN_CAPACITY = 20
-
-
-class EventType(IntEnum):
-    """How serious an event is, in ABB's numbers."""
-
-    INFORMATION = 1
-    WARNING = 2
-    ERROR = 3
 
 
 @dataclass(frozen=True, slots=True)

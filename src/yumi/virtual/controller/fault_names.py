@@ -61,84 +61,65 @@ class FaultKind:
     has_way: bool = False
 
 
+def _of_arm(name: str, meaning: str, amount: Amount | None = None) -> FaultKind:
+    return FaultKind(name, meaning, has_side=True, amount=amount)
+
+
+def _lasting(
+    name: str, meaning: str, amount: Amount | None = None, duration: float | None = None, *, has_way: bool = False
+) -> FaultKind:
+    return FaultKind(
+        name, meaning, has_side=True, has_duration=True, default_duration=duration, amount=amount, has_way=has_way
+    )
+
+
+_DEGREES = Amount("degrees", 5.0, -360.0, 360.0)
+
+
 class Fault(Enum):
     """All faults."""
 
-    EGM_SILENCE = FaultKind(
-        "egm-silence", "the EGM datagrams of an arm are lost, both ways", has_side=True, has_duration=True
-    )
-    EGM_REPAIR = FaultKind("egm-repair", "all EGM faults of an arm end", has_side=True)
-    EGM_LOSS = FaultKind(
+    EGM_SILENCE = _lasting("egm-silence", "the EGM datagrams of an arm are lost, both ways")
+    EGM_REPAIR = _of_arm("egm-repair", "all EGM faults of an arm end")
+    EGM_LOSS = _lasting(
         "egm-loss",
         "EGM datagrams are lost; with --way to-robot the robot does not receive the driver",
-        has_side=True,
-        has_duration=True,
-        amount=Amount("%", 100.0, 0.0, 100.0),
+        Amount("%", 100.0, 0.0, 100.0),
         has_way=True,
     )
-    EGM_DELAY = FaultKind(
-        "egm-delay",
-        "EGM datagrams arrive later",
-        has_side=True,
-        has_duration=True,
-        amount=Amount("ms", 50.0, 0.0, 5000.0),
-        has_way=True,
-    )
-    EGM_DUPLICATE = FaultKind(
+    EGM_DELAY = _lasting("egm-delay", "EGM datagrams arrive later", Amount("ms", 50.0, 0.0, 5000.0), has_way=True)
+    EGM_DUPLICATE = _lasting(
         "egm-duplicate",
         "EGM datagrams arrive more than once",
-        has_side=True,
-        has_duration=True,
-        amount=Amount("copies", 1.0, 1.0, 10.0, is_whole=True),
+        Amount("copies", 1.0, 1.0, 10.0, is_whole=True),
         has_way=True,
     )
-    EGM_REORDER = FaultKind(
+    EGM_REORDER = _lasting(
         "egm-reorder",
         "EGM datagrams overtake each other, by this many cycles at most",
-        has_side=True,
-        has_duration=True,
-        amount=Amount("cycles", 3.0, 1.0, 100.0, is_whole=True),
+        Amount("cycles", 3.0, 1.0, 100.0, is_whole=True),
         has_way=True,
     )
-    EGM_STALE = FaultKind(
+    EGM_STALE = _of_arm(
         "egm-stale",
         "an old EGM datagram, this many before the last, comes a second time",
-        has_side=True,
-        amount=Amount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
+        Amount("datagrams", 30.0, 1.0, 999.0, is_whole=True),
     )
-    EGM_TRUNCATE = FaultKind(
+    EGM_TRUNCATE = _lasting(
         "egm-truncate",
         "every second EGM datagram of the robot is truncated to this many bytes",
-        has_side=True,
-        has_duration=True,
-        default_duration=1.0,
-        amount=Amount("bytes", None, 1.0, 1000.0, is_whole=True),
+        Amount("bytes", None, 1.0, 1000.0, is_whole=True),
+        1.0,
     )
-    EGM_FORGE = FaultKind(
-        "egm-forge",
-        "one forged EGM datagram with the next number, all joints shifted",
-        has_side=True,
-        amount=Amount("degrees", 5.0, -360.0, 360.0),
+    EGM_FORGE = _of_arm("egm-forge", "one forged EGM datagram with the next number, all joints shifted", _DEGREES)
+    EGM_FORGE_OLD = _of_arm(
+        "egm-forge-old", "one forged EGM datagram with a number that is 100 lower, all joints shifted", _DEGREES
     )
-    EGM_FORGE_OLD = FaultKind(
-        "egm-forge-old",
-        "one forged EGM datagram with a number that is 100 lower, all joints shifted",
-        has_side=True,
-        amount=Amount("degrees", 5.0, -360.0, 360.0),
+    EGM_FORGE_AHEAD = _of_arm(
+        "egm-forge-ahead", "one forged EGM datagram with a number that is 1000 higher, all joints shifted", _DEGREES
     )
-    EGM_FORGE_AHEAD = FaultKind(
-        "egm-forge-ahead",
-        "one forged EGM datagram with a number that is 1000 higher, all joints shifted",
-        has_side=True,
-        amount=Amount("degrees", 5.0, -360.0, 360.0),
-    )
-    EGM_OFFSET = FaultKind(
-        "egm-offset",
-        "the positions of all joints in the robot's EGM datagrams are shifted",
-        has_side=True,
-        has_duration=True,
-        default_duration=0.5,
-        amount=Amount("degrees", 5.0, -360.0, 360.0),
+    EGM_OFFSET = _lasting(
+        "egm-offset", "the positions of all joints in the robot's EGM datagrams are shifted", _DEGREES, 0.5
     )
     EGM_SWAP_ARMS = FaultKind(
         "egm-swap-arms",
@@ -146,22 +127,20 @@ class Fault(Enum):
         has_duration=True,
         default_duration=1.0,
     )
-    EGM_FOREIGN_PORT = FaultKind(
+    EGM_FOREIGN_PORT = _lasting(
         "egm-foreign-port",
         "each EGM datagram of the robot comes from another port too, and first from there",
-        has_side=True,
-        has_duration=True,
-        default_duration=1.0,
+        duration=1.0,
     )
-    COMM_TIMEOUT = FaultKind("comm-timeout", "the robot receives no datagrams for its CommTimeout", has_side=True)
-    EGM_CONVERGENCE = FaultKind("egm-convergence", "an EGM motion ends as if it had converged", has_side=True)
-    DYNAMIC_LOAD = FaultKind("dynamic-load", "an EGM motion overloads a drive: motors off", has_side=True)
+    COMM_TIMEOUT = _of_arm("comm-timeout", "the robot receives no datagrams for its CommTimeout")
+    EGM_CONVERGENCE = _of_arm("egm-convergence", "an EGM motion ends as if it had converged")
+    DYNAMIC_LOAD = _of_arm("dynamic-load", "an EGM motion overloads a drive: motors off")
     MOTORS_OFF = FaultKind("motors-off", "Motors Off is pressed")
     EMERGENCY_STOP = FaultKind("emergency-stop", "the emergency stop is pressed")
     EMERGENCY_STOP_RESET = FaultKind("emergency-stop-reset", "the emergency stop is released and acknowledged")
     MANUAL_MODE = FaultKind("manual-mode", "the key is turned to manual reduced speed")
     AUTO_MODE = FaultKind("auto-mode", "the key is turned to AUTO and confirmed")
-    COLLISION = FaultKind("collision", "an arm collides: motion supervision stops the program", has_side=True)
+    COLLISION = _of_arm("collision", "an arm collides: motion supervision stops the program")
     PROGRAM_STOP = FaultKind("program-stop", "Stop is pressed on the FlexPendant")
     WRONG_PROGRAM = FaultKind("wrong-program", "another RAPID program is loaded into both tasks")
     RIGHT_PROGRAM = FaultKind("right-program", "the RAPID program of the configuration is loaded again")
@@ -174,11 +153,9 @@ class Fault(Enum):
     )
     RWS_SESSIONS_EXPIRED = FaultKind("rws-sessions-expired", "all sessions and subscriptions are forgotten")
     WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
-    GRIPPER_NOT_CALIBRATED = FaultKind(
-        "gripper-not-calibrated", "a gripper loses its power and calibration", has_side=True
-    )
-    GRIPPER_ERROR = FaultKind("gripper-error", "a gripper reports an internal error", has_side=True)
-    OBJECT_LOST = FaultKind("object-lost", "the object at a gripper's fingers or cups is removed", has_side=True)
+    GRIPPER_NOT_CALIBRATED = _of_arm("gripper-not-calibrated", "a gripper loses its power and calibration")
+    GRIPPER_ERROR = _of_arm("gripper-error", "a gripper reports an internal error")
+    OBJECT_LOST = _of_arm("object-lost", "the object at a gripper's fingers or cups is removed")
 
 
 def kind_of(name: str) -> Fault | None:

@@ -1,17 +1,14 @@
-"""The I/O system: signals, who may write them, and their edges (reference/rws.md §7).
-
-The system parameters: instances of types in domains, read from ABB's cfg files (reference/rws.md §9).
-"""
+"""The system parameters from ABB's cfg files, and the I/O signals they define (reference/rws.md §7, §9)."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from enum import Enum
 from types import MappingProxyType
 
 from yumi.errors import SettingsError
+from yumi.rws.types import SignalType
 from yumi.virtual.controller.events import Refusal, Refused
 
 Value = str
@@ -127,25 +124,6 @@ class Configuration:
 
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
-
-
-class SignalType(Enum):
-    """Digital, analog or group; input or output."""
-
-    DI = "DI"
-    DO = "DO"
-    AI = "AI"
-    AO = "AO"
-    GI = "GI"
-    GO = "GO"
-
-    @property
-    def is_output(self) -> bool:
-        return self.value.endswith("O")
-
-    @property
-    def is_digital(self) -> bool:
-        return self.value.startswith("D")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
 from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
 from yumi.rapid.task import Task
-from yumi.virtual.controller.events import EventLog, EventType, Refusal, Refused
+from yumi.rws.types import EventType
+from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.signals import Signals
 from yumi.virtual.controller.units import ArmUnit
 

@@ -1,8 +1,7 @@
 """The controller's identity and the YuMi's mechanical units (reference/statemachine.md §9), and WaitSyncTask.
 
-Each arm is a unit of six axes and a unit of its own for the seventh.
-
-One arm of the virtual robot with its EGM client and gripper, as its RAPID task sees it.
+Each arm is a unit of six axes and a unit of its own for the seventh; an `ArmUnit` is one arm with its EGM client and
+gripper, as its RAPID task sees it.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ from typing import Any
 from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rws.types import EventType
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import EventLog, EventType
+from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import chain_order, pose_from_rapid, wobj_from_rapid

@@ -10,7 +10,8 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
-from yumi.virtual.controller.events import EventLog, EventType
+from yumi.rws.types import EventType
+from yumi.virtual.controller.events import EventLog
 from yumi.virtual.mechanics.gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 
 DEADLINE = 5.0
@@ -96,30 +97,6 @@ class GripperInstructions:
         """g_GetPressure [kPa]; 0 where there is no such module."""
         return self._gripper.cups[channel].pressure * 1e-3 if channel in self._gripper.cups else 0.0
 
-    def speed(self, call: Call) -> float:
-        """g_GetSpd: of each finger [mm/s]."""
-        return abs(self._gripper.speed) * 1e3
-
-    def stop(self, call: Call) -> None:
-        """g_Stop."""
-        self._gripper.stop()
-
-    def set_max_speed(self, call: Call) -> None:
-        """g_SetMaxSpd [mm/s]."""
-        self._gripper.set_max_speed(call["maxSpd"] * 1e-3)
-
-    def set_force(self, call: Call) -> None:
-        """g_SetForce [N]."""
-        self._gripper.set_hold_force(call["holdForce"])
-
-    def is_calibrated(self, call: Call) -> bool:
-        """g_IsCalibrated."""
-        return self._gripper.is_calibrated
-
-    def position(self, call: Call) -> float:
-        """g_GetPos: of each finger [mm]."""
-        return self._gripper.position * 1e3
-
     def _readied(self, call: Call) -> Wait:
         """Bring the gripper to READY for one cycle before the next command, as the gripper's own driver does.
 
@@ -182,12 +159,12 @@ def add_gripper(library: Library, gripper: VirtualGripper, events: EventLog) -> 
     library.instruction("g_GripOut", _GRIP)(commands.grip_out)
     library.instruction("g_JogIn")(partial(commands.jog, opens=False))
     library.instruction("g_JogOut")(partial(commands.jog, opens=True))
-    library.instruction("g_Stop")(commands.stop)
-    library.instruction("g_SetMaxSpd", "num maxSpd")(commands.set_max_speed)
-    library.instruction("g_SetForce", "num holdForce")(commands.set_force)
-    library.function("g_IsCalibrated", "", "bool")(commands.is_calibrated)
-    library.function("g_GetPos", "", "num")(commands.position)
-    library.function("g_GetSpd", "", "num")(commands.speed)
+    library.instruction("g_Stop")(lambda call: gripper.stop())
+    library.instruction("g_SetMaxSpd", "num maxSpd")(lambda call: gripper.set_max_speed(call["maxSpd"] * 1e-3))
+    library.instruction("g_SetForce", "num holdForce")(lambda call: gripper.set_hold_force(call["holdForce"]))
+    library.function("g_IsCalibrated", "", "bool")(lambda call: gripper.is_calibrated)
+    library.function("g_GetPos", "", "num")(lambda call: gripper.position * 1e3)  # of each finger [mm]
+    library.function("g_GetSpd", "", "num")(lambda call: abs(gripper.speed) * 1e3)  # of each finger [mm/s]
     for channel in CHANNELS:
         switches = (
             ("VacuumOff", gripper.set_vacuum, False),

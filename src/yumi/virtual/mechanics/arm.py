@@ -105,18 +105,14 @@ class Servo:
         self._past.append((self._time, self._lagged))
         change = self.target_delay - self._delay
         self._delay += max(-_SLEWING * dt, min(_SLEWING * dt, change))
-        self.position = self._at(self._time - self._delay)
-
-    def _at(self, time: float) -> Joints:
-        """The lagged position at a time in the past, interpolated; what lies before it is forgotten."""
-        past = self._past
-        while len(past) > 1 and past[1][0] <= time:
+        # The lagged position at a time in the past, interpolated; what lies before it is forgotten.
+        shown, past = self._time - self._delay, self._past
+        while len(past) > 1 and past[1][0] <= shown:
             past.popleft()
-        start, before = past[0]
-        if time <= start or len(past) == 1:
-            return before
-        end, after = past[1]
-        return _between(before, after, (time - start) / (end - start))
+        start, self.position = past[0]
+        if shown > start and len(past) > 1:
+            end, after = past[1]
+            self.position = _between(self.position, after, (shown - start) / (end - start))
 
 
 IN_POSITION = 1e-5
@@ -232,7 +228,10 @@ class VirtualArm:
             for index in range(_WAYPOINTS + 1)
         ]
         length = sum(dist(a.position, b.position) for a, b in pairwise(poses))
-        turn = sum(_angle(a, b) for a, b in pairwise(poses))
+        cosines = (
+            abs(sum(x * y for x, y in zip(a.orientation, b.orientation, strict=True))) for a, b in pairwise(poses)
+        )
+        turn = sum(2.0 * acos(min(1.0, cosine)) for cosine in cosines)  # of half the angle between quaternions
         shortest = max(duration, length / tool_speed, turn / turn_speed)
         self._motion = travel(self._motion.state, target, self.model, shortest)
 
@@ -293,8 +292,3 @@ class VirtualArm:
 
 def _between(start: Joints, end: Joints, fraction: float) -> Joints:
     return cast("Joints", tuple(x + (y - x) * fraction for x, y in zip(start, end, strict=True)))
-
-
-def _angle(a: Pose, b: Pose) -> float:
-    product = abs(sum(x * y for x, y in zip(a.orientation, b.orientation, strict=True)))
-    return 2.0 * acos(min(1.0, product))

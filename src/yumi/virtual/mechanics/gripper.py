@@ -105,20 +105,15 @@ class Fingers:
         self.opening, self.speed = stop, 0.0
         left = dt - needed
         self.force = 0.0 if stop == target else min(force, self.force + FORCE_RATE * left)
-        if self.force >= force > 0.0:
-            self._slide(left)
+        if self.force >= force > 0.0:  # at full force, an object that is too heavy slides out and is lost
+            acceleration = 0.0 if self.workpiece is None else self.workpiece.slide(self.force)
+            if acceleration == 0.0:
+                self._slid = self._sliding = 0.0
+            self._slid += self._sliding * left + acceleration * left**2 / 2.0
+            self._sliding += acceleration * left
+            if self._slid >= FINGER_LENGTH:
+                self.workpiece = None
         return left
-
-    def _slide(self, dt: float) -> None:
-        """At full force, an object that is too heavy slides out and is lost."""
-        acceleration = 0.0 if self.workpiece is None else self.workpiece.slide(self.force)
-        if acceleration == 0.0:
-            self._slid = self._sliding = 0.0
-            return
-        self._slid += self._sliding * dt + acceleration * dt**2 / 2.0
-        self._sliding += acceleration * dt
-        if self._slid >= FINGER_LENGTH:
-            self.workpiece = None
 
 
 JOG_SPEED = 0.010

@@ -1,7 +1,6 @@
-"""The dynamics of one arm, and its motions besides EGM: standstill, travel to a target, stop.
+"""The dynamics of one arm and its motions: standstill, travel to a target, stop, and EGM.
 
-EGM's control law: from the sensor's references to the positions the arm plans (reference/egm.md §6.1).
-
+EGM's controller makes the positions the arm plans from the sensor's references (reference/egm.md §6.1):
 ``speed = k·(pos_ref - pos) + speed_ref``, where ``pos`` is EGM's own reference, the integral of that speed. The
 speed fades in, passes a low-pass filter and is capped with one scale for all joints. Its parameters come from the
 configuration and RAPID's EGM instructions, in SI units and chain order (reference/egm.md §5, §6.3).
@@ -262,10 +261,10 @@ class EgmRun:
 
 @dataclass(frozen=True, slots=True)
 class EgmSettings:
-    """The parameters of the control law.
+    """The parameters of the controller.
 
     Attributes:
-        gain: k of the law, PosCorrGain times the default position gain [1/s].
+        gain: k above, PosCorrGain times the default position gain [1/s].
         bandwidth: of the low-pass on the speed [Hz]; 0 is none.
         ramp_in_time: [s].
         max_speed: MaxSpeedDeviation [rad/s].
@@ -294,11 +293,11 @@ class EgmSettings:
 
 
 class EgmMotion:
-    """The motion of an arm under EGM; each part of the law is exact for references held during a step.
+    """The motion of an arm under EGM; each part of the controller is exact for references held during a step.
 
     Args:
         position: where the arm stands [rad], (7,); the reference until the sensor gives one.
-        settings: of the law.
+        settings: of the controller.
         limits: whose speeds cap the joints beside MaxSpeedDeviation.
 
     Attributes:
@@ -327,9 +326,13 @@ class EgmMotion:
 
     def advance(self, dt: float) -> None:
         settings, before = self._settings, self.state
-        fade = self._fade(dt)
+        # The mean of the linear ramp-in over the step; afterwards 1.
+        begin, self._time, ramp, fade = self._time, self._time + dt, settings.ramp_in_time, 1.0
+        if begin < ramp:
+            faded_in = min(self._time, ramp)
+            fade = (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
         gain = settings.gain * fade
-        # The law converges exponentially: its mean speed over the step is below that at the start.
+        # It converges exponentially: its mean speed over the step is below that at the start.
         closing = -expm1(-gain * dt) / (gain * dt) if gain > 0.0 else 1.0
         position_factor, speed_factor = gain * closing, fade * closing
         speed = tuple(
@@ -352,17 +355,8 @@ class EgmMotion:
             for start, now, value in zip(self._start, before.position, speed, strict=True)
         )
         position = cast("Joints", moved)
-        velocity = _rate(before.position, position, dt)  # less than the law's where the deviation is bounded
+        velocity = _rate(before.position, position, dt)  # less than asked for where the deviation is bounded
         self.state = MotionState(position, velocity, _rate(before.velocity, velocity, dt))
-
-    def _fade(self, dt: float) -> float:
-        """Mean of the linear ramp-in over the step; afterwards 1."""
-        begin, self._time = self._time, self._time + dt
-        ramp = self._settings.ramp_in_time
-        if begin >= ramp:
-            return 1.0
-        faded_in = min(self._time, ramp)
-        return (faded_in * faded_in - begin * begin) / (2.0 * ramp * dt) + (self._time - faded_in) / dt
 
 
 def _rate(before: Joints, now: Joints, dt: float) -> Joints:

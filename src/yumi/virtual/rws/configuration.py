@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
@@ -44,19 +43,14 @@ def _found(controller: Irc5, call: Call) -> tuple[Instance, ...]:
     if domain not in _DOMAINS:
         raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
     if (domain, type_name) == ("SYS", "PRESENT_OPTIONS"):
-        return tuple(_present_options(controller.identity.options))
+        # The options once more as system parameters: number and description apart, in this order.
+        split = ((_NUMBERED_OPTION.fullmatch(option), option) for option in controller.identity.options)
+        pairs = (numbered.groups() if numbered else (option, option) for numbered, option in split)
+        return tuple(Instance(name, {"name": name, "desc": description}) for name, description in pairs)
     found = tuple(controller.cfg(domain, type_name))
     if not found:
         raise Failure(400, Code.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
     return found
-
-
-def _present_options(options: Iterable[str]) -> Iterable[Instance]:
-    """The options once more as system parameters: number and description apart, in this order."""
-    for option in options:
-        numbered = _NUMBERED_OPTION.fullmatch(option)
-        name, description = numbered.groups() if numbered else (option, option)
-        yield Instance(name, {"name": name, "desc": description})
 
 
 def _state(type: str, place: str, index: int, instance: Instance) -> State:

@@ -27,7 +27,14 @@ def get(controller: Irc5, call: Call) -> Answer:
     file = _find(controller, call)
     if file.content is not None:
         return HttpReply(_OK, _TEXT, file.content)
-    states = map(_entry, controller.files.entries(file.path))
+    states = []
+    for each in controller.files.entries(file.path):
+        time = datetime.fromtimestamp(each.changed, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S")
+        fields = {"fs-cdate": time, "fs-mdate": time}
+        if each.content is not None:
+            fields |= {"fs-size": str(len(each.content)), "fs-readonly": "false"}
+        kind = "fs-dir" if each.content is None else "fs-file"
+        states.append(State(kind, each.name, fields, (Link("self", each.name),)))
     return resource("File Service", f"{_BASE}{call.names['path']}/", "", *states)
 
 
@@ -86,14 +93,6 @@ def _path(call: Call) -> str:
     if ".." in rest.split("/"):
         raise invalid("a path does not lead upwards")
     return f"{name}:/{rest}".rstrip("/")
-
-
-def _entry(file: File) -> State:
-    time = datetime.fromtimestamp(file.changed, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S")
-    fields = {"fs-cdate": time, "fs-mdate": time}
-    if file.content is not None:
-        fields |= {"fs-size": str(len(file.content)), "fs-readonly": "false"}
-    return State("fs-dir" if file.content is None else "fs-file", file.name, fields, (Link("self", file.name),))
 
 
 _PATH = "/fileservice/{path:.+}"

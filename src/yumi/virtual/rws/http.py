@@ -1,10 +1,7 @@
-"""A request and a response as values: what the virtual controller receives and sends.
+"""HTTP as the virtual controller sees it: requests, replies, the digest login, and sessions kept by cookies.
 
-A controller's login: HTTP digest (RFC 2617, MD5, qop=auth) and its cookies (reference/rws.md §2.1-2.2).
-
-This is the server's side; the client's digest is httpx's.
-
-The server's sessions: known by cookie, forgotten after five idle minutes (reference/rws.md §2.2).
+The login is HTTP digest (RFC 2617, MD5, qop=auth); a session is forgotten after five idle minutes
+(reference/rws.md §2.1-2.2).
 """
 
 from __future__ import annotations

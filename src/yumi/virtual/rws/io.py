@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from math import isfinite
-
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Signal, path_of, printed
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
 
 _BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
@@ -26,7 +24,8 @@ def get_signals(controller: Irc5, call: Call) -> Page:
     shown = names[start : start + limit] if is_paged else names
     following = start + limit
     more = f"signals?start={following}&limit={limit}" if is_paged and following < len(names) else None
-    entries = (_entry(controller.signals.get(name)) for name in shown)
+    signals = [(path_of(signal), signal) for signal in map(controller.signals.get, shown)]
+    entries = (State("ios-signal-li", path, _fields(one), (Link("self", f"signals/{path}"),)) for path, one in signals)
     return resource("io", _BASE, "signals", *entries, next_href=more)
 
 
@@ -53,37 +52,22 @@ def set_signal(controller: Irc5, call: Call) -> None:
     signal = controller.signals.get(_name(call))
     if controller.mode.value != "AUTO":
         raise Failure(403, Code.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
-    if signal.device and signal.type.value.endswith("I"):
+    if signal.device and not signal.type.is_output:
         raise Failure(403, Code.UNBLOCKED_INSIGNAL, f"input signal {signal.name} is not simulated")
-    controller.signals.set(signal.name, _new_value(signal, call))
-    controller.settle()
-
-
-def _new_value(signal: Signal, call: Call) -> float:
-    """The value to write; pulses and delays of the controller's own are not offered."""
     mode = call.parameter("mode", "value")
     if mode in ("invert", "toggle"):
-        return 1.0 - signal.value
-    if mode != "value":
+        value = 1.0 - signal.value
+    elif mode == "value":
+        value = call.number("lvalue")
+    else:  # pulses and delays of the controller's own
         raise Failure(400, Code.NOTIMPL, f"mode {mode} is not available")
-    text = call.required("lvalue")
-    try:
-        value = float(text)
-    except ValueError:
-        raise invalid(f"lvalue is a number, not {text!r}") from None
-    if not isfinite(value):
-        raise invalid(f"lvalue is a finite number, not {text!r}")
-    return value
+    controller.signals.set(signal.name, value)
+    controller.settle()
 
 
 def _name(call: Call) -> str:
     """The last part: network and device may be left out, and may be wrong for a virtual signal (rws.md §17)."""
     return call.names["signal"].rpartition("/")[2]
-
-
-def _entry(signal: Signal) -> State:
-    path = path_of(signal)
-    return State("ios-signal-li", path, _fields(signal), (Link("self", f"signals/{path}"),))
 
 
 def _fields(signal: Signal) -> dict[str, str]:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite, nan
 from typing import NamedTuple, cast
 
 from aiohttp import web
 from yarl import URL
 
 from yumi.errors import YumiError
-from yumi.rws import documents as forms
-from yumi.rws.documents import Link, Page, Pairs, State, Status
+from yumi.rws.documents import Link, Page, Pairs, State, Status, first_value
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
@@ -99,7 +99,7 @@ class Call:
 
     def option(self, name: str) -> str | None:
         """A parameter in the URL, or None."""
-        return forms.first(self.query, name)
+        return first_value(self.query, name)
 
     def number_option(self, name: str, default: int) -> int:
         """A parameter in the URL that is a whole number from 0.
@@ -116,7 +116,7 @@ class Call:
 
     def parameter(self, name: str, default: str) -> str:
         """A parameter in the body; ``default`` where it is missing or empty."""
-        return forms.first(self.form, name) or default
+        return first_value(self.form, name) or default
 
     def required(self, name: str) -> str:
         """A parameter in the body.
@@ -124,9 +124,24 @@ class Call:
         Raises:
             Failure: it is missing.
         """
-        value = forms.first(self.form, name)
+        value = first_value(self.form, name)
         if value is None:
             raise invalid(f"the body lacks {name}")
+        return value
+
+    def number(self, name: str) -> float:
+        """A parameter in the body that is a finite number.
+
+        Raises:
+            Failure: it is missing or none.
+        """
+        text = self.required(name)
+        try:
+            value = float(text)
+        except ValueError:
+            value = nan
+        if not isfinite(value):
+            raise invalid(f"{name} is a finite number, not {text!r}")
         return value
 
 

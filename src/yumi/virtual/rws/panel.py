@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 
 from yumi.rws.documents import Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
 
 VALUES: Mapping[str, Callable[[Irc5], str]] = {
     "ctrlstate": lambda controller: controller.controller_state.value,
@@ -40,14 +39,7 @@ def set_controller_state(controller: Irc5, call: Call) -> None:
 
 
 def set_speed_ratio(controller: Irc5, call: Call) -> None:
-    text = call.required("speed-ratio")
-    try:
-        percent = float(text)
-    except ValueError:
-        raise invalid(f"speed-ratio is a number, not {text!r}") from None
-    if not isfinite(percent):
-        raise invalid(f"speed-ratio is 0 to 100, not {text}")
-    controller.set_speed_ratio(int(percent))
+    controller.set_speed_ratio(int(call.number("speed-ratio")))
 
 
 def acknowledge(controller: Irc5, call: Call) -> None:

@@ -15,15 +15,26 @@ from math import inf
 from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError
-from yumi.rws import documents as forms
-from yumi.rws.documents import Form, write_page, write_status
+from yumi.rws.documents import FORM_TYPE, Form, Pairs, decode_form
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.rws import configuration, event_log, files, io, motion, panel, rapid, system
-from yumi.virtual.rws import http as cookies
-from yumi.virtual.rws import http as digest
-from yumi.virtual.rws.http import HttpReply, HttpRequest, Session, SessionTable, TooManySessions
+from yumi.virtual.rws.documents import write_page, write_status
+from yumi.virtual.rws.http import (
+    NONCE_LIFE,
+    Challenge,
+    HttpReply,
+    HttpRequest,
+    Session,
+    SessionTable,
+    TooManySessions,
+    is_genuine,
+    make_nonce,
+    nonce_age,
+    read_cookies,
+    read_credentials,
+)
 from yumi.virtual.rws.mastership import Mastership
 from yumi.virtual.rws.operations import Call, Failure, Router, refusal
 from yumi.virtual.rws.subscriptions import Subscriptions, Upgrade
@@ -89,7 +100,7 @@ class RwsService:
         if self._sessions.find(_cookies(request), now) is not None:
             return True
         age = self._proven_age(request, now)
-        return age is not None and age <= digest.NONCE_LIFE
+        return age is not None and age <= NONCE_LIFE
 
     def advance(self, now: float) -> None:
         """Send events of what has changed, and forget what belongs to sessions that have ended."""
@@ -143,10 +154,10 @@ class RwsService:
     def _log_in(self, request: HttpRequest, now: float) -> Session | HttpReply:
         """The session of a request with genuine credentials, or the challenge for one without."""
         age = self._proven_age(request, now)
-        if age is None or age > digest.NONCE_LIFE:
+        if age is None or age > NONCE_LIFE:
             self._nonces += 1
-            nonce = digest.make_nonce(self._nonce_secret, now, self._nonces)
-            header = ("WWW-Authenticate", digest.Challenge(nonce, is_stale=age is not None).header())
+            nonce = make_nonce(self._nonce_secret, now, self._nonces)
+            header = ("WWW-Authenticate", Challenge(nonce, is_stale=age is not None).header())
             reply = _plain(401, "Access denied: log in with user and password.")
             return replace(reply, headers=(header, *reply.headers))
         known = self._sessions.find_by_connection(_cookies(request))
@@ -158,13 +169,14 @@ class RwsService:
     def _proven_age(self, request: HttpRequest, now: float) -> float | None:
         """Age of the nonce in genuine credentials [s]; None without such."""
         try:
-            credentials = digest.read_credentials(request.header("Authorization") or "")
+            credentials = read_credentials(request.header("Authorization") or "")
         except ProtocolError:
             return None  # not readable: the answer is a challenge
-        is_genuine = digest.is_genuine(
+        if not is_genuine(
             credentials, user=self._user, password=self._password, method=request.method, target=request.target
-        )
-        return digest.nonce_age(credentials.nonce, self._nonce_secret, now) if is_genuine else None
+        ):
+            return None
+        return nonce_age(credentials.nonce, self._nonce_secret, now)
 
     # Answering
 
@@ -174,7 +186,7 @@ class RwsService:
         segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
         host = request.header("Host") or ""
         full_host = host if re.search(r":\d+$", host) else f"{host}:80"
-        call = Call(request.method, segments, forms.decode(query), session=session.id, host=full_host)
+        call = Call(request.method, segments, decode_form(query), session=session.id, host=full_host)
         form = Form.JSON if call.option("json") == "1" else Form.XHTML
         try:
             if segments[:1] == ("poll",) and _is_upgrade(request):
@@ -195,8 +207,13 @@ class RwsService:
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         """Check a call against the table, carry it out, and show its result in the client's format."""
-        is_file = call.method == "PUT" and call.path[:1] == ("fileservice",)
-        call = replace(call, content=request.body, form=() if is_file else _body_form(request))
+        pairs: Pairs = ()
+        if call.method != "PUT" or call.path[:1] != ("fileservice",):  # which is a file
+            kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+            if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
+                raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
+            pairs = decode_form(request.body.decode("utf-8", "replace"))
+        call = replace(call, content=request.body, form=pairs)
         if call.path == ("logout",):
             self._sessions.close(session)
             self._forget_ended()
@@ -214,19 +231,11 @@ class RwsService:
 
 
 def _cookies(request: HttpRequest) -> dict[str, str]:
-    return cookies.read_cookies(request.header_values("Cookie"))
+    return read_cookies(request.header_values("Cookie"))
 
 
 def _is_upgrade(request: HttpRequest) -> bool:
     return (request.header("Upgrade") or "").lower() == "websocket"
-
-
-def _body_form(request: HttpRequest) -> forms.Pairs:
-    """The form in the body; only a body that is there must have its content type."""
-    kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
-    if request.body and kind != forms.CONTENT_TYPE:
-        raise Failure(415, Code.INVALIDARG, f"a body is {forms.CONTENT_TYPE}, not {kind or 'of no type'}")
-    return forms.decode(request.body.decode("utf-8", "replace"))
 
 
 def _plain(status: int, sentence: str) -> HttpReply:

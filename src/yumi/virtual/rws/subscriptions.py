@@ -16,23 +16,14 @@ from typing import Protocol
 from yumi.errors import ProtocolError
 from yumi.rapid.errors import UnknownSymbol
 from yumi.rapid.task import Task
-from yumi.rws.documents import Form, Link, State
-from yumi.rws.events import (
-    MAX_GROUPS,
-    MAX_HIGH,
-    MAX_RESOURCES,
-    PROTOCOL,
-    Priority,
-    Resource,
-    read_resources,
-    write_event,
-    write_group,
-)
+from yumi.rws.documents import Form, Link, Pairs, State, first_value
+from yumi.rws.events import PROTOCOL, Priority, Resource
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.signals import path_of, printed
 from yumi.virtual.rws import panel
+from yumi.virtual.rws.documents import write_event, write_group
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, invalid
 from yumi.virtual.rws.rapid import execution_state
@@ -41,6 +32,15 @@ Event = tuple[State, ...]
 """One event: a state, or two that belong together."""
 
 _MOST_MESSAGES = 20
+
+MAX_GROUPS = 2
+"""Groups a session may have."""
+
+MAX_RESOURCES = 1000
+"""Resources a group may have."""
+
+MAX_HIGH = 64
+"""Resources with high priority, of all clients together."""
 
 
 class Channel(Protocol):
@@ -214,6 +214,26 @@ _KINDS: Sequence[tuple[str, _Find, Priority]] = (
     (r"/rw/elog/(?P<domain>\d{1,3})", event_log_source, Priority.MEDIUM),
 )
 """Path, how its source is found, highest priority."""
+
+
+def read_resources(form: Pairs) -> tuple[Resource, ...]:
+    """The resources a form asks for.
+
+    Raises:
+        ProtocolError: a path or a priority is missing, or the priority is none.
+    """
+    numbers = [value for name, value in form if name == "resources"]
+    if not numbers:
+        raise ProtocolError("the body lacks resources")
+    resources: list[Resource] = []
+    for number in numbers:
+        path, priority = first_value(form, number), first_value(form, f"{number}-p")
+        if not path or priority is None:
+            raise ProtocolError(f"the body lacks {number if not path else f'{number}-p'}")
+        if priority not in ("0", "1", "2"):
+            raise ProtocolError(f"{number}-p is 0, 1 or 2, not {priority!r}")
+        resources.append(Resource(path, Priority(int(priority))))
+    return tuple(resources)
 
 
 # Groups: what a client has subscribed to, and the channel its events go to

@@ -3,7 +3,8 @@
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.virtual.controller.events import EventLog, EventType
+from yumi.rws.types import EventType
+from yumi.virtual.controller.events import EventLog
 
 
 @pytest.fixture

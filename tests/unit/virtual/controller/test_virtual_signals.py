@@ -2,8 +2,9 @@
 
 import pytest
 
+from yumi.rws.types import SignalType
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.signals import Signal, Signals, SignalType
+from yumi.virtual.controller.signals import Signal, Signals
 
 Edge = tuple[str, float, float]
 
@@ -17,9 +18,9 @@ def edges() -> list[Edge]:
 def signals(edges: list[Edge]) -> Signals:
     return Signals(
         [
-            Signal("EGM_STOP", SignalType.DI, "", "All", 0, ""),
-            Signal("STATIONARY", SignalType.DO, "", "ReadOnly", 1, ""),
-            Signal("GROUP", SignalType.GO, "", "All", 5, "Hand_R", "EtherNetIP"),
+            Signal("EGM_STOP", SignalType.DIGITAL_INPUT, "", "All", 0, ""),
+            Signal("STATIONARY", SignalType.DIGITAL_OUTPUT, "", "ReadOnly", 1, ""),
+            Signal("GROUP", SignalType.GROUP_OUTPUT, "", "All", 5, "Hand_R", "EtherNetIP"),
         ],
         lambda *edge: edges.append(edge),
     )

@@ -9,12 +9,12 @@ from yumi.rapid.program import Execution
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.controller.controller import robot_library
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.signals import Configuration, Signals
 from yumi.virtual.controller.tasks import TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, SyncPoints
-from yumi.virtual.instructions.library import robot_library
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
 

@@ -1,0 +1,145 @@
+"""A controller's documents: pages and errors as XHTML or JSON, events as XHTML (reference/rws.md §3, §14).
+
+Clients cut them with regular expressions and receive events into buffers of 1024 bytes, so spelling and length count:
+events are one line of ASCII.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from xml.sax.saxutils import escape
+
+from yumi.rws.documents import XMLNS, Form, Link, Page, State, Status
+
+_XML = '<?xml version="1.0" encoding="UTF-8"?>'
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ENTITIES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+
+MAX_EVENT = 1024
+"""What the receive buffers of common clients hold [byte]."""
+
+
+def write_page(page: Page, form: Form) -> bytes:
+    """The page as a document: XHTML on one line after the XML declaration, as clients match it line by line.
+
+    The title has no place in JSON.
+    """
+    if form is Form.JSON:
+        links = {"base": {"href": page.base}} | _json_links(page.links)
+        return _dump({"_links": links, "_embedded": {"_state": [_json_state(state) for state in page.states]}})
+    states = "".join(map(_item, page.states))
+    content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
+    return f"{_XML}\n{_html(page.title, page.base, content)}".encode("utf-8", "replace")
+
+
+def write_status(status: Status, form: Form, *, base: str, title: str = "rw") -> bytes:
+    """The status as an error document; its code is a number in JSON."""
+    if form is Form.JSON:
+        embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
+        return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
+    content = f'<div class="status">{_span("code", str(status.code))}{_span("msg", status.message)}</div>'
+    return f"{_XML}\n{_html(title, base, content)}".encode("utf-8", "replace")
+
+
+def write_group(root: str, group: int, events: Sequence[Sequence[State]]) -> bytes:
+    """The answer to a subscription, with the values of this moment; ``root`` is ``host:port`` of the controller."""
+    links = (
+        f'<a href="subscription/{group}" rel="group"></a>'
+        f'<a href="ws://{_escaped(root)}/poll/{group}" rel="self"></a>'
+        f'<a href="subscription/{group}?action=show" rel="action"></a>'
+    )
+    return _event(root, links, (state for event in events for state in event))
+
+
+def write_event(root: str, group: int, event: Sequence[State]) -> str:
+    """The message with one event; common clients look for one only in each.
+
+    What is too long for their buffers is sent without its value, which a client can read where the link leads.
+    """
+    link = f'<a href="subscription/{group}" rel="group"></a>'
+    text = _event(root, link, event)
+    if len(text) > MAX_EVENT:
+        text = _event(root, link, [replace(event[0], fields={})])
+    return text.decode("ascii")
+
+
+def _event(root: str, links: str, states: Iterable[State]) -> bytes:
+    content = f'<div class="state">{links}<ul>{"".join(map(_item, states))}</ul></div>'
+    return f"{_XML}{_html('Event', f'http://{root}/', content)}".encode("ascii", "xmlcharrefreplace")
+
+
+# XHTML
+
+
+def _html(title: str, base: str, content: str) -> str:
+    head = f'<head><title>{_escaped(title)}</title><base href="{_escaped(base)}"/></head>'
+    return f'<html xmlns="{XMLNS}">{head}<body>{content}</body></html>'
+
+
+def _item(state: State) -> str:
+    spans = "".join(_span(name, text) for name, text in state.fields.items())
+    arguments = "".join(
+        f'<span class="arg{number}" type="{_escaped(argument.type)}">{_escaped(argument.value)}</span>'
+        for number, argument in enumerate(state.arguments, start=1)
+    )
+    children = f"<ul>{''.join(map(_item, state.children))}</ul>" if state.children else ""
+    head = f'<li class="{_escaped(state.type)}" title="{_escaped(state.title)}">'
+    return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
+
+
+def _anchors(links: tuple[Link, ...]) -> str:
+    return "".join(f'<a href="{_escaped(link.href)}" rel="{_escaped(link.rel)}"/>' for link in links)
+
+
+def _span(name: str, text: str) -> str:
+    return f'<span class="{_escaped(name)}">{_escaped(text)}</span>'
+
+
+def _escaped(text: str) -> str:
+    return escape(_ILLEGAL.sub("\ufffd", text), _ENTITIES)
+
+
+# JSON
+
+
+# Where it from the XHTML (reference/rws.md §3.2).
+_FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
+    "ms-robtargets": {f"eax_{letter}": f"eax{letter}" for letter in "abcdef"},
+    "ms-mechunit": {
+        "task-name": "task",
+        "is-integrated-unit": "is-integrated-unitname",
+        "has-integrated-unit": "has-integrated-unitname",
+    },
+}
+_TYPES = {"elog-message-li": "elog-message"}
+_LISTS = {"sys-option-li": "options", "cfg-ia-t-li": "attrib"}
+_NUMBERS = ("lvalue", "pvalue")
+
+
+def _dump(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
+
+
+def _json_state(state: State) -> dict[str, object]:
+    names = _FIELD_NAMES.get(state.type, {})
+    result: dict[str, object] = {"_type": _TYPES.get(state.type, state.type), "_title": state.title}
+    if state.links:
+        result["_links"] = _json_links(state.links)
+    for name, text in state.fields.items():
+        result[names.get(name, name)] = text
+        with suppress(ValueError):
+            if name in _NUMBERS:
+                result[names.get(name, name)] = int(text) if text.lstrip("-").isdecimal() else float(text)
+    if state.arguments:
+        result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
+    if state.children:
+        result[_LISTS.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
+    return result
+
+
+def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
+    return {link.rel: {"href": f"{link.href}{'&' if '?' in link.href else '?'}json=1"} for link in links}
