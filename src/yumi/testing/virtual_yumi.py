@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 class VirtualYumi(ManualClock):
-    """A virtual robot with a clock of its own: time passes when somebody waits, as fast as it can be computed.
+    """A virtual robot with a clock of its own: time passes when a test waits, as fast as it can be computed.
 
     Attributes:
         world: the robot: its controller, arms, grippers and EGM clients.

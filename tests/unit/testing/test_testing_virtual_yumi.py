@@ -15,7 +15,7 @@ from yumi.virtual.controller.fault_names import Fault
 from yumi.virtual.mechanics.gripper import Workpiece
 
 
-def test_time_passes_in_whole_cycles_when_somebody_waits(virtual_yumi: VirtualYumi) -> None:
+def test_time_passes_in_whole_cycles_when_the_test_waits(virtual_yumi: VirtualYumi) -> None:
     assert virtual_yumi.now() == 0.0
     virtual_yumi.wait(10 * CYCLE)
     assert virtual_yumi.now() == pytest.approx(10 * CYCLE)
