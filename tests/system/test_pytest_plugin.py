@@ -70,6 +70,18 @@ def test_controller_takes_faults_by_their_names(abb_controller: ControllerProces
         abb_controller.inject("warm")
 
 
+def test_only_the_thread_that_advances_the_robot_runs_in_real_time(abb_controller: ControllerProcess) -> None:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        pytest.skip("this machine does not permit real-time priority")
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    threads = [int(path.name) for path in Path(f"/proc/{abb_controller.pid}/task").iterdir()]
+    assert len(threads) >= 3  # the robot, the server, the background
+    in_real_time = [each for each in threads if os.sched_getscheduler(each) & os.SCHED_FIFO]
+    assert in_real_time == [abb_controller.pid]
+
+
 @pytest.mark.parametrize("count", [short(5), long(CONTROLLERS, 900.0)])
 def test_controllers_one_after_another_leave_no_process_port_or_file(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
