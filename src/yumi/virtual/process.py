@@ -35,16 +35,18 @@ class ControllerProcess:
     """
 
     def __init__(self, log: Path, options: Mapping[str, object] | None = None) -> None:
+        given = dict(options or {})
         self.address = ""
-        self.user = DEFAULT_USER
+        self.user = str(given.get("user", DEFAULT_USER))
         self.password = DEFAULT_PASSWORD
-        self.egm_ports = {side: free_port() for side in Side}
-        ports = {f"{side.word}_egm_port": port for side, port in self.egm_ports.items()}
+        self.egm_ports = {}
+        for side in Side:
+            self.egm_ports[side] = int(str(given.setdefault(f"{side.word}_egm_port", free_port())))
         arguments = ["controller"]
-        for name, value in {"rws_port": 0, **ports, **(options or {})}.items():
+        for name, value in {"rws_port": 0, **given}.items():
             option = f"--{name.replace('_', '-')}"
             arguments += [] if value is False else [option] if value is True else [option, str(value)]
-        self._command = Command("virtual controller", arguments, log)
+        self._command = Command("virtual controller", arguments, log, {"YUMI_PASSWORD": self.password})
 
     def __enter__(self) -> ControllerProcess:
         self.start()
@@ -72,6 +74,8 @@ class ControllerProcess:
             "address": self.address,
             "left_egm_port": self.egm_ports[Side.LEFT],
             "right_egm_port": self.egm_ports[Side.RIGHT],
+            "user": self.user,
+            "password": self.password,
         }
 
     def start(self) -> None:
