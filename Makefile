@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test soak check constraints clean
+.PHONY: help setup demo test soak check wheels constraints clean
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -14,6 +14,7 @@ help:
 	@echo 'make test          the whole check: format, lint, types, layers, spelling, terms, then all tests'
 	@echo 'make check         the same without the tests'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
+	@echo 'make wheels        wheels in dist/: one for every machine, one for this Python with the message packages built'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
@@ -28,7 +29,7 @@ check: setup
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
-	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/installation.py interfaces/build.py
+	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/installation.py setup/wheel_hook.py interfaces/build.py
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
@@ -42,6 +43,11 @@ test: check
 soak: setup
 	.venv/bin/python -m pytest -m soak --capture=no $(ARGS)
 
+# The second one is for this Python and platform: it contains the message packages, so that pip needs no compiler.
+wheels: setup
+	@.venv/bin/python -m hatchling build -t wheel -d dist
+	@HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 .venv/bin/python -m hatchling build -t wheel -d dist
+
 constraints: setup
 	@.venv/bin/python -m venv build/uv
 	@build/uv/bin/pip --quiet install uv
@@ -51,5 +57,5 @@ constraints: setup
 	    cat build/constraints.txt; } > constraints.txt
 
 clean:
-	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache .coverage
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -16,7 +16,8 @@ suitable = (3, 10) <= sys.version_info[:2] <= (3, 14)
 try:
     import ensurepip, sysconfig, venv
     whole = os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h"))
-    if "AMENT_PREFIX_PATH" in os.environ:
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(":")
+    if set(prefixes) - {"", os.environ.get("VIRTUAL_ENV")}: # a sourced ROS 2, not only an activated .venv
         import rclpy
 except ImportError:
     whole = False

@@ -6,6 +6,7 @@ import contextlib
 import fcntl
 import hashlib
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,33 @@ from prerequisites import Machine
 
 BROUGHT_BY_ROS = ("ros-", "numpy==", "catkin-pkg==", "cmake==", "empy==", "ninja==")
 """How the pins begin that a sourced ROS 2 has no need of, or must not get."""
+
+COPIED = ("package.xml", "launch/*", "resource/*")
+"""What an editable installation copies to the ament index instead of leading to it."""
+
+DISTRIBUTION = "jazzy"
+"""The ROS 2 that PyPI's wheels are of."""
+
+IN_DEACTIVATE = """\
+    # >>> ROS 2 of yumi-ros2
+    if [ -n "${_OLD_AMENT_PREFIX_PATH+set}" ] ; then
+        AMENT_PREFIX_PATH="$_OLD_AMENT_PREFIX_PATH"
+        ROS_DISTRO="$_OLD_ROS_DISTRO"
+        [ -n "$AMENT_PREFIX_PATH" ] || unset AMENT_PREFIX_PATH
+        [ -n "$ROS_DISTRO" ] || unset ROS_DISTRO
+        unset _OLD_AMENT_PREFIX_PATH _OLD_ROS_DISTRO
+    fi
+    # <<< ROS 2 of yumi-ros2
+"""
+AT_THE_END = f"""
+# >>> ROS 2 of yumi-ros2
+_OLD_AMENT_PREFIX_PATH="${{AMENT_PREFIX_PATH:-}}"
+_OLD_ROS_DISTRO="${{ROS_DISTRO:-}}"
+export AMENT_PREFIX_PATH="$VIRTUAL_ENV${{AMENT_PREFIX_PATH:+:$AMENT_PREFIX_PATH}}"
+export ROS_DISTRO="${{ROS_DISTRO:-{DISTRIBUTION}}}"
+# <<< ROS 2 of yumi-ros2
+"""
+OWN_LINES = re.compile(r"\n *# >>> ROS 2 of yumi-ros2\n.*?# <<< ROS 2 of yumi-ros2\n", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -58,6 +86,7 @@ def install(root: str, machine: Machine) -> None:
             _step(clone, "venv", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
             _step(clone, "packages", _packages_fingerprint(clone), lambda: _install_packages(clone, machine)),
             _step(clone, "clone", _clone_fingerprint(clone), lambda: _install_clone(clone)),
+            _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
         ]
         if not machine.sourced:
             done.append(_step(clone, "interfaces", _interfaces_fingerprint(clone), lambda: _build_interfaces(clone)))
@@ -100,14 +129,20 @@ def _packages_fingerprint(clone: Clone) -> str:
 
 
 def _clone_fingerprint(clone: Clone) -> str:
-    """Of the tables of pyproject.toml that an installation reads; a new lint rule installs nothing."""
+    """Of what an installation copies and reads, of pyproject.toml some tables: a new lint rule installs nothing."""
     wanted, lines = False, []
     for line in (clone.root / "pyproject.toml").read_text().splitlines():
         if line.startswith("["):
             wanted = line.startswith(("[build-system]", "[project", "[tool.hatch"))
         if wanted:
             lines.append(line)
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+    copied = [file for name in COPIED for file in sorted(clone.root.glob(name)) if file.is_file()]
+    return hashlib.sha256("\n".join([*lines, _digest(copied)]).encode()).hexdigest()
+
+
+def _activation_fingerprint(machine: Machine) -> str:
+    """Of what is written to the activation, and of the environment, which is made anew with another one."""
+    return hashlib.sha256((IN_DEACTIVATE + AT_THE_END + _venv_fingerprint(machine)).encode()).hexdigest()
 
 
 def _interfaces_fingerprint(clone: Clone) -> str:
@@ -160,6 +195,14 @@ def _requirements(clone: Clone) -> list[str]:
 def _install_clone(clone: Clone) -> None:
     arguments = ["--no-deps", "--no-build-isolation", "--editable", str(clone.root)]
     pip_install(clone.python, arguments, clone.logs / "clone.log")
+
+
+def _extend_activation(clone: Clone) -> None:
+    """Let `source .venv/bin/activate` set what ROS's tools look for packages by, and `deactivate` take it back."""
+    script = clone.venv / "bin" / "activate"
+    text = OWN_LINES.sub("\n", script.read_text())
+    head, definition, body = text.partition("deactivate () {\n")
+    script.write_text(f"{head}{definition}{IN_DEACTIVATE}{body.rstrip()}\n{AT_THE_END}")
 
 
 def _build_interfaces(clone: Clone) -> None:

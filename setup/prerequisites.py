@@ -57,8 +57,12 @@ def inspect_machine(needed_packages: "tuple[str, ...]") -> Machine:
 
 
 def sourced_distribution(environment: "os._Environ[str] | dict[str, str]") -> "str | None":
-    """The distribution whose setup.bash was sourced in this shell, None where none was."""
-    if not environment.get("AMENT_PREFIX_PATH"):
+    """The distribution whose setup.bash was sourced in this shell, None where none was.
+
+    The activated virtual environment of a clone is in the path, too, and no ROS 2 of its own.
+    """
+    prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    if not [prefix for prefix in prefixes if prefix and prefix != environment.get("VIRTUAL_ENV")]:
         return None
     return environment.get("ROS_DISTRO") or "(of unknown distribution)"
 

@@ -6,9 +6,9 @@ from yumi.clock import Clock
 from yumi.errors import NoConnection
 from yumi.rws.transport import ConnectionLost
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.memory import MemoryChannel, MemoryRws, MemorySocket
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi_evaluation.memory_rws import MemoryChannel, MemoryRws, MemorySocket
 
 __all__ = ["PASSWORD", "MemoryChannel", "MemoryHttp", "MemorySocket"]
 

@@ -22,6 +22,9 @@ FUZZ_PROGRAMS = int(os.environ.get("YUMI_FUZZ_PROGRAMS", "600"))
 FUZZ_REQUESTS = int(os.environ.get("YUMI_FUZZ_REQUESTS", "20000"))
 """Of a client that sends nonsense."""
 
+CONTROLLERS = int(os.environ.get("YUMI_SOAK_CONTROLLERS", "50"))
+"""Virtual controllers, one after another."""
+
 
 def short(value: float, *marks: pytest.MarkDecorator) -> object:
     """The form of a test that runs with all others."""

@@ -345,7 +345,9 @@ def _demand_extra() -> None:
 
 def _demand_ros() -> None:
     if find_spec("rclpy") is None or find_spec("yumi_interfaces") is None:
-        raise MissingPrerequisite("ROS 2 is missing; run `make setup` in a clone of yumi-ros2, or add --virtual-time.")
+        raise MissingPrerequisite(
+            "ROS 2 is missing: install yumi-ros2[ros], run `make setup` in a clone of yumi-ros2, or add --virtual-time."
+        )
     if find_spec("mcap") is None:
         raise MissingPrerequisite("The driver's recording needs mcap: pip install 'yumi-ros2[record]'.")
 

@@ -9,7 +9,6 @@ import click
 
 from yumi.cli.options import PORT, Measure, end_flag, password_options, until_stdin_closes_option
 from yumi.driver.settings import MAX_PORT, RobotSettings
-from yumi.errors import CommandRefused, NoConnection
 from yumi.process.supervision import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
@@ -91,8 +90,6 @@ def controller(
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))
 
 
-_PATH = "/virtual/faults"
-_TIMEOUT = 4.0
 _FAULT_WIDTH = 120
 
 
@@ -151,20 +148,7 @@ def fault(
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
-    _post(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
+    from yumi.virtual.process import inject_fault  # noqa: PLC0415 - a quick --help
+
+    inject_fault(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
     click.echo(f"{name}: done")
-
-
-def _post(address: str, name: str, form: dict[str, str]) -> None:
-    import httpx  # noqa: PLC0415 - a quick --help
-
-    try:
-        reply = httpx.post(f"http://{address}{_PATH}/{name}", data=form, timeout=_TIMEOUT, trust_env=False)
-    except httpx.HTTPError as error:
-        raise NoConnection(
-            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
-        ) from error
-    if not reply.is_success:
-        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
-        sentence = reply.text if is_virtual else ""
-        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")

@@ -9,6 +9,7 @@ import termios
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from math import degrees, radians
 from pathlib import Path
 from select import select
@@ -26,7 +27,7 @@ from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings
 from yumi.egm.udp import free_port
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, YumiError
 from yumi.process.supervision import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from yumi.ros.move_and_grab import ArmReport, Progress
 
 _INTERRUPTED = 130
+_PICTURE = Path("demo_joint_paths.png")
 OBJECT_WIDTH = 0.020
 """What lies between the left fingers of the virtual robot [m]."""
 
@@ -61,6 +63,16 @@ class DemoPlan:
     options: tuple[str, ...]
     logs: Path
     secrets: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+
+def _can_draw(*, is_asked: bool) -> bool:
+    """Whether there can be a picture; raises MissingPrerequisite where there cannot and it was asked for."""
+    can_draw = find_spec("matplotlib") is not None
+    if is_asked and not can_draw:
+        raise MissingPrerequisite("The picture needs matplotlib; install yumi-ros2[plot], or leave --picture out.")
+    if not can_draw:
+        click.echo("There will be no picture of the joint paths: it needs matplotlib; yumi-ros2[plot] brings it.")
+    return can_draw
 
 
 class Cancelled(Exception):
@@ -271,9 +283,8 @@ class DemoScreen:
 @click.option(
     "--picture",
     type=click.Path(path_type=Path),
-    default=Path("demo_joint_paths.png"),
-    show_default=True,
-    help="Where the picture of the joint paths goes.",
+    show_default=str(_PICTURE),
+    help="Where the picture of the joint paths goes; needs yumi-ros2[plot].",
 )
 @click.option("--json", "report", type=click.Path(path_type=Path), help="Also write the final figures to this file.")
 @click.option(
@@ -288,7 +299,7 @@ def demo(
     password: str | None,
     speed_scale: float | None,
     yes: bool,
-    picture: Path,
+    picture: Path | None,
     report: Path | None,
     logs: Path,
     **where: str | int | None,
@@ -318,6 +329,7 @@ def demo(
     os.environ.setdefault("MPLCONFIGDIR", str(logs.absolute() / "matplotlib"))
     if speed_scale is not None:
         options = (*options, "--speed-scale", str(speed_scale))
+    can_draw = _can_draw(is_asked=picture is not None)
     from yumi.driver.wiring import first_speed_scale  # noqa: PLC0415 - a quick --help
     from yumi.recording.pictures import draw_joint_paths  # noqa: PLC0415
 
@@ -338,7 +350,8 @@ def demo(
             screen.note("cancelled: motion stopped, EGM ended")
             sys.exit(_INTERRUPTED)
     screen.table(reports)
-    draw_joint_paths({side: item.path for side, item in reports.items()}, picture)
+    if can_draw:
+        draw_joint_paths({side: item.path for side, item in reports.items()}, picture or _PICTURE)
     if report:
         figures = {
             side.word: {
@@ -350,5 +363,6 @@ def demo(
             for side, item in reports.items()
         }
         report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    click.echo(f"Picture of the joint paths: {picture}")
+    if can_draw:
+        click.echo(f"Picture of the joint paths: {picture or _PICTURE}")
     click.echo("Task completed")

@@ -153,7 +153,8 @@ def demand_ros() -> None:
         import rclpy  # noqa: F401, PLC0415
     except ImportError as error:
         raise MissingPrerequisite(
-            f"ROS 2 is missing ({error}); run `make setup` in a clone of yumi-ros2, or source your ROS 2 Jazzy."
+            f"ROS 2 is missing ({error}): install yumi-ros2[ros] from a wheel that `make wheels` has built for this "
+            "Python, run `make setup` in a clone, or source your ROS 2 Jazzy."
         ) from error
 
 

@@ -7,9 +7,10 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _PRIORITY = 50
+_ROBOT_PRIORITY = 40  # of a virtual robot: its driver answers first
 _NICE = -20
 _MCL_CURRENT_AND_FUTURE = 3
 _SWITCH_INTERVAL = 0.0002  # [s] Python's own is 5 ms, longer than a cycle
@@ -81,6 +82,17 @@ def prefer_process() -> None:
     """Let this process run before ordinary ones, where that is permitted; for a robot that must keep its pace."""
     _raise_nice()
     settle_memory()
+
+
+def prefer_thread() -> None:
+    """Let the calling thread alone run in real time, below the control loop, where that is permitted.
+
+    Nice values do not do: Linux shares the processors between sessions first (sched_autogroup), so a program of another
+    terminal takes half of a processor whatever the niceness. Threads that are started later are ordinary ones: what
+    clients and RAPID modules make them compute must not keep the machine from anything else.
+    """
+    with suppress(AttributeError, PermissionError):  # neither elsewhere than on Linux nor without permission
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_ROBOT_PRIORITY))
 
 
 def settle_memory() -> None:

@@ -21,7 +21,7 @@ from typing import TypeVar
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient
 from yumi.errors import RapidError
-from yumi.process.realtime import prefer_process, release_process, short_switch_interval
+from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.ast import Module
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_expression, parse_module
@@ -198,6 +198,7 @@ class VirtualController:
         self._background.start()
         try:
             with short_switch_interval(), self._server as server:
+                prefer_thread()  # the robot's; those of the server and of the background have begun and stay ordinary
                 on_ready(server.port)
                 pace = Pace(self._clock)
                 while not is_over.is_set():

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -35,6 +37,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(installation, "_make_venv", make_venv)
     monkeypatch.setattr(installation, "_install_packages", lambda *_: taken.append("packages"))
     monkeypatch.setattr(installation, "_install_clone", lambda *_: taken.append("clone"))
+    monkeypatch.setattr(installation, "_extend_activation", lambda *_: taken.append("activation"))
     monkeypatch.setattr(installation, "_build_interfaces", lambda *_: taken.append("interfaces"))
     return taken
 
@@ -47,7 +50,7 @@ def clone(tmp_path: Path, machine: Machine, steps: list[str]) -> Path:
     (tmp_path / "constraints.txt").write_text("numpy==2.0\nros-rclpy==7.1.6\n")
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "x"\n\n[tool.ruff]\nline-length = 100\n')
     installation.install(str(tmp_path), machine)
-    assert steps == ["venv", "packages", "clone", "interfaces"]
+    assert steps == ["venv", "packages", "clone", "activation", "interfaces"]
     steps.clear()
     return tmp_path
 
@@ -63,6 +66,7 @@ def test_setup_does_nothing_the_second_time(clone: Path, machine: Machine, steps
         ("constraints.txt", "numpy==2.1\n", ["packages"]),
         ("pyproject.toml", '[project]\nname = "y"\n', ["clone"]),
         ("pyproject.toml", '[project]\nname = "x"\n\n[tool.ruff]\nline-length = 120\n', []),
+        ("package.xml", "<package/>\n", ["clone"]),
         ("interfaces/a_msgs/msg/Thing.msg", "float32 value\n", ["interfaces"]),
     ],
 )
@@ -79,13 +83,13 @@ def test_setup_starts_anew_for_another_python_or_ros(
     clone: Path, machine: Machine, steps: list[str], change: dict[str, object]
 ) -> None:
     installation.install(str(clone), machine._replace(**change))
-    assert steps[:3] == ["venv", "packages", "clone"]
+    assert steps[:4] == ["venv", "packages", "clone", "activation"]
 
 
 def test_setup_starts_anew_when_the_venv_is_gone(clone: Path, machine: Machine, steps: list[str]) -> None:
     (clone / ".venv" / "bin" / "python").unlink()
     installation.install(str(clone), machine)
-    assert steps == ["venv", "packages", "clone", "interfaces"]
+    assert steps == ["venv", "packages", "clone", "activation", "interfaces"]
 
 
 def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,6 +140,43 @@ def test_setup_tells_when_it_is_done(
     capsys.readouterr()
     installation.install(str(clone), machine)
     assert capsys.readouterr().out == "setup: done in 0 s\n"
+
+
+@pytest.fixture
+def venv(tmp_path: Path) -> Path:
+    """An empty environment whose activation set-up has extended."""
+    clone = installation.Clone(tmp_path)
+    run([sys.executable, "-m", "venv", "--without-pip", str(clone.venv)])
+    installation._extend_activation(clone)
+    return clone.venv
+
+
+def run(command: list[str], **variables: str) -> str:
+    environment = {"PATH": os.environ["PATH"], **variables}
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+
+
+SHOW = 'echo "${AMENT_PREFIX_PATH-unset} ${ROS_DISTRO-unset}"'
+
+
+def test_activation_sets_what_the_tools_of_ros_need_and_deactivation_takes_it_back(venv: Path) -> None:
+    script = f"set -eu; . {venv}/bin/activate; {SHOW}; . {venv}/bin/activate; {SHOW}; deactivate; {SHOW}"
+    assert run(["bash", "-c", script]).splitlines() == [f"{venv} jazzy", f"{venv} jazzy", "unset unset"]
+
+
+def test_activation_goes_before_a_sourced_ros_and_leaves_it_afterwards(venv: Path) -> None:
+    script = f". {venv}/bin/activate; {SHOW}; deactivate; {SHOW}"
+    sourced = {"AMENT_PREFIX_PATH": "/opt/ros/kilted", "ROS_DISTRO": "kilted"}
+    assert run(["bash", "-c", script], **sourced).splitlines() == [
+        f"{venv}:/opt/ros/kilted kilted",
+        "/opt/ros/kilted kilted",
+    ]
+
+
+def test_activation_is_extended_once_however_often_set_up_does_it(venv: Path) -> None:
+    before = (venv / "bin" / "activate").read_text()
+    installation._extend_activation(installation.Clone(venv.parent))
+    assert (venv / "bin" / "activate").read_text() == before
 
 
 def test_pip_is_kept_to_the_virtual_environment(monkeypatch: pytest.MonkeyPatch) -> None:

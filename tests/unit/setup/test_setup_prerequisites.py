@@ -94,6 +94,12 @@ def test_ros_counts_as_sourced_by_its_prefix_path() -> None:
     assert sourced_distribution({"ROS_DISTRO": "jazzy"}) is None
 
 
+def test_activated_environment_of_a_clone_is_not_a_sourced_ros() -> None:
+    activated = {"AMENT_PREFIX_PATH": "/clone/.venv", "ROS_DISTRO": "jazzy", "VIRTUAL_ENV": "/clone/.venv"}
+    assert sourced_distribution(activated) is None
+    assert sourced_distribution({**activated, "AMENT_PREFIX_PATH": "/clone/.venv:/opt/ros/jazzy"}) == "jazzy"
+
+
 def test_a_compiler_named_in_cxx_must_exist() -> None:
     assert compiler_on_path({"CXX": "no-such-compiler -O2"}) is None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
 
 import pytest
+from wheel_hook import RECORDS, destination
 
 from conftest import ROOT
 
@@ -24,7 +27,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("source")
     for name in ("pyproject.toml", "setup.py", "setup.cfg", "README.md", "LICENSE", "package.xml"):
         copy(ROOT / name, folder)
-    for name in ("src", "config", "resource", "launch"):
+    for name in ("src", "config", "resource", "launch", "setup"):
         copytree(ROOT / name, folder / name, ignore=ignore_patterns("__pycache__", "*.egg-info"))
     return folder
 
@@ -33,9 +36,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def installed(request: pytest.FixtureRequest, source: Path, tmp_path: Path) -> Path:
     """The folder where `yumi` would be found, as each of the two builders makes it."""
     if request.param == "wheel":
-        run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)], source)
-        (wheel,) = tmp_path.glob("*.whl")
-        with ZipFile(wheel) as archive:
+        with built_wheel(source, tmp_path) as archive:
             archive.extractall(tmp_path / "lib")
     else:
         lib = ["--build-lib", str(tmp_path / "lib")]
@@ -46,8 +47,15 @@ def installed(request: pytest.FixtureRequest, source: Path, tmp_path: Path) -> P
     return tmp_path / "lib"
 
 
-def run(command: list[str], folder: Path) -> str:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+def built_wheel(source: Path, folder: Path, **variables: str) -> ZipFile:
+    run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)], source, **variables)
+    (wheel,) = folder.glob("*.whl")
+    return ZipFile(wheel)
+
+
+def run(command: list[str], folder: Path, **variables: str) -> str:
+    environment = {**os.environ, **variables}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -72,3 +80,86 @@ def test_installation_has_the_programs_of_the_benchmark_and_the_template_of_the_
 def test_installation_reads_its_own_settings(installed: Path) -> None:
     code = f"import sys; sys.path.insert(0, {str(installed)!r}); {READ_SETTINGS}"
     assert run([sys.executable, "-c", code], installed).strip() == str(installed / "yumi" / "config")
+
+
+DATA = "yumi_ros2-0.1.0.data/data/"
+IN_AMENT_INDEX = {
+    "share/ament_index/resource_index/packages/yumi_ros2",
+    "share/yumi_ros2/package.xml",
+    "share/yumi_ros2/launch/yumi.launch.py",
+    "lib/yumi_ros2/yumi",
+}
+
+
+def test_wheel_brings_what_the_tools_of_ros_look_for(source: Path, tmp_path: Path) -> None:
+    with built_wheel(source, tmp_path) as archive:
+        data = {name.removeprefix(DATA): archive.getinfo(name) for name in archive.namelist() if name.startswith(DATA)}
+    assert set(data) == IN_AMENT_INDEX
+    assert data["lib/yumi_ros2/yumi"].external_attr >> 16 & 0o111  # pip keeps that it can be executed
+
+
+ASK_INDEX = """
+from pathlib import Path
+from ament_index_python import get_package_prefix, get_package_share_directory, get_packages_with_prefixes
+assert "yumi_ros2" in get_packages_with_prefixes()
+print([path.name for path in Path(get_package_share_directory("yumi_ros2")).rglob("*.launch.py")])
+print([path.name for path in Path(get_package_prefix("yumi_ros2"), "lib", "yumi_ros2").iterdir()])
+"""
+
+
+def test_package_launch_file_and_command_are_found_through_the_ament_index(source: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ament_index_python")
+    with built_wheel(source, tmp_path) as archive:
+        archive.extractall(tmp_path)
+    found = run([sys.executable, "-c", ASK_INDEX], tmp_path, AMENT_PREFIX_PATH=str(tmp_path / DATA))
+    assert found == "['yumi.launch.py']\n['yumi']\n"
+
+
+def test_command_for_ros_starts_the_one_of_its_environment(tmp_path: Path) -> None:
+    for folder in ("bin", "lib/yumi_ros2"):
+        (tmp_path / folder).mkdir(parents=True)
+    copy(ROOT / "resource" / "yumi", tmp_path / "lib" / "yumi_ros2" / "yumi")
+    (tmp_path / "bin" / "yumi").write_text('#!/bin/sh\necho "here: $@"\n')
+    (tmp_path / "bin" / "yumi").chmod(0o755)
+    assert run([str(tmp_path / "lib" / "yumi_ros2" / "yumi"), "up", "--x"], tmp_path) == "here: up --x\n"
+
+
+@pytest.mark.skipif(not RECORDS.exists(), reason="a sourced ROS 2 brings its own message packages")
+def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine(source: Path, tmp_path: Path) -> None:
+    with built_wheel(source, tmp_path, HATCH_BUILD_HOOK_ENABLE_CUSTOM="1") as archive:
+        names = set(archive.namelist())
+        texts = {name: archive.read(name) for name in names if not name.endswith(".so")}
+        tags = archive.read("yumi_ros2-0.1.0.dist-info/WHEEL").decode()
+    for package in sorted(path.parent.name for path in (ROOT / "interfaces").glob("*/package.xml")):
+        loaded = {f"{package}_s__rosidl_typesupport_{kind}.so" for kind in ("c", "fastrtps_c", "introspection_c")}
+        assert {f"{package}/{name}" for name in ("__init__.py", *loaded)} <= names
+        assert f"{DATA}lib/lib{package}__rosidl_generator_c.so" in names
+        index = f"{DATA}share/ament_index/resource_index"
+        assert {f"{index}/packages/{package}", f"{index}/rosidl_interfaces/{package}"} <= names
+    assert {f"{DATA}{name}" for name in IN_AMENT_INDEX} <= names
+    suffixes = {Path(name).suffix for name in names if not name.startswith("yumi_evaluation/")}  # it has C programs
+    assert suffixes.isdisjoint({".h", ".c", ".cmake", ".sh", ".pyc"})
+    assert [name for name, text in texts.items() if str(Path(sys.prefix).resolve()).encode() in text] == []
+    python, machine = f"cp{sys.version_info.major}{sys.version_info.minor}", platform.machine()
+    assert f"Tag: {python}-{python}-linux_{machine}\n" in tags
+    assert "Root-Is-Purelib: false" in tags
+
+
+@pytest.mark.parametrize(
+    ("file", "expected"),
+    [
+        ("lib/python/x_msgs/msg/_thing.py", ("force_include", "x_msgs/msg/_thing.py")),
+        ("lib/python/x_msgs/msg/_thing_s.c", None),
+        ("lib/python/x_msgs-1.0.egg-info/PKG-INFO", None),
+        ("lib/libx_msgs__rosidl_generator_c.so", ("shared_data", "lib/libx_msgs__rosidl_generator_c.so")),
+        ("share/x_msgs/msg/Thing.msg", ("shared_data", "share/x_msgs/msg/Thing.msg")),
+        ("share/x_msgs/local_setup.sh", None),
+        ("share/ament_index/resource_index/parent_prefix_path/x_msgs", None),
+        ("include/x_msgs/x_msgs/msg/thing.h", None),
+    ],
+)
+def test_wheel_takes_what_is_loaded_and_leaves_what_is_compiled_against(
+    file: str, expected: tuple[str, str] | None
+) -> None:
+    prefix = Path("/venv")
+    assert destination(prefix / file, prefix / "lib" / "python", prefix) == expected

@@ -1,0 +1,108 @@
+"""The pytest plug-in as a third party meets it: installed, found by pytest, and leaving nothing behind."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from soak import CONTROLLERS, long, short, tell
+from yumi.errors import CommandRefused, RobotNotReady
+from yumi.rws.client import RwsClient
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.process import ControllerProcess
+
+pytestmark = pytest.mark.real_time
+
+THIRD_PARTY = """
+import pytest, yumi
+
+GOAL = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
+
+@pytest.mark.abb_controller(calibrated=True)
+def test_arm_reaches_its_goal(abb_controller):
+    with yumi.connect(**abb_controller.connect_options) as robot:
+        robot.right.move_to(GOAL)
+        assert robot.right.position == pytest.approx(GOAL, abs=0.002)
+"""
+LONGEST = 20.0  # [s]
+
+
+def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run pytest in a folder of somebody else, where nothing of this repository's configuration holds."""
+    command = [sys.executable, "-m", "pytest", "--strict-markers", "-W", "error", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=60.0)
+
+
+def test_test_of_a_third_party_needs_ten_lines_and_one_fixture_and_passes_in_time(tmp_path: Path) -> None:
+    (tmp_path / "test_arm.py").write_text(THIRD_PARTY)
+    assert len([line for line in THIRD_PARTY.splitlines() if line.strip()]) <= 10
+    begin = time.monotonic()
+    done = run_pytest(tmp_path)
+    assert done.returncode == 0, done.stdout
+    assert "1 passed" in done.stdout
+    assert time.monotonic() - begin < LONGEST
+
+
+def test_fixtures_are_listed_with_what_they_give(tmp_path: Path) -> None:
+    listed = run_pytest(tmp_path, "--fixtures", "--markers").stdout
+    assert "abb_controller(**options)" in listed
+    assert "virtual_yumi(**settings)" in listed
+
+
+def test_option_that_does_not_exist_is_said_by_the_fixture(tmp_path: Path) -> None:
+    with pytest.raises(RobotNotReady, match="No such option: --weight"):
+        ControllerProcess(tmp_path / "log", {"weight": 7}).start()
+
+
+def test_controller_takes_faults_by_their_names(abb_controller: ControllerProcess) -> None:
+    abb_controller.inject(Fault.EMERGENCY_STOP)
+    with RwsClient(abb_controller.address) as client:
+        assert client.controller_state() is ControllerState.EMERGENCY_STOP
+    abb_controller.inject("warm-restart", duration=0.5)
+    with pytest.raises(CommandRefused, match="There is no fault 'warm'"):
+        abb_controller.inject("warm")
+
+
+def test_only_the_thread_that_advances_the_robot_runs_in_real_time(abb_controller: ControllerProcess) -> None:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        pytest.skip("this machine does not permit real-time priority")
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    threads = [int(path.name) for path in Path(f"/proc/{abb_controller.pid}/task").iterdir()]
+    assert len(threads) >= 3  # the robot, the server, the background
+    in_real_time = [each for each in threads if os.sched_getscheduler(each) & os.SCHED_FIFO]
+    assert in_real_time == [abb_controller.pid]
+
+
+@pytest.mark.parametrize("count", [short(5), long(CONTROLLERS, 900.0)])
+def test_controllers_one_after_another_leave_no_process_port_or_file(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    descriptors = len(os.listdir("/proc/self/fd"))
+    begin = time.monotonic()
+    for _ in range(count):
+        with ControllerProcess(tmp_path / "log", {"user": "tester"}) as controller:
+            ports = [controller.rws_port, *controller.egm_ports.values()]
+            with socket.create_connection(("127.0.0.1", controller.rws_port)):
+                assert Path(f"/proc/{controller.pid}").exists()
+        assert not Path(f"/proc/{controller.pid}").exists()
+        for port in ports:
+            with socket.socket() as listener, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server that starts again
+                listener.bind(("127.0.0.1", port))
+                receiver.bind(("127.0.0.1", port))
+    tell(f"{count} controllers in {time.monotonic() - begin:.0f} s")
+    assert len(os.listdir("/proc/self/fd")) == descriptors
+    assert list(folder.iterdir()) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log", "temporary"]

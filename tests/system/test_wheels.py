@@ -1,0 +1,117 @@
+"""The wheels in empty environments without a compiler: they install, and what they bring runs.
+
+The commands are those of ``Containerfile``, which need no container engine; pip needs the package index.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from shutil import which
+
+import pytest
+
+from soak import tell
+
+ROOT = Path(__file__).parents[2]
+TOOLS = ("sh", "bash", "uname", "ldconfig", "dirname", "cat")
+"""What is on the path beside the environment's own commands."""
+
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(900)]
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder `dist` of `make wheels`, for the Python of the tests."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    for variables in ({}, {"HATCH_BUILD_HOOK_ENABLE_CUSTOM": "1"}):
+        subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, **variables})
+    return folder
+
+
+class Image:
+    """What an image of the Containerfile has, in a folder.
+
+    Attributes:
+        installed_in: how long pip took [s].
+        size: of the environment, without Python [MB].
+    """
+
+    def __init__(self, name: str, wheels: Path, folder: Path) -> None:
+        self._folder = folder
+        self._venv = folder / "venv"
+        (folder / "tools").mkdir()
+        for tool in TOOLS:
+            (folder / "tools" / tool).symlink_to(which(tool) or "/nonexistent")
+        subprocess.run([sys.executable, "-m", "venv", str(self._venv)], check=True)
+        empty = self._size()
+        stage = (ROOT / "Containerfile").read_text().partition(f" AS {name}\n")[2]
+        installation = re.sub(r"--mount=\S+ ", "", re.search(r"^RUN (.*)$", stage, re.MULTILINE)[1])  # type: ignore[index]
+        begin = time.monotonic()
+        self.run(["sh", "-ec", installation.replace("/dist/", f"{wheels}/")], timeout=600.0)
+        self.installed_in = time.monotonic() - begin
+        self.size = self._size() - empty
+
+    def run(self, command: list[str], timeout: float = 120.0, *, check: bool = True) -> str:
+        kept = {name: value for name, value in os.environ.items() if name.startswith("PIP_") or "proxy" in name.lower()}
+        done = subprocess.run(
+            command,
+            cwd=self._folder,
+            env={**kept, "PATH": f"{self._venv / 'bin'}:{self._folder / 'tools'}", "HOME": str(self._folder)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        assert done.returncode == 0 or not check, done.stdout
+        return done.stdout
+
+    def _size(self) -> float:
+        files = (path for path in self._venv.rglob("*") if path.is_file() and not path.is_symlink())
+        return sum(path.stat().st_size for path in files) / 1e6
+
+
+def test_driver_installs_without_a_compiler_and_runs_the_demonstration(wheels: Path, tmp_path: Path) -> None:
+    image = Image("driver", wheels, tmp_path)
+    assert image.run(["sh", "-c", "command -v c++ g++ cc gcc clang make cmake"], check=False) == ""
+    begin = time.monotonic()
+    printed = image.run(["yumi", "demo"])
+    assert "There will be no picture" in printed
+    assert printed.rstrip().endswith("Task completed")
+    tell(f"[ros]: {image.installed_in:.0f} s, {image.size:.0f} MB; yumi demo: {time.monotonic() - begin:.0f} s")
+
+
+SCRIPT = """
+import yumi
+from pathlib import Path
+from yumi.virtual.process import ControllerProcess
+with ControllerProcess(Path("log"), {"calibrated": True}) as controller:
+    with yumi.connect(**controller.connect_options) as robot:
+        robot.right.move_to(yumi.degrees(20, -110, -135, 30, 0, 40, 0))
+        print([round(angle, 2) for angle in yumi.in_degrees(robot.right.position)])
+"""
+
+
+def test_without_ros_scripts_and_the_virtual_controller_run_and_what_is_missing_is_named(
+    wheels: Path, tmp_path: Path
+) -> None:
+    image = Image("controller", wheels, tmp_path)
+    assert image.run(["python", "-c", SCRIPT]) == "[20.0, -110.0, -135.0, 30.0, 0.0, 40.0, 0.0]\n"
+    for command, extra in (
+        (["up"], "ros"),
+        (["demo"], "ros"),
+        (["evaluate", "--virtual-time"], "evaluation"),
+        (["tune"], "evaluation"),
+        (["bench"], "evaluation"),
+    ):
+        begin = time.monotonic()
+        assert f"yumi-ros2[{extra}]" in image.run(["yumi", *command], check=False)
+        assert time.monotonic() - begin < 10.0  # nothing was computed
+    tell(f"without ROS: {image.installed_in:.0f} s, {image.size:.0f} MB")

@@ -1,0 +1,98 @@
+"""The images' recipe: it copies what there is and starts what there is, as an ordinary user."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from fnmatch import fnmatch
+from typing import NamedTuple
+
+import click
+import pytest
+
+from conftest import ROOT
+from yumi.cli.main import main
+
+
+class Stage(NamedTuple):
+    """One FROM with its instructions: a word and its arguments each."""
+
+    name: str
+    base: str
+    instructions: list[tuple[str, str]]
+
+    def all(self, word: str) -> list[str]:
+        return [arguments for each, arguments in self.instructions if each == word]
+
+
+def stages() -> dict[str, Stage]:
+    text = (ROOT / "Containerfile").read_text().replace("\\\n", " ")
+    found: dict[str, Stage] = {}
+    for line in text.splitlines():
+        if not line or line.startswith("#"):
+            continue
+        word, arguments = line.split(maxsplit=1)
+        if word == "FROM":
+            base, name = re.fullmatch(r"(\S+) AS (\S+)", arguments).groups()  # type: ignore[union-attr]
+            found[name] = stage = Stage(name, base, [])
+        else:
+            stage.instructions.append((word, arguments))
+    return found
+
+
+STAGES = stages()
+IMAGES = [STAGES["controller"], STAGES["driver"]]
+
+
+def test_every_instruction_is_one_of_a_containerfile() -> None:
+    words = {word for stage in STAGES.values() for word, _ in stage.instructions}
+    assert words <= {"RUN", "COPY", "WORKDIR", "ENV", "USER", "EXPOSE", "ENTRYPOINT", "CMD"}
+
+
+def test_every_source_that_is_copied_is_in_the_clone_and_not_ignored() -> None:
+    ignored = (ROOT / ".dockerignore").read_text().split()
+    sources = [source for stage in STAGES.values() for each in stage.all("COPY") for source in each.split()[:-1]]
+    assert {"src", "interfaces", "pyproject.toml", "constraints.txt"} <= set(sources)
+    assert [source for source in sources if not (ROOT / source).exists()] == []
+    assert [source for source in sources if any(fnmatch(source, pattern) for pattern in ignored)] == []
+
+
+def test_everything_that_the_wheels_are_made_from_is_copied() -> None:
+    copied = {source for each in STAGES["build"].all("COPY") for source in each.split()[:-1]}
+    read = re.findall(r'^"([\w/.]+)" = "(?:share|lib)/', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert len(read) == 4
+    assert {name.partition("/")[0] for name in read} <= copied
+
+
+def test_stages_build_on_each_other_and_on_one_python() -> None:
+    outside = {stage.base for stage in STAGES.values() if stage.base not in STAGES}
+    assert outside == {"docker.io/library/python:3.12-slim"}
+    mounts = [re.findall(r"from=(\w+)", each) for image in IMAGES for each in image.all("RUN")]
+    assert mounts == [["build"], ["build"]]
+
+
+@pytest.mark.parametrize("image", IMAGES, ids=lambda image: image.name)
+def test_image_runs_a_command_that_exists_as_an_ordinary_user(image: Stage) -> None:
+    words = [word for word, _ in image.instructions]
+    assert image.all("USER") == ["yumi"]
+    assert words.index("RUN") < words.index("USER") < words.index("ENTRYPOINT")
+    (entry,), (name, *arguments) = json.loads(image.all("ENTRYPOINT")[0]), json.loads(image.all("CMD")[0])
+    assert entry == "yumi"
+    main.commands[name].make_context(name, arguments, parent=click.Context(main))
+
+
+def test_ports_are_those_of_the_commands() -> None:
+    defaults = {option.name: option.default for option in main.commands["controller"].params}
+    assert STAGES["controller"].all("EXPOSE") == [f"{defaults['rws_port']}/tcp"]
+    arms = " ".join(f"{defaults[f'{side}_egm_port']}/udp" for side in ("left", "right"))
+    assert STAGES["driver"].all("EXPOSE") == [arms]
+
+
+def test_wheels_are_made_where_the_images_look_for_them() -> None:
+    printed = subprocess.run(
+        ["make", "--dry-run", "wheels"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+    assert printed.count("hatchling build -t wheel -d dist") == 2
+    assert all("source=/build/dist" in image.all("RUN")[0] for image in IMAGES)
+    assert STAGES["build"].all("WORKDIR") == ["/build"]

@@ -1,0 +1,48 @@
+"""What a plain installation imports is among its dependencies; what an extra brings is imported where it is needed."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from conftest import ROOT
+
+SOURCE = ROOT / "src" / "yumi"
+OF_EXTRAS = ("ros/", "testing/pytest_plugin.py")
+"""Files that are imported by ROS's commands and by pytest alone."""
+
+
+def declared() -> set[str]:
+    """The distributions that `pip install` brings without an extra."""
+    table = re.search(r"^dependencies = \[(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.MULTILINE | re.DOTALL)
+    assert table is not None
+    return {canonicalize_name(Requirement(each).name) for each in re.findall(r'^  "([^"]+)"', table[1], re.MULTILINE)}
+
+
+def imported(file: Path) -> Iterator[str]:
+    """The top-level modules of others that are imported as soon as the file is, types alone left out."""
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            yield from (name.name.partition(".")[0] for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield (node.module or "").partition(".")[0]
+
+
+def test_every_package_that_is_imported_at_once_is_a_dependency() -> None:
+    distributions, missing = packages_distributions(), []
+    for file in sorted(SOURCE.rglob("*.py")):
+        path = str(file.relative_to(SOURCE))
+        if path.startswith(OF_EXTRAS):
+            continue
+        for module in set(imported(file)) - set(sys.stdlib_module_names) - {"yumi"}:
+            names = {canonicalize_name(each) for each in distributions.get(module, [module])}
+            if not names & declared():
+                missing.append(f"{path} imports {module}")
+    assert missing == []
