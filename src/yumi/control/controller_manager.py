@@ -27,11 +27,12 @@ from yumi.control.controller import (
     State,
     Transition,
     allowed,
+    find_parameter,
 )
 from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
-from yumi.settings import Value, Values
+from yumi.settings import Values
 
 INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
@@ -265,24 +266,25 @@ class LoadedController:
         )
 
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
-        accepted = {key: self._accepted(key, value, is_settled=is_settled) for key, value in values.items()}
-        return {**self._values, **accepted}
-
-    def _accepted(self, key: str, value: object, *, is_settled: bool) -> Value:
-        parameter = self._parameters.get(key)
-        if parameter is None:
-            known = ", ".join(self._parameters) or "none"
-            raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
-        try:
-            accepted = parameter.accept(value)
-        except CommandRefused as refusal:
-            raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
-        if is_settled and parameter.read_only and accepted != self._values[key]:
-            raise CommandRefused(
-                f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
-                "clean the controller up to change it."
-            )
-        return accepted
+        complete = dict(self._values)
+        for key, value in values.items():
+            parameter = find_parameter(self._parameters.values(), key)
+            if parameter is None:
+                known = ", ".join(each.name for each in self._parameters.values() if not each.fixed) or "none"
+                raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
+            if parameter.fixed:
+                continue
+            try:
+                accepted = parameter.accept(value)
+            except CommandRefused as refusal:
+                raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
+            if is_settled and parameter.read_only and accepted != self._values[key]:
+                raise CommandRefused(
+                    f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
+                    "clean the controller up to change it."
+                )
+            complete[key] = accepted
+        return complete
 
 
 def _interned(names: tuple[str, ...]) -> tuple[str, ...]:

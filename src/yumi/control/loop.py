@@ -367,6 +367,10 @@ class Commands:
         self._publish(side)
         return info
 
+    def commanded_positions(self, *sides: Side) -> Mapping[Side, Joints]:
+        """Where each arm's active controller commands it to be [rad], (7,); where it is without one."""
+        return {side: self._arms[side].manager.reference or self._arms[side].position for side in sides}
+
     def check_commands(self, *commands: ControllerCommand) -> None:
         """Whether the controllers would take their commands now; nothing is changed."""
         # A second command for a controller could rest on what the first changes.

@@ -26,7 +26,7 @@ from math import radians
 from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, find_parameter
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -90,8 +90,8 @@ def _start(manager: ControllerManager, settings: ControllerSettings) -> Controll
 
 def _set_parameters(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
     """One by one, so that a refusal names its line."""
-    known = {info.parameter.name for info in manager.parameters(settings.name)}
-    own = {key: entry for key, entry in settings.entries.items() if key in known or not entry.is_general}
+    known = [info.parameter for info in manager.parameters(settings.name)]
+    own = {key: entry for key, entry in settings.entries.items() if find_parameter(known, key) or not entry.is_general}
     for key, entry in own.items():
         try:
             manager.set_parameters(settings.name, {key: entry.value})

@@ -426,6 +426,11 @@ def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) ->
     message.header.stamp = stamp(time_ns)
     message.joint_names = _names(feedbacks)
     message.reference, message.feedback, message.error = _points(feedbacks)
+    rows = ("output", "output_velocity")
+    message.output.positions, message.output.velocities = (
+        [value for feedback in feedbacks.values() for value in getattr(feedback, row)] for row in rows
+    )
+    message.output.time_from_start = message.reference.time_from_start
     if hasattr(message, "speed_scaling_factor"):  # since control_msgs 5.3.0
         message.speed_scaling_factor = min(feedback.scale for feedback in feedbacks.values())
     return message

@@ -94,7 +94,6 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
         ("/c:\n  ros__parameters:\n    p: [1, x]", "mine.yaml line 3: p is [1, 'x']; it must be"),
         ("/c:\n  ros__parameters:\n    p: [yes]", "mine.yaml line 3: p is [True]; it must be"),
         ("/c:\n  ros__parameters:\n    g: {p: 2024-01-01}", "mine.yaml line 3: g.p is datetime.date(2024, 1, 1)"),
-        ("/c: {}\n/d: {}\n/c: {}", "mine.yaml line 3: /c stands in line 1 already."),
         ("/c:\n  ros__parameters:\n    p: 1\n    p: 2", "mine.yaml line 4: p stands in line 3 already."),
     ],
 )
