@@ -163,3 +163,8 @@ def test_controllers_are_refused_with_file_and_line(file: Path, more: str, sente
 def test_update_rate_other_than_the_robots_is_refused(file: Path) -> None:
     with pytest.raises(SettingsError, match="has no setting update_rate = 100; it has:"):
         checked(file, LISTED.replace("250", "100"))
+
+
+def test_sections_of_one_name_add_up_as_in_ros(file: Path) -> None:
+    text = "/**: {c: {ros__parameters: {p: 1}}}\n/**: {d: {ros__parameters: {p: 3}}, c: {ros__parameters: {q: 2}}}"
+    assert values(file, text, "/r/c") == {"p": 1, "q": 2}
