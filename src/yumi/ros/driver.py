@@ -169,7 +169,13 @@ class RosDriver:
         modules = {side: grippers.settings.modules(side) for side in Side}
         self._descriptions = publish_descriptions(self._node, limits, modules)
         self._health = HealthTopics(
-            self._node, self._streams, control.snapshot, robot, self._grippers.statuses, self._timers
+            self._node,
+            self._streams,
+            control.snapshot,
+            robot,
+            self._grippers.statuses,
+            self._timers,
+            lambda: manager.egm_arms,
         )
 
     def start(self) -> None:

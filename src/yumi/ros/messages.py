@@ -106,9 +106,9 @@ _COUNTERS = (
 """Of a snapshot, in the values of ``egm_state``."""
 
 
-def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
-    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``."""
-    level, sentence = DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
+def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> DiagnosticStatus:
+    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``; off is OK unless it ``is_desired``."""
+    level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
     if snapshot.problem is not Problem.NONE:
         level, sentence = DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
     elif snapshot.is_running and not snapshot.is_streaming:
@@ -117,6 +117,8 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         level, sentence = DiagnosticStatus.OK, "running"
     elif snapshot.is_streaming:
         level, sentence = DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
+    elif is_desired:
+        level, sentence = DiagnosticStatus.WARN, "no datagrams from the robot though EGM was started; call recover"
     elif snapshot.foreign and not snapshot.session:
         level = DiagnosticStatus.WARN
         sentence = (
@@ -287,6 +289,20 @@ def state_of(message: Any) -> State:
             return state
     choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
     raise CommandRefused(f"State {message.id} {message.label!r} is not a primary state; choose from: {choices}.")
+
+
+def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[str] = ()) -> str:
+    """The commands that activate a controller, of this package and of ROS.
+
+    Args:
+        namespace: of the arm's nodes, such as ``/r``.
+        side: the arm.
+        name: the controller.
+        instead_of: active controllers that claim what it needs.
+    """
+    options = f"--activate {name}" + (f" --deactivate {' '.join(instead_of)}" if instead_of else "")
+    manager = f"{namespace.rstrip('/')}/controller_manager"
+    return f"yumi switch {side.word} {options} (in ROS: ros2 control switch_controllers -c {manager} {options})"
 
 
 def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:

@@ -8,6 +8,7 @@ it, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
@@ -23,7 +24,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer
+from yumi.control.controller import Buffer, State
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     DualArmTrajectoryController,
@@ -43,7 +44,16 @@ from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
-from yumi.ros.messages import LATCHED, Stamps, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.messages import (
+    LATCHED,
+    Stamps,
+    feedback_message,
+    how_to_activate,
+    stamp_of,
+    state_message,
+    tolerances_of,
+    trajectory_of,
+)
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
@@ -182,6 +192,7 @@ class TrajectoryAction:
         self._ros_clock = node.get_clock()
         self._stamps = Stamps.of(node, clock)
         self._name = name
+        self._namespace = node.get_namespace().rstrip("/")
         self._feedback = feedback
         self._sides = tuple(feedback)
         self._control = control
@@ -250,9 +261,22 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
-            self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
+            self._log.warning(f"{error}{self._advice()}{self._causes.cause() if self._causes else ''}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
+
+    def _advice(self) -> str:
+        """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
+        ways = []
+        with suppress(YumiError):  # without the control process nothing is known
+            for side in self._sides:
+                infos = {info.name: info for info in self._control.call(Commands.list_controllers, side)}
+                own = infos.get(self._name)
+                if own is not None and own.state is State.INACTIVE:
+                    rivals = [name for name, info in infos.items() if set(info.claimed) & set(own.required)]
+                    namespace = self._namespace if len(self._sides) == 1 else f"{self._namespace}/{side.value}"
+                    ways.append(how_to_activate(namespace, side, self._name, rivals))
+        return f" To activate: {'; '.join(ways)}." if ways else ""
 
     def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
         """Have every arm accept its part of a trajectory, or none.
@@ -354,7 +378,7 @@ class TrajectoryAction:
         try:
             call()
         except YumiError as error:
-            self._log.warning(str(error), throttle_duration_sec=1.0)
+            self._log.warning(f"{error}{self._advice()}", throttle_duration_sec=1.0)
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
