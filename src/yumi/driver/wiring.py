@@ -3,10 +3,10 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, grippers, robot-monitor, watchdog, control-events,
-                                            automatic-recovery (recovery.automatic), all of them supervised
-                                            (process/supervision.py);
+                                   threads: answers (five), streams, timers, slow-timers-r and -l, signal-timers,
+                                            joint-states-r, joint-states-l, grippers, robot-monitor, watchdog,
+                                            control-events, automatic-recovery (recovery.automatic), all of
+                                            them supervised (process/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
@@ -45,7 +45,7 @@ from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
-from yumi.driver.robot_manager import POSITION_CONTROLLER, RobotManager
+from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
 from yumi.driver.stops import StopLog
@@ -317,7 +317,7 @@ def make_parts(
     controllers: Controllers,
     on_event: Callable[[Event], None],
     report: Callable[[str], None],
-    leading: str = POSITION_CONTROLLER,
+    leading: str | None = None,
     arms: tuple[Side, ...] = tuple(Side),
     warn: Callable[[str], None] | None = None,
     stops: StopLog | None = None,
@@ -329,7 +329,7 @@ def make_parts(
         controllers: what runs on each arm.
         on_event: called with what happens in the control process.
         report: called with each step of what is done to the robot.
-        leading: the controller that commands an arm after EGM has started.
+        leading: the controller that commands an arm after EGM has started; None: as the settings say.
         arms: those that EGM moves; the others stand still.
         warn: called with what is not as it should be; None: ``report`` is.
         stops: what stopped the robot, where an earlier connection knows it already.
@@ -339,6 +339,15 @@ def make_parts(
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    first = leading or settings.ros.initial_joint_controller
+    for side, entries in plan.controllers.items():
+        ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
+        if side in arms and (first not in ready or ready[first].kind == JointStateBroadcaster.kind):
+            choices = ", ".join(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
+            raise SettingsError(
+                f"ros.initial_joint_controller is {first!r}, which does not command the {side.word} arm; choose from: "
+                f"{choices}."
+            )
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
@@ -346,7 +355,7 @@ def make_parts(
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    manager = RobotManager(bringup, control, clock, leading, arms, settings.watchdog, stops, settings.recovery)
+    manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())

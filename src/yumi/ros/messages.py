@@ -16,7 +16,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import JointTrajectoryControllerState
+from control_msgs.msg import InterfaceValue, JointTrajectoryControllerState
 from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import State as LifecycleState
@@ -36,7 +36,8 @@ from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import EVENT_TEXTS
 from yumi.errors import CommandRefused
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Side, joint_names, joints
+from yumi.robot.description import Mass
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.replies import Event
 from yumi.rws.types import EventType
 
@@ -250,6 +251,14 @@ try:
     from controller_manager_msgs.msg import ControllerManagerActivity, NamedLifecycleState
 except ImportError:  # installations from before April 2025
     ControllerManagerActivity = NamedLifecycleState = None
+
+try:
+    from control_msgs.msg import DynamicInterfaceGroupValues
+except ImportError:  # installations from before March 2025
+    DynamicInterfaceGroupValues = None
+
+GPIO_STATES: Any = DynamicInterfaceGroupValues
+"""The type of ``~/gpio_states``, as upstream's gpio_controllers have it; None where the installed package is older."""
 
 ACTIVITY: Any = ControllerManagerActivity
 """The type of ``~/activity``; None where the installed package is older."""
@@ -548,6 +557,27 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
         hardware_id="IRC5",
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
+
+
+def gpio_states(values: Mapping[str, float], time_ns: int) -> Any:
+    """I/O signals by name as one group, ``controller``; only where the installed package has the type."""
+    return GPIO_STATES(
+        header=Header(stamp=stamp(time_ns)),
+        interface_groups=["controller"],
+        interface_values=[InterfaceValue(interface_names=list(values), values=list(values.values()))],
+    )
+
+
+def mass_of(message: Any) -> Mass:
+    """The body in a geometry_msgs/Inertia [kg, m, kg m²]."""
+    inertia = (message.ixx, message.ixy, message.ixz, message.iyy, message.iyz, message.izz)
+    return Mass(message.m, (message.com.x, message.com.y, message.com.z), inertia)
+
+
+def pose_of(message: Any) -> Pose:
+    """The pose in a geometry_msgs/Pose [m]."""
+    place, turn = message.position, message.orientation
+    return Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
 
 
 def side_of(arm: str) -> Side:
