@@ -132,7 +132,7 @@ def test_speed_scale_is_published_to_late_subscribers_too(rig: RobotManagerRig) 
     rig.client.until(lambda: factors[-1:] == [0.25])
 
 
-def test_signals_are_published_as_one_group_while_somebody_listens(rig: RobotManagerRig) -> None:
+def test_signals_are_published_as_one_group_while_a_client_listens(rig: RobotManagerRig) -> None:
     states: list[Any] = []
     rig.client.node.create_subscription(
         DynamicInterfaceGroupValues, "/yumi_robot_manager/gpio_states", states.append, 1

@@ -248,7 +248,7 @@ _SIGNALS_PERIOD = 0.5  # [s]: one request each, of the 19.6 a second that the co
 
 
 class SignalsTopic:
-    """Publishes ``~/gpio_states``, all I/O signals of the controller, twice a second while somebody listens.
+    """Publishes ``~/gpio_states``, all I/O signals of the controller, twice a second while a client listens.
 
     Args:
         node: the robot manager's node.
