@@ -28,13 +28,18 @@ ARGUMENTS = (
     ("speed_scale", "", "Factor on all speeds; empty: as in the settings, 1 on this machine and 0.1 elsewhere."),
     ("config", "", "Settings instead of the delivered yumi.yaml."),
     ("controllers", "", "Controllers instead of the delivered controllers.yaml."),
+    (
+        "initial_joint_controller",
+        "",
+        "Controller that commands the arms after EGM has started; empty: as in the settings.",
+    ),
     ("record", "", "Record every cycle of both arms to this MCAP file."),
     ("bringup", "true", "Whether the driver brings the robot to ready at start; else it only reads until it is asked."),
     ("network", "false", "Whether all machines of the subnet find the driver's ROS 2 nodes."),
     ("virtual", "false", "Whether to start a virtual controller, and drive that."),
     ("log_level", "info", "Of the driver: debug, info, warn or error."),
 )
-PASSED_ON = ("robot", "rws_port", "speed_scale", "config", "controllers", "record")
+PASSED_ON = ("robot", "rws_port", "speed_scale", "config", "controllers", "initial_joint_controller", "record")
 VIRTUAL = {"robot": "127.0.0.1", "rws_port": "8080"}
 
 

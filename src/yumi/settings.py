@@ -71,6 +71,8 @@ class Parameter:
         description: one sentence.
         choices: the texts allowed, of each element in a list; any when empty.
         read_only: whether it can be set only while the controller is unconfigured.
+        fixed: why the default holds whatever is set, for a name that parameter files of others have; empty for any
+            other. With an empty tuple as default it stands for the whole group of names that begin with it.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Parameter:
     description: str = ""
     choices: tuple[str, ...] = ()
     read_only: bool = False
+    fixed: str = ""
 
     @property
     def type(self) -> ParameterType:
@@ -89,6 +92,11 @@ class Parameter:
             numeric = bool(self.default) and not isinstance(self.default[0], str)
             return ParameterType.DOUBLE_ARRAY if numeric else ParameterType.STRING_ARRAY
         return next(kind for kind, python in _PYTHON_TYPES.items() if python is type(self.default))
+
+    @property
+    def is_group(self) -> bool:
+        """Whether it stands for all names that begin with it."""
+        return bool(self.fixed) and self.default == ()
 
     def accept(self, value: object) -> Value:
         """``value`` in the parameter's own type: a whole number becomes a number, a list a tuple.
@@ -251,7 +259,7 @@ class _Reader:
         yield from self._sections(document, "")
 
     def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
-        for key, place, value in self._items(node):
+        for key, place, value in self._items(node, may_repeat=True):  # as in ROS, sections of one name add up
             nodes = f"{namespace}/{key.strip('/')}"
             is_parameters = key == _PARAMETERS and bool(namespace)
             if not isinstance(value, yaml.MappingNode):
@@ -275,13 +283,13 @@ class _Reader:
             else:
                 yield f"{group}{key}", place, self._value(value, f"{place}: {group}{key}")
 
-    def _items(self, node: yaml.MappingNode) -> Iterator[tuple[str, str, yaml.Node]]:
+    def _items(self, node: yaml.MappingNode, *, may_repeat: bool = False) -> Iterator[tuple[str, str, yaml.Node]]:
         self._loader.flatten_mapping(node)
         lines: dict[str, int] = {}
         for key, value in node.value:
             line = key.start_mark.line + 1
             name = str(self._loader.construct_object(key))
-            if name in lines:
+            if name in lines and not (may_repeat and name != _PARAMETERS):
                 raise SettingsError(f"{self._file} line {line}: {name} stands in line {lines[name]} already.")
             lines[name] = line
             yield name, f"{self._file} line {line}", value

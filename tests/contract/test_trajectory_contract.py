@@ -319,3 +319,48 @@ def test_feedback_tells_what_is_desired_and_what_is(arm: TrajectoryArm) -> None:
 def test_check_alone_changes_nothing(arm: TrajectoryArm) -> None:
     arm.loop.manager.check(NAME, FollowTrajectory(swing(HOME, 0.5, 1.0), 1), arm.loop.line.state)
     assert arm.run(0.2)[-1].state.position == pytest.approx(HOME, abs=1e-6)
+
+
+def only_axis(index: int, to: float, seconds: float, arm: TrajectoryArm) -> FollowTrajectory:
+    """A command that names one joint; the others are where they are commanded to be."""
+    reference = arm.loop.manager.reference
+    assert reference is not None
+    partial = JointTrajectory((joint_names(SIDE)[index],), (TrajectoryPoint(seconds, (to,)),))
+    return FollowTrajectory(plan_trajectory(partial, [SIDE], YUMI_LIMITS, {SIDE: reference})[SIDE], 2)
+
+
+def test_joints_that_a_goal_leaves_out_hold_where_that_is_allowed(arm: TrajectoryArm) -> None:
+    order = only_axis(6, HOME[6] + 0.5, 1.0, arm)
+    with pytest.raises(
+        TrajectoryRefused, match=r"it leaves out yumi_joint_1_l, .*; name all joints, or set .* to true"
+    ):
+        arm.order(order)
+    arm.set({"allow_partial_joints_goal": True})
+    arm.order(order)
+    assert arm.end().outcome is Outcome.SUCCEEDED
+    arm.run(0.5)
+    assert arm.position == pytest.approx(moved(HOME, 0.5), abs=radians(0.1))
+
+
+def test_joint_that_a_goal_leaves_out_in_motion_comes_to_rest_within_its_limits(arm: TrajectoryArm) -> None:
+    arm.set({"allow_partial_joints_goal": True})
+    arm.follow(swing(HOME, 1.0, 2.0))
+    arm.run(0.8)
+    held = arm.loop.manager.reference
+    assert held is not None
+    arm.order(only_axis(5, HOME[5] + 0.2, 1.0, arm))
+    arm.run(1.5)
+    assert [end.outcome for end in arm.ended] == [Outcome.ABORTED, Outcome.SUCCEEDED]
+    assert arm.position == pytest.approx((*held[:5], HOME[5] + 0.2, held[6]), abs=radians(0.2))
+    assert_within_limits(arm.loop.cycles)
+
+
+def test_state_is_published_at_its_rate_with_what_was_sent(arm: TrajectoryArm) -> None:
+    arm.follow(swing(HOME, 0.5, 2.5))
+    begin = arm.feedback_count
+    cycles = arm.run(2.0)
+    assert arm.feedback_count - begin == pytest.approx(100, abs=2)
+    (cycle,) = [each for each in cycles if each.state.time == arm.feedback.time]
+    assert arm.feedback.output == pytest.approx(cycle.desired.position, abs=1e-12)
+    assert arm.feedback.output_velocity == pytest.approx(cycle.desired.velocity, abs=1e-12)
+    assert arm.feedback.monitor_period == pytest.approx(0.05)

@@ -100,6 +100,12 @@ class TrajectoryArm:
         assert letter is not None
         return letter[1]
 
+    @property
+    def feedback_count(self) -> int:
+        """How many there have been."""
+        newest = self._feedback.read()
+        return newest[0] if newest else 0
+
     def set(self, parameters: Values) -> None:
         self.loop.manager.set_parameters(NAME, parameters)
 

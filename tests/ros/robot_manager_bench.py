@@ -18,7 +18,7 @@ from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.ros.executors import TimerThread
-from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
+from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import RobotStateTopic
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
@@ -54,6 +54,9 @@ class FakeManager:
     def state(self) -> RobotState:
         return self.robot
 
+    def signals(self) -> dict[str, float]:
+        return {"OUTPUT_STATIONARY_ROB_R": 1.0, "valve": 0.0}
+
     def go_to(self, mode: Mode, report: Report) -> str:
         for step in ("motors on", "start EGM"):
             report(step)
@@ -83,9 +86,10 @@ class RobotManagerRig:
         offered = (self.node, self.manager, self._check_arms, lambda: None)
         RobotManagerServices(*offered)
         self.speed = SpeedSetting()
-        SpeedScaleInterface(self.node, self.speed)
-        self.actions = RobotManagerActions(*offered)
         self.timers = TimerThread(SystemClock(), print)
+        SpeedScaleInterface(self.node, self.speed, self.timers)
+        self.signals = SignalsTopic(self.node, self.manager.signals, self.timers)
+        self.actions = RobotManagerActions(*offered)
         self.topic = RobotStateTopic(self.node, self.manager.state, SystemClock(), self.timers)
         self.client = Client()
         self._executor = MultiThreadedExecutor(num_threads=THREADS)

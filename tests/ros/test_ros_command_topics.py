@@ -56,6 +56,9 @@ class Node:
     def get_clock(self) -> Clock:
         return Clock()
 
+    def get_namespace(self) -> str:
+        return "/r"
+
     def create_subscription(self, *_: Any) -> None:
         return None
 
@@ -174,7 +177,12 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
     [
         (Snapshot(), "EGM is not running on the right arm; call start_egm first."),
         (Snapshot(is_streaming=True), "EGM is not running on the right arm; call start_egm first."),
-        (Snapshot(is_running=True), "no position controller is active on the right arm; activate one first."),
+        (
+            Snapshot(is_running=True),
+            "no position controller is active on the right arm; activate one first: yumi switch right --activate "
+            "joint_position_controller (in ROS: ros2 control switch_controllers -c /r/controller_manager --activate "
+            "joint_position_controller).",
+        ),
         (
             Snapshot(is_running=True, activation=1, goal_kind=GoalKind.POSITION),
             "the right arm has no reference yet; send the goal again.",
@@ -312,7 +320,7 @@ def test_other_topics_refuse_with_a_sentence_and_change_nothing(
 @pytest.mark.parametrize(
     ("kind", "sentence"),
     [
-        (JointVelocityTopic, "Speed refused: no velocity controller is active on the right arm; activate one first."),
+        (JointVelocityTopic, "Speed refused: no velocity controller is active on the right arm; activate one first: "),
     ],
 )
 def test_topics_refuse_what_no_active_controller_takes(

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from control_msgs.action import GripperCommand
 from control_msgs.msg import GripperCommand as CommandMessage
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client, Robot
@@ -204,6 +204,22 @@ def test_diagnostics_tell_the_state_of_both_arms(egm_running: Client) -> None:
         return {status.hardware_id for status in statuses if status.message == "running"}
 
     egm_running.until(lambda: running() == {"ROB_R", "ROB_L"})
+
+
+@pytest.mark.parametrize("state", ["idle", "egm_running"])
+def test_every_status_of_a_healthy_robot_is_ok(request: pytest.FixtureRequest, state: str) -> None:
+    client: Client = request.getfixturevalue(state)
+    statuses: dict[str, Any] = {}
+
+    def take(array: DiagnosticArray) -> None:
+        statuses.update({status.name: status for status in array.status})
+
+    client.node.create_subscription(DiagnosticArray, "/diagnostics", take, 10)
+
+    def are_ok() -> bool:  # EGM has to run for a moment
+        return len(statuses) == 11 and all(status.level == DiagnosticStatus.OK for status in statuses.values())
+
+    client.until(are_ok, 20.0, f"all OK, but: {statuses}")
 
 
 @pytest.mark.real_time  # within 100 ms the driver must notice the silence

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
+from yumi.control.shared_state import Snapshot
 from yumi.control.statistics import Statistics
+from yumi.driver.readiness import RobotState
+from yumi.robot.joints import Side
+from yumi.ros import messages
+from yumi.ros.gripper import gripper_status
 
 pytestmark = pytest.mark.ros
+AGGREGATOR = Path(__file__).parents[2] / "config" / "diagnostics_aggregator.yaml"
 diagnostics = pytest.importorskip("yumi.ros.controller_manager")
 
 QUICK = Statistics(100, 20e-6, 20e-6, 10e-6, 30e-6, 2e-6)
@@ -16,9 +27,9 @@ OK, WARN, ERROR = diagnostics.OK, diagnostics.WARN, diagnostics.ERROR
 
 
 def threshold(subject: str, quantity: str) -> tuple[float, float]:
-    """The defaults of ros2_control: [Hz] or [µs]."""
+    """The defaults: [Hz] or [µs]."""
     if "periodicity" in quantity:
-        return 5.0, 10.0
+        return (124.0, 248.0) if "deviation" in quantity else (5.0, 10.0)
     return (1000.0, 2000.0) if "mean" in quantity else (100.0, 200.0)
 
 
@@ -81,9 +92,60 @@ def test_manager_status_reports_the_rate_before_the_first_datagram() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mean", "deviation", "level"),
-    [(1 / 247.0, 0.0, OK), (1 / 242.0, 0.0, WARN), (1 / 230.0, 0.0, ERROR), (1 / 248.0, 100e-6, WARN)],
+    ("mean", "deviation", "level", "why"),
+    [
+        (1 / 247.0, 0.0, OK, ""),
+        (1 / 242.0, 0.0, WARN, "; the rate is 242.0 Hz instead of 248 Hz (limit 5 Hz)"),
+        (1 / 230.0, 0.0, ERROR, "; the rate is 230.0 Hz instead of 248 Hz (limit 10 Hz)"),
+        (1 / 248.0, 1.5e-3, OK, ""),
+        (1 / 248.0, 3e-3, WARN, "; the rate varies by 184.5 Hz (limit 124 Hz)"),
+    ],
 )
-def test_manager_status_judges_the_rate(mean: float, deviation: float, level: bytes) -> None:
+def test_manager_status_judges_the_rate_and_says_why(mean: float, deviation: float, level: bytes, why: str) -> None:
     period = Statistics(9, mean, mean, mean, mean, deviation)
-    assert diagnostics.manager_status(hardware(period=period), 248, threshold)[0] == level
+    judged = diagnostics.manager_status(hardware(period=period), 248, threshold)
+    assert judged[:2] == (level, f"Controller Manager is running{why}")
+
+
+def test_status_gives_the_reason_of_each_level_above_ok() -> None:
+    slow = Statistics(9, 0.0, 1500e-6, 0.0, 0.0, 250e-6)
+    level, sentence, _ = diagnostics.hardware_status(hardware(times=slow), 248, threshold)
+    assert level == ERROR
+    assert "; a read takes 1500 us (limit 1000 us); the time of a read varies by 250 us (limit 200 us)" in sentence
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "is_desired", "level", "sentence"),
+    [
+        (Snapshot(), False, DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"),
+        (Snapshot(), True, DiagnosticStatus.WARN, "no datagrams from the robot though EGM was started; call recover"),
+        (Snapshot(is_streaming=True, is_running=True), True, DiagnosticStatus.OK, "running"),
+    ],
+)
+def test_egm_that_nobody_asked_for_is_ok(snapshot: Snapshot, is_desired: bool, level: bytes, sentence: str) -> None:
+    status = messages.egm_status(Side.RIGHT, snapshot, is_desired=is_desired)
+    assert (status.level, status.message) == (level, sentence)
+
+
+def test_every_status_belongs_to_one_analyzer_of_the_aggregator() -> None:
+    analyzers = yaml.safe_load(AGGREGATOR.read_text())["analyzers"]["ros__parameters"]
+    rules = [rule for rule in analyzers.values() if isinstance(rule, dict)]
+    tasks = ("Controllers Activity", "Hardware Components Activity", "Controller Manager Activity")
+    names = [
+        *(f"/cell1/{side.value}/controller_manager: {task}" for side in Side for task in tasks),
+        *(messages.egm_status(side, Snapshot()).name for side in Side),
+        *(gripper_status(side, None).name for side in Side),
+        messages.robot_status(RobotState()).name,
+    ]
+    for name in names:
+        assert sum(is_matched(name, rule) for rule in rules) == 1, name
+
+
+def is_matched(name: str, rule: dict[str, list[str]]) -> bool:
+    """As diagnostic_aggregator's GenericAnalyzer."""
+    return (
+        name in rule.get("expected", [])
+        or any(name.startswith(part) for part in rule.get("startswith", []))
+        or any(part in name for part in rule.get("contains", []))
+        or any(re.search(part, name) for part in rule.get("regex", []))
+    )

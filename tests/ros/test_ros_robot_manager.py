@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from control_msgs.msg import DynamicInterfaceGroupValues, SpeedScalingFactor
+from geometry_msgs.msg import Inertia, Point, Quaternion, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -20,14 +23,17 @@ from yumi_interfaces.srv import (
     ReadVariable,
     RunModule,
     RunRoutine,
+    SetPayload,
     SetSpeedRatio,
     SetSpeedScale,
+    SetTool,
     WriteSignal,
     WriteVariable,
 )
 
 from yumi.driver.readiness import Mode
-from yumi.robot.joints import Side
+from yumi.robot.description import Mass
+from yumi.robot.joints import Pose, Side
 from yumi.rws.replies import Event
 from yumi.rws.types import ControllerState, EventType
 
@@ -72,6 +78,26 @@ def test_trigger_calls_its_method_and_passes_on_what_it_says(rig: RobotManagerRi
             {"task": "T_ROB_L", "module": "m", "name": "n", "value": "[1]"},
             ("T_ROB_L", "m", "n", "[1]"),
         ),
+        (
+            SetTool,
+            "set_tool",
+            {
+                "arm": "right",
+                "tcp": PoseMessage(position=Point(z=0.1), orientation=Quaternion(w=1.0)),
+                "load": Inertia(m=0.2, com=Vector3(z=0.05), ixx=1e-4, iyz=2e-5, izz=3e-4),
+            },
+            (
+                Side.RIGHT,
+                Pose((0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0)),
+                Mass(0.2, (0.0, 0.0, 0.05), (1e-4, 0.0, 0.0, 0.0, 2e-5, 3e-4)),
+            ),
+        ),
+        (
+            SetPayload,
+            "set_payload",
+            {"arm": "left", "payload": Inertia(m=0.1, com=Vector3(x=0.01, z=0.12))},
+            (Side.LEFT, Mass(0.1, (0.01, 0.0, 0.12), (0.0,) * 6)),
+        ),
     ],
 )
 def test_order_reaches_its_method_with_its_arguments(
@@ -93,6 +119,28 @@ def test_speed_scale_is_set_by_a_service_and_reported_by_the_parameter(rig: Robo
     assert answer.success
     assert answer.message == "speed_scale is 0.25: every controller moves with at most 25% of its speeds."
     assert (rig.speed.value, parameter_of(rig)) == (0.25, 0.25)
+
+
+def test_speed_scale_is_published_to_late_subscribers_too(rig: RobotManagerRig) -> None:
+    assert rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.5).success
+    factors: list[float] = []
+    rig.client.node.create_subscription(
+        SpeedScalingFactor, "/yumi_robot_manager/speed_scale", lambda told: factors.append(told.factor), LATCHED
+    )
+    rig.client.until(lambda: factors[-1:] == [0.5])
+    assert rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.25).success
+    rig.client.until(lambda: factors[-1:] == [0.25])
+
+
+def test_signals_are_published_as_one_group_while_a_client_listens(rig: RobotManagerRig) -> None:
+    states: list[Any] = []
+    rig.client.node.create_subscription(
+        DynamicInterfaceGroupValues, "/yumi_robot_manager/gpio_states", states.append, 1
+    )
+    rig.client.until(lambda: bool(states))
+    (values,) = states[0].interface_values
+    assert list(states[0].interface_groups) == ["controller"]
+    assert dict(zip(values.interface_names, values.values, strict=True)) == rig.manager.signals()
 
 
 @pytest.mark.parametrize("value", [0.0, 1.5, -1.0, nan])

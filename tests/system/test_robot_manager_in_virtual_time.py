@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from math import radians
 from threading import Thread
+from typing import Any
 
 import pytest
 
@@ -13,7 +15,10 @@ from yumi.control.shared_state import Problem
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import MachineState
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
-from yumi.robot.joints import CYCLE, Side, joints
+from yumi.robot.description import Mass
+from yumi.robot.dynamics import HAND
+from yumi.robot.joints import CYCLE, Pose, Side, joints
+from yumi.robot.tool import Tool, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.controller.fault_names import Fault, Way
@@ -54,6 +59,58 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     manager.start_egm()
     assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([180.0, 180.0])
     assert manager.state().speed_scale == 1.0
+
+
+CUP = Mass(0.1, (0.0, 0.02, 0.15), (1e-4, 0.0, 0.0, 1e-4, 0.0, 5e-5))
+TCP = Pose((0.0, 0.0, 0.1142), (1.0, 0.0, 0.0, 0.0))
+
+
+def robots_tool(system: System, side: Side, name: str = "egm_tool") -> Any:
+    """What the robot's EGM motion has been started with [mm, kg]."""
+    return rapid_values.decode(system.client.symbol(side.task, "TRobEGM", name))
+
+
+def test_tool_and_payload_are_the_load_of_the_next_egm_motion_and_stay_when_the_program_starts_anew(
+    system: System,
+) -> None:
+    manager, total = system.manager, Tool(TCP, HAND, CUP).total
+    manager.set_tool(Side.RIGHT, TCP, HAND)
+    sentence = manager.set_payload(Side.RIGHT, CUP)
+    assert sentence.startswith("EGM will start on the right arm with 0.330 kg at [5.7, 14.2, 81.7] mm from tool0: tool")
+    assert robots_tool(system, Side.RIGHT, "settings")[3][0][1][0] == pytest.approx((0.0, 0.0, 114.2))
+    manager.start_egm()
+    _, (place, _), (mass, centre, _, *moments) = robots_tool(system, Side.RIGHT)
+    assert place == pytest.approx((0.0, 0.0, 114.2))
+    assert (mass, centre) == (
+        pytest.approx(total.mass),
+        pytest.approx([1e3 * value for value in total.centre], rel=1e-5),
+    )
+    assert sorted(moments) == pytest.approx(sorted(principal_inertia(total)[1]), rel=1e-4)
+    assert robots_tool(system, Side.LEFT)[2][0] != pytest.approx(total.mass)
+    manager.stop_rapid()
+    manager.pp_to_main()  # the robot forgets its settings
+    manager.start_egm()
+    assert robots_tool(system, Side.RIGHT)[2][0] == pytest.approx(total.mass)
+    manager.stop_egm()
+    manager.set_payload(Side.RIGHT, Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6))
+    manager.start_egm()
+    assert robots_tool(system, Side.RIGHT)[2][0] == pytest.approx(HAND.mass)
+
+
+def test_tool_is_not_changed_while_egm_runs(system: System) -> None:
+    system.manager.start_egm()
+    before = robots_tool(system, Side.LEFT, "settings")
+    with pytest.raises(RobotNotReady, match=r"EGM runs on the left arm with .*; stop EGM \(stop_egm\), set them, then"):
+        system.manager.set_payload(Side.LEFT, CUP)
+    assert robots_tool(system, Side.LEFT, "settings") == before
+
+
+def test_payload_that_an_arm_does_not_carry_is_refused_and_nothing_is_written(system: System) -> None:
+    before = robots_tool(system, Side.LEFT, "settings")
+    with pytest.raises(CommandRefused, match=r"an arm carries up to 0\.5 kg, its gripper included"):
+        system.manager.set_payload(Side.LEFT, replace(CUP, mass=2.0))
+    assert robots_tool(system, Side.LEFT, "settings") == before
+    assert "OUTPUT_STATIONARY_ROB_R" in system.manager.signals()
 
 
 def test_arm_that_guides_on_keeps_its_own_speed_limit_while_the_other_one_begins(system: System) -> None:

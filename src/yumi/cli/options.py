@@ -78,7 +78,7 @@ def settings_of(config: Path | None, options: Mapping[str, Any]) -> Settings:
             "speed_scale": "speed_scale",
         },
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
-        "ros": {"bringup": "bringup"},
+        "ros": {"bringup": "bringup", "initial_joint_controller": "initial_joint_controller"},
     }
     values = {
         group: {name: options[option] for option, name in entries.items() if options.get(option) is not None}

@@ -56,6 +56,11 @@ _POLL = 0.05  # [s]
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
+@click.option(
+    "--initial-joint-controller",
+    metavar="NAME",
+    help="Controller that commands the arms after EGM has started; else joint_position_controller.",
+)
 @click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
 @click.option(
     "--bringup/--no-bringup",

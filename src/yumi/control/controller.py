@@ -12,7 +12,7 @@ A buffer holds the latest value only: the one way state and goals cross between 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntFlag
 from math import degrees, isfinite, isnan, nan, pi, radians
@@ -21,7 +21,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from yumi.control.statistics import Statistics
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, ArmState, Joints
-from yumi.settings import Parameter, Value, Values
+from yumi.settings import Parameter, Value, Values, texts
 
 V = TypeVar("V")
 
@@ -189,7 +189,10 @@ class Controller(ABC):
     goal_kind = GoalKind.NONE
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``."""
+        """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``.
+
+        What upstream's controller of the same type has and this one does not is a fixed one, with the reason.
+        """
         return ()
 
     def configure(self, values: Values) -> None:
@@ -349,8 +352,7 @@ class HardwareInfo:
     period: Statistics = field(default_factory=Statistics)
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterInfo:
+class ParameterInfo(NamedTuple):
     """A parameter of a controller and what it holds.
 
     Attributes:
@@ -360,3 +362,31 @@ class ParameterInfo:
 
     parameter: Parameter
     value: Value
+
+
+def find_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | None:
+    """The parameter called ``name``, or the group of fixed ones that it belongs to."""
+    known = {parameter.name: parameter for parameter in parameters}
+    words = name.split(".")
+    groups = (known.get(".".join(words[:count])) for count in range(len(words) - 1, 0, -1))
+    return known.get(name) or next((each for each in groups if each and each.is_group), None)
+
+
+def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
+    """Refuse a parameter ``joints`` that does not name the joints of the arm.
+
+    Args:
+        values: complete values of parameters.
+        joint_names: of the arm, chain order.
+        in_order: whether the order counts.
+
+    Raises:
+        CommandRefused: it names others, or in another order.
+    """
+    given = texts(values, "joints")
+    if given == tuple(joint_names) or (not in_order and sorted(given) == sorted(joint_names)):
+        return
+    order = " in this order: commands come by index" if in_order else ", in any order"
+    foreign = next((name for name in given if name not in joint_names), None)
+    reason = f"{foreign!r} is not a joint of this arm" if foreign else f"it is {', '.join(given)}"
+    raise CommandRefused(f"Parameter 'joints': {reason}; name {', '.join(joint_names)}{order}.")

@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from math import inf
 from sys import intern
 
 from yumi.control.controller import (
@@ -27,14 +28,18 @@ from yumi.control.controller import (
     State,
     Transition,
     allowed,
+    find_parameter,
 )
-from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics
+from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics, Statistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
 from yumi.settings import Values
 
 INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
+
+STATISTICS_WINDOW = 10.0
+"""Times of the hardware are those of the last whole window [s]: what was long ago says nothing of the arm now."""
 
 _ALLOWED = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE)
 
@@ -67,9 +72,9 @@ class HardwareComponent:
         self.name = name
         self.state = State.ACTIVE
         self.interfaces = tuple(f"{joint}/{kind}" for joint in joint_names for kind in INTERFACE_KINDS)
-        self._read_time = RunningStatistics()
-        self._write_time = RunningStatistics()
-        self._period = RunningStatistics()
+        self._read_time, self._write_time, self._period = self._times = [RunningStatistics() for _ in range(3)]
+        self._recent: tuple[Statistics, ...] = ()
+        self._begin = -inf
         self._last: tuple[int, float] | None = None
 
     @property
@@ -116,6 +121,12 @@ class HardwareComponent:
             now: when the datagram arrived [s].
             marks: of the cycle's stations, see :class:`yumi.control.statistics.StageClock`.
         """
+        is_new = self._last is None or self._last[0] != session
+        if is_new or now - self._begin > STATISTICS_WINDOW:
+            self._recent = () if is_new else tuple([times.result() for times in self._times])
+            self._begin = now
+            for times in self._times:
+                times.reset()
         self._read_time.add(marks[DECODE] - marks[BEGIN])
         self._write_time.add(max(0.0, marks[SEND] - marks[LIMIT]))
         if self._last is not None and self._last[0] == session:
@@ -129,14 +140,15 @@ class HardwareComponent:
             claimed: names of the command interfaces that are held by controllers.
         """
         available = self.is_available
+        read_time, write_time, period = self._recent or [times.result() for times in self._times]
         return HardwareInfo(
             name=self.name,
             state=self.state,
             command_interfaces=tuple(InterfaceInfo(name, available, name in claimed) for name in self.interfaces),
             state_interfaces=tuple(InterfaceInfo(name, available) for name in self.interfaces),
-            read_time=self._read_time.result(),
-            write_time=self._write_time.result(),
-            period=self._period.result(),
+            read_time=read_time,
+            write_time=write_time,
+            period=period,
         )
 
 
@@ -265,22 +277,24 @@ class LoadedController:
         )
 
     def _complete(self, values: Values, *, is_settled: bool) -> Values:
-        """All parameters with ``values`` in place of some."""
         complete = dict(self._values)
         for key, value in values.items():
-            parameter = self._parameters.get(key)
+            parameter = find_parameter(self._parameters.values(), key)
             if parameter is None:
-                known = ", ".join(self._parameters) or "none"
+                known = ", ".join(each.name for each in self._parameters.values() if not each.fixed) or "none"
                 raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
+            if parameter.fixed:
+                continue
             try:
-                complete[key] = parameter.accept(value)
+                accepted = parameter.accept(value)
             except CommandRefused as refusal:
                 raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
-            if is_settled and parameter.read_only and complete[key] != self._values[key]:
+            if is_settled and parameter.read_only and accepted != self._values[key]:
                 raise CommandRefused(
                     f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
                     "clean the controller up to change it."
                 )
+            complete[key] = accepted
         return complete
 
 

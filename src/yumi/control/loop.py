@@ -365,6 +365,16 @@ class Commands:
         self._publish(side)
         return info
 
+    def commanded_positions(self, *sides: Side) -> Mapping[Side, Joints]:
+        """Where each arm's active controller commands it to be [rad], (7,); where it is without one."""
+        positions = {}
+        for side in sides:
+            position = self._arms[side].manager.reference or self._arms[side].position
+            if position is None:
+                raise CommandRefused(f"The {side.word} arm has not reported a position yet: start EGM first.")
+            positions[side] = position
+        return positions
+
     def check_commands(self, *commands: ControllerCommand) -> None:
         """Whether the controllers would take their commands now; nothing is changed."""
         # A second command for a controller could rest on what the first changes.

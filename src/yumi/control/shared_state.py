@@ -360,6 +360,9 @@ class TrajectoryFeedback(NamedTuple):
         desired_velocity: [rad/s], (7,).
         actual: where it is [rad], (7,).
         actual_velocity: [rad/s], (7,).
+        output: where it is commanded to be, ahead of ``desired`` by the arm's delay [rad], (7,).
+        output_velocity: the speed commanded beside it [rad/s], (7,).
+        monitor_period: the action's feedback is given so often [s].
     """
 
     goal: int
@@ -372,6 +375,9 @@ class TrajectoryFeedback(NamedTuple):
     desired_velocity: Joints
     actual: Joints
     actual_velocity: Joints
+    output: Joints
+    output_velocity: Joints
+    monitor_period: float
 
     @property
     def skew(self) -> Skew:

@@ -382,12 +382,14 @@ class ArmPlan:
         first: its first point, chain order.
         spline: the way from there on, seven joints in chain order.
         start: when it starts, on the machine's monotonic clock [s]; None is at once.
+        left_out: the joints that the trajectory does not name.
     """
 
     side: Side
     first: TrajectoryPoint
     spline: Spline
     start: float | None
+    left_out: tuple[str, ...] = ()
 
 
 def time_to_start(points: int) -> float:
@@ -408,39 +410,50 @@ def check_count(points: int) -> None:
         )
 
 
-def plan_trajectory(trajectory: JointTrajectory, sides: Sequence[Side], limits: JointLimits) -> Mapping[Side, ArmPlan]:
-    """The plan of each of ``sides`` for a trajectory that names all their joints, in any order.
+def plan_trajectory(
+    trajectory: JointTrajectory,
+    sides: Sequence[Side],
+    limits: JointLimits,
+    held: Mapping[Side, Joints] | None = None,
+) -> Mapping[Side, ArmPlan]:
+    """The plan of each of ``sides`` for a trajectory that names their joints in any order.
 
     Args:
         trajectory: what is asked for.
         sides: the arms that follow it.
         limits: of the joints of an arm.
+        held: where joints hold that the trajectory leaves out [rad], by arm; None: it must name all.
 
     Raises:
         TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than its limits allow.
     """
     check_count(len(trajectory.points))
-    _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)])
+    column_of = {name: column for column, name in enumerate(trajectory.joint_names)}
+    _check_joints(trajectory.joint_names, [name for side in sides for name in joint_names(side)], held is not None)
     _check_points(trajectory)
     plans = {}
     for side in sides:
         names = joint_names(side)
-        columns = [trajectory.joint_names.index(name) for name in names]
-        points = [
-            TrajectoryPoint(
-                point.time,
-                *(tuple([float(values[column]) for column in columns]) if values else () for values in point[1:]),
-            )
-            for point in trajectory.points
-        ]
+        columns = [column_of.get(name) for name in names]
+        resting = (held[side] if held else ZERO, ZERO, ZERO)
+        points = []
+        for point in trajectory.points:
+            rows = [
+                [rest if column is None else float(values[column]) for column, rest in zip(columns, row, strict=True)]
+                if values
+                else []
+                for values, row in zip(point[1:], resting, strict=True)
+            ]
+            points.append(TrajectoryPoint(point.time, *map(tuple, rows)))
         _check_values(points, names, limits)
         spline = spline_through(points)
         check_motion(spline.segments, names, limits)
-        plans[side] = ArmPlan(side, points[0], spline, trajectory.start)
+        left_out = tuple(name for name in names if name not in column_of)
+        plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out)
     return plans
 
 
-def _check_joints(given: Sequence[str], known: Sequence[str]) -> None:
+def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
     choices = ", ".join(known)
     if not given:
         raise refused(f"it names no joints; name {choices}.", ResultCode.INVALID_JOINTS)
@@ -452,7 +465,7 @@ def _check_joints(given: Sequence[str], known: Sequence[str]) -> None:
                 f"{name!r} is not a joint of this controller; its joints are {choices}.", ResultCode.INVALID_JOINTS
             )
     missing = [name for name in known if name not in given]
-    if missing:
+    if missing and not may_leave_out:
         raise refused(f"it leaves out {', '.join(missing)}; all joints must be named.", ResultCode.INVALID_JOINTS)
 
 

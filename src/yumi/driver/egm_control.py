@@ -35,6 +35,9 @@ from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.settings import bounded
 
+POSITION_CONTROLLER = "joint_position_controller"
+"""What commands an arm after EGM has started, unless another controller is named."""
+
 BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
 

@@ -6,14 +6,15 @@ And the connection to the controller, which is opened, checked, monitored and cl
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from threading import Lock
 
 from yumi.clock import Clock
 from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
 from yumi.driver.bringup import STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import ArmControl, EgmControl, Watchdog, WatchdogSettings
+from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl, Watchdog, WatchdogSettings
 from yumi.driver.gripper import Gripper
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.panel import RapidRoutines
@@ -21,14 +22,13 @@ from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.stops import StopLog
 from yumi.errors import RobotNotReady, YumiError
+from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side
+from yumi.robot.tool import Tool
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
 from yumi.rws.types import ControllerState
-
-POSITION_CONTROLLER = "joint_position_controller"
-"""What commands an arm after EGM has started, unless another controller is named."""
 
 _NO_CHANGES: frozenset[str] = frozenset()
 _MOTORS_OFF = frozenset({MOTORS_OFF, PROGRAM_STOPPED})
@@ -364,6 +364,30 @@ class RobotManager:
         """Load a module and run one of its routines; both may raise."""
         self.load_module(side, file_name, text)
         return self.run_routine(side, routine)
+
+    def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
+        """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.tool.Tool`. Raises YumiError."""
+        return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload))
+
+    def set_payload(self, side: Side, payload: Mass) -> str:
+        """Have the next EGM motion of an arm carry a payload beside its tool. Raises YumiError."""
+        return self._write_tool(side, lambda tool: replace(tool, payload=payload))
+
+    def _write_tool(self, side: Side, change: Callable[[Tool], Tool]) -> str:
+        with self._changing():
+            self.panel.check_automatic()
+            machines = self._bringup.machines
+            tool = change(machines.tool(side))
+            machines.set_tool(side, tool)
+        centre = ", ".join(f"{1e3 * value:.1f}" for value in tool.total.centre)
+        return (
+            f"EGM will start on the {side.word} arm with {tool.total.mass:.3f} kg at [{centre}] mm from tool0: tool "
+            f"{tool.load.mass:.3f} kg, payload {tool.payload.mass:.3f} kg"
+        )
+
+    def signals(self) -> Mapping[str, float]:
+        """All I/O signals of the controller by name; raises YumiError."""
+        return self._client.signals()
 
     def calibrate(self, *grippers: Gripper) -> None:
         """Close the fingers of these grippers and call that zero, at the same time.

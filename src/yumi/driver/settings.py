@@ -18,7 +18,7 @@ import yaml
 
 from yumi.control.limiter import FULL
 from yumi.driver.control_process import WakeMode
-from yumi.driver.egm_control import WatchdogSettings
+from yumi.driver.egm_control import POSITION_CONTROLLER, WatchdogSettings
 from yumi.driver.recovery import RecoverySettings
 from yumi.driver.state_machine import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
@@ -126,10 +126,13 @@ class RosSettings:
     Attributes:
         merged_rate: how often ``joint_states`` of both arms and fingers is published [Hz].
         bringup: whether the driver brings the robot to ready at start; else it only reads until it is asked for more.
+        initial_joint_controller: the controller that commands an arm after EGM has started, unless another one did
+            before EGM ended by itself.
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
     bringup: bool = True
+    initial_joint_controller: str = POSITION_CONTROLLER
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,14 +13,16 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import hypot, isclose
 from threading import Lock
-from typing import cast
+from typing import Any, cast
 
 from yumi.clock import Clock, wait_until
 from yumi.control.controller import Buffer
 from yumi.control.limiter import FULL
 from yumi.control.shared_state import Factor
-from yumi.errors import CommandRefused, ProtocolError, RobotNotReady, SettingsError
-from yumi.robot.joints import Side
+from yumi.errors import CommandRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
+from yumi.robot.description import Mass
+from yumi.robot.joints import Pose, Side
+from yumi.robot.tool import Tool, inertia_of, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import RapidValue
@@ -301,6 +303,7 @@ class StateMachines:
         self._client = client
         self._motion = motion
         self._clock = clock
+        self._tools: dict[Side, Tool] = {}
 
     def state(self, side: Side) -> MachineState:
         """The state of one arm's machine.
@@ -322,6 +325,46 @@ class StateMachines:
     @property
     def are_idle(self) -> bool:
         return all(self.state(side) is MachineState.IDLE for side in Side)
+
+    def tool(self, side: Side) -> Tool:
+        """What :meth:`set_tool` has set; before, what the arm has by its settings, on the robot or here.
+
+        Raises:
+            CommandRefused: that is a tool which an arm cannot carry.
+            ProtocolError: the robot's settings have an unknown layout.
+        """
+        if side not in self._tools:
+            record = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+            merged = cast("tuple[Any, ...]", merge_egm_settings(record, self._motion, is_allowed=False))
+            _, (place, turn), (mass, centre, axes, *moments) = merged[3][0]
+            if not any(turn):  # a program that has not run yet holds zeros
+                return Tool()
+            return Tool(
+                Pose(tuple(value * 1e-3 for value in place), turn),
+                Mass(mass, tuple(value * 1e-3 for value in centre), inertia_of(axes, moments)),
+            )
+        return self._tools[side]
+
+    def set_tool(self, side: Side, tool: Tool) -> None:
+        """Have the next EGM motion of an arm use ``tool`` and its payload; written now, and at each start of EGM.
+
+        Raises:
+            RobotNotReady: EGM runs on the arm, or the robot did not take the settings; nothing was changed.
+        """
+        if self.state(side) is MachineState.RUN_EGM_ROUTINE:
+            raise RobotNotReady(
+                f"EGM runs on the {side.word} arm with the tool and payload it was started with; stop EGM (stop_egm), "
+                "set them, then start it again."
+            )
+        before = self._tools.get(side)
+        self._tools[side] = tool
+        try:
+            self._write_settings(side, self._speed.value, is_allowed=False)
+        except YumiError:
+            del self._tools[side]
+            if before is not None:
+                self._tools[side] = before
+            raise
 
     def start_egm(self, arms: Sequence[Side]) -> None:
         """Write the EGM settings and start EGM joint motion on ``arms``; where EGM runs already it goes on.
@@ -360,6 +403,8 @@ class StateMachines:
 
     def _write_settings(self, side: Side, scale: float, *, is_allowed: bool) -> None:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
+        if side in self._tools:
+            motion = replace(motion, tool=tooldata(self._tools[side]))
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
         if _equal(current, desired):
@@ -368,6 +413,14 @@ class StateMachines:
         written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         if not _equal(written, desired):
             raise RobotNotReady(f"{side.task} did not take the EGM settings: wrote {desired}, it holds {written}.")
+
+
+def tooldata(tool: Tool) -> str:
+    """A tool with its payload as a RAPID value [mm, kg]: the controller's model of the arm counts both as its load."""
+    total, place = tool.total, tuple(value * 1e3 for value in tool.tcp.position)
+    axes, moments = principal_inertia(total)
+    centre = tuple(value * 1e3 for value in total.centre)
+    return rapid_values.encode((True, (place, tool.tcp.orientation), (total.mass, centre, axes, *moments)))
 
 
 def read_machine_state(literal: str) -> MachineState:

@@ -3,10 +3,10 @@
 ::
 
     yumi up          process 1     RWS client, robot manager, grippers, ROS nodes
-                                   threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
-                                            joint-states-l, grippers, robot-monitor, watchdog, control-events,
-                                            automatic-recovery (recovery.automatic), all of them supervised
-                                            (process/supervision.py);
+                                   threads: answers (five), streams, timers, slow-timers-r and -l, signal-timers,
+                                            joint-states-r, joint-states-l, grippers, robot-monitor, watchdog,
+                                            control-events, automatic-recovery (recovery.automatic), all of
+                                            them supervised (process/supervision.py);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
@@ -26,7 +26,7 @@ from math import radians
 from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
-from yumi.control.controller import Controller
+from yumi.control.controller import Controller, find_parameter
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -45,7 +45,7 @@ from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
-from yumi.driver.robot_manager import POSITION_CONTROLLER, RobotManager
+from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
 from yumi.driver.stops import StopLog
@@ -86,8 +86,10 @@ def _start(manager: ControllerManager, settings: ControllerSettings) -> Controll
     place = settings.place  # of what may be refused
     try:
         manager.load_kind(name, settings.kind)
-        parameters = {info.parameter.name for info in manager.parameters(name)}
-        own = {key: entry for key, entry in settings.entries.items() if key in parameters or not entry.is_general}
+        has = [info.parameter for info in manager.parameters(name)]
+        own = {
+            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
+        }
         for key, entry in own.items():
             place = entry.place
             manager.set_parameters(name, {key: entry.value})
@@ -298,7 +300,7 @@ def make_parts(
     controllers: Controllers,
     on_event: Callable[[Event], None],
     report: Callable[[str], None],
-    leading: str = POSITION_CONTROLLER,
+    leading: str | None = None,
     arms: tuple[Side, ...] = tuple(Side),
     warn: Callable[[str], None] | None = None,
     stops: StopLog | None = None,
@@ -310,7 +312,7 @@ def make_parts(
         controllers: what runs on each arm.
         on_event: called with what happens in the control process.
         report: called with each step of what is done to the robot.
-        leading: the controller that commands an arm after EGM has started.
+        leading: the controller that commands an arm after EGM has started; None: as the settings say.
         arms: those that EGM moves; the others stand still.
         warn: called with what is not as it should be; None: ``report`` is.
         stops: what stopped the robot, where an earlier connection knows it already.
@@ -320,6 +322,15 @@ def make_parts(
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
     clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    first = leading or settings.ros.initial_joint_controller
+    for side, entries in plan.controllers.items():
+        ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
+        if side in arms and (first not in ready or ready[first].kind == JointStateBroadcaster.kind):
+            choices = ", ".join(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
+            raise SettingsError(
+                f"ros.initial_joint_controller is {first!r}, which does not command the {side.word} arm; choose from: "
+                f"{choices}."
+            )
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
@@ -327,7 +338,7 @@ def make_parts(
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    manager = RobotManager(bringup, control, clock, leading, arms, settings.watchdog, stops, settings.recovery)
+    manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())

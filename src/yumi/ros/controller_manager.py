@@ -227,44 +227,45 @@ def controllers_status(controllers: Iterable[ControllerInfo], threshold: Thresho
     infos = tuple(controllers)
     if not infos:
         return WARN, "No controllers are currently loaded", []
-    pairs, level = [], OK
+    pairs, faults = [], []
     for info in infos:
-        pairs.append(_pair(f"{info.name}.state", info.state.value))
+        pairs.append(KeyValue(key=f"{info.name}.state", value=info.state.value))
         if info.state is State.ACTIVE and info.execution_time.count:
-            pairs.append(_pair(f"{info.name}.execution_time", _times(info.execution_time)))
-            level = max(level, _time_level(info.execution_time, "controllers", threshold))
+            pairs.append(KeyValue(key=f"{info.name}.execution_time", value=_times(info.execution_time)))
+            faults += _time_faults(f"an update of {info.name}", info.execution_time, "controllers", threshold)
     is_all = all(info.state is State.ACTIVE for info in infos)
-    return level, "All controllers are active" if is_all else "Not all controllers are active", pairs
+    level, sentence = _judged("All controllers are active" if is_all else "Not all controllers are active", faults)
+    return level, sentence, pairs
 
 
 def hardware_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> Status:
     """The component's state, how long reading and writing take, and how often."""
-    pairs = [_pair(f"{hardware.name}.state", hardware.state.value)]
+    pairs = [KeyValue(key=f"{hardware.name}.state", value=hardware.state.value)]
     if hardware.state is not State.ACTIVE:
         return ERROR, "No hardware components are active", pairs
-    level = OK
+    faults = _rate_faults(hardware.period, rate, "hardware_components", threshold)
+    mean, deviation, slowest, fastest = _in_hertz(hardware.period)
+    rates = f"Avg: {mean:.1f} [{slowest:.1f} - {fastest:.1f}] Hz, StdDev: {deviation:.1f}"
     for word, times in (("read", hardware.read_time), ("write", hardware.write_time)):
         if times.count:
-            pairs.append(_pair(f"{hardware.name}.{word}_cycle.execution_time", _times(times)))
-            pairs.append(_pair(f"{hardware.name}.{word}_cycle.periodicity", _rates(hardware.period)))
-            level = max(level, _time_level(times, "hardware_components", threshold))
-    level = max(level, _rate_level(hardware.period, rate, "hardware_components", threshold))
-    return level, "All hardware components are active", pairs
+            cycle = f"{hardware.name}.{word}_cycle"
+            pairs.append(KeyValue(key=f"{cycle}.execution_time", value=_times(times)))
+            pairs.append(KeyValue(key=f"{cycle}.periodicity", value=rates))
+            faults += _time_faults(f"a {word}", times, "hardware_components", threshold)
+    level, sentence = _judged("All hardware components are active", faults)
+    return level, sentence, pairs
 
 
 def manager_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> Status:
     """How often the controllers are updated; the robot's datagrams are what makes it."""
-    pairs, period = [_pair("update_rate", str(rate))], hardware.period
-    if not period.count:
-        return OK, "Controller Manager is running", pairs
-    mean, deviation, slowest, fastest = _in_hertz(period)
-    figures = {"average": mean, "standard_deviation": deviation, "min": slowest, "max": fastest}
-    pairs += [_pair(f"periodicity.{key}", f"{value:.2f}") for key, value in figures.items()]
-    return _rate_level(period, rate, "controller_manager", threshold), "Controller Manager is running", pairs
-
-
-def _pair(key: str, value: str) -> KeyValue:
-    return KeyValue(key=key, value=value)
+    pairs, period = [KeyValue(key="update_rate", value=str(rate))], hardware.period
+    if period.count:
+        names = ("average", "standard_deviation", "min", "max")
+        figures = zip(names, _in_hertz(period), strict=True)
+        pairs += [KeyValue(key=f"periodicity.{name}", value=f"{value:.2f}") for name, value in figures]
+    faults = _rate_faults(period, rate, "controller_manager", threshold)
+    level, sentence = _judged("Controller Manager is running", faults)
+    return level, sentence, pairs
 
 
 def _times(times: Statistics) -> str:
@@ -272,11 +273,6 @@ def _times(times: Statistics) -> str:
         value * 1e6 for value in (times.mean, times.minimum, times.maximum, times.deviation)
     )
     return f"Avg: {mean:.1f} [{lowest:.1f} - {highest:.1f}] us, StdDev: {deviation:.1f}"
-
-
-def _rates(period: Statistics) -> str:
-    mean, deviation, slowest, fastest = _in_hertz(period)
-    return f"Avg: {mean:.1f} [{slowest:.1f} - {fastest:.1f}] Hz, StdDev: {deviation:.1f}"
 
 
 def _in_hertz(period: Statistics) -> tuple[float, float, float, float]:
@@ -287,24 +283,56 @@ def _in_hertz(period: Statistics) -> tuple[float, float, float, float]:
     return 1.0 / period.mean, period.deviation / period.mean**2, 1.0 / period.maximum, fastest
 
 
-def _time_level(times: Statistics, subject: str, threshold: Threshold) -> bytes:
-    mean = _level(times.mean * 1e6, threshold(subject, "execution_time.mean_error"))
-    return max(mean, _level(times.deviation * 1e6, threshold(subject, "execution_time.standard_deviation")))
+_Fault = tuple[bytes, str]
+"""Level, and why it is not OK."""
 
 
-def _rate_level(period: Statistics, rate: int, subject: str, threshold: Threshold) -> bytes:
+def _time_faults(what: str, times: Statistics, subject: str, threshold: Threshold) -> list[_Fault]:
+    mean, deviation = times.mean * 1e6, times.deviation * 1e6
+    return [
+        *_fault(f"{what} takes {mean:.0f} us", mean, threshold(subject, "execution_time.mean_error"), "us"),
+        *_fault(
+            f"the time of {what} varies by {deviation:.0f} us",
+            deviation,
+            threshold(subject, "execution_time.standard_deviation"),
+            "us",
+        ),
+    ]
+
+
+def _rate_faults(period: Statistics, rate: int, subject: str, threshold: Threshold) -> list[_Fault]:
     if not period.count:
-        return OK
+        return []
     mean, deviation, _, _ = _in_hertz(period)
-    worst = _level(abs(mean - rate), threshold(subject, "periodicity.mean_error"))
-    return max(worst, _level(deviation, threshold(subject, "periodicity.standard_deviation")))
+    return [
+        *_fault(
+            f"the rate is {mean:.1f} Hz instead of {rate} Hz",
+            abs(mean - rate),
+            threshold(subject, "periodicity.mean_error"),
+            "Hz",
+        ),
+        *_fault(
+            f"the rate varies by {deviation:.1f} Hz",
+            deviation,
+            threshold(subject, "periodicity.standard_deviation"),
+            "Hz",
+        ),
+    ]
 
 
-def _level(value: float, limits: tuple[float, float]) -> bytes:
+def _fault(sentence: str, value: float, limits: tuple[float, float], unit: str) -> list[_Fault]:
+    """None where ``value`` is below both limits."""
     warn, error = limits
-    if value > error:
-        return ERROR
-    return WARN if value > warn else OK
+    if value <= min(warn, error):
+        return []
+    level, limit = (ERROR, error) if value > error else (WARN, warn)
+    return [(level, f"{sentence} (limit {limit:g} {unit})")]
+
+
+def _judged(sentence: str, faults: Iterable[_Fault]) -> _Fault:
+    """The worst level, and all reasons after ``sentence``."""
+    known = list(faults)
+    return max([OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])
 
 
 Explain = Callable[[Callable[[Cause], None]], None]

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as Overdue
 from functools import partial
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, Protocol
 
 import rclpy
@@ -22,7 +24,7 @@ from yumi.control.loop import CommandPort, Commands
 from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.joints import Side
-from yumi.ros.parameters import ManagerParameters, Presets, declare, declare_common, pass_on_changes
+from yumi.ros.parameters import ManagerParameters, Presets, common_parameters, declare, pass_on_changes, remarks_on
 from yumi.settings import Values
 
 
@@ -86,12 +88,15 @@ class ControllerNodes:
         )
         try:
             # The controller gets what its parameter files set now, and what is set on the node later.
-            declare_common(node, self._rate)
             infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
-            changed = declare(node, infos, presets or {})
+            files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
+            every = (*common_parameters(self._rate), *infos)
+            changed = declare(node, every, presets or {})
+            for remark in remarks_on(node, every, presets or {}, files):
+                node.get_logger().warning(remark)
             if changed:
                 change(changed)
-            pass_on_changes(node, (each.parameter.name for each in infos), change)
+            pass_on_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
             make = self._make_interface.get(info.kind)
             self._nodes[name] = (node, make(node, self._side, name) if make else None)
         except Exception:
@@ -129,6 +134,20 @@ class ControllerNodes:
             interface.destroy()
         node.destroy_node()
 
+
+_NO_EFFORTS = "EGM takes no efforts: take a type for positions or velocities"
+_ADVICE: Mapping[str, str] = {
+    "ur_controllers/ScaledJointTrajectoryController": (
+        "take joint_trajectory_controller/JointTrajectoryController, whose trajectories follow the robot's speed_scale"
+    ),
+    "effort_controllers/JointGroupEffortController": _NO_EFFORTS,
+    "effort_controllers/GripperActionController": _NO_EFFORTS,
+    "position_controllers/GripperActionController": "the gripper's actions need no controller: gripper/gripper_cmd",
+    "parallel_gripper_action_controller/GripperActionController": (
+        "the gripper's actions need no controller: gripper/parallel_gripper_cmd"
+    ),
+}
+"""What to do about types of other robots' files."""
 
 _SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
 
@@ -170,7 +189,7 @@ class ArmControllers:
         for settings in self._known.values():
             self._parameters.note_type(settings.name, settings.kind)
         for info in self.list():
-            self._nodes.add(info)
+            self._nodes.add(info, presets=self._known[info.name].entries)
 
     def list(self) -> tuple[ControllerInfo, ...]:
         """All loaded controllers."""
@@ -187,6 +206,10 @@ class ArmControllers:
             YumiError: no or an unknown type, the name is taken, or a value in a file is not allowed.
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
+        if kind in _ADVICE:
+            raise CommandRefused(
+                f"Controller {name!r} cannot be loaded: there is no type {kind!r} here; {_ADVICE[kind]}."
+            )
         self._control.call(Commands.load_controller, self._side, name, kind)
         settings = self._known.get(name)
         presets = settings.entries if settings is not None and settings.kind == kind else {}

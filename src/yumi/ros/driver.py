@@ -13,7 +13,8 @@ r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog
                                clear_error, vacuum_1, blow_1 … (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
-                               set_speed_scale, state, robot_description, /diagnostics
+                               set_speed_scale, speed_scale, set_tool, set_payload, gpio_states, state,
+                               robot_description, /diagnostics
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
 """
@@ -43,7 +44,7 @@ from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
 from yumi.ros.gripper import GripperParts, Grippers
-from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
+from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import (
     CommandTopic,
     HealthTopics,
@@ -152,7 +153,9 @@ class RosDriver:
 
         self._services = RobotManagerServices(self._node, manager, self._check_arms, self._update_activity)
         self._actions = RobotManagerActions(self._node, manager, self._check_arms, self._update_activity)
-        self._speed = SpeedScaleInterface(self._node, manager.speed)
+        self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
+        signal_timers = TimerThread(clock, log_error, "signal-timers")
+        self._signals = SignalsTopic(self._node, manager.signals, signal_timers)
         self._executors.add_multi_threaded("services", self._node)
         self._executors.add_multi_threaded("services-dual", dual)
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
@@ -160,7 +163,7 @@ class RosDriver:
 
         robot, boxes_of = manager.monitor.state, control.buffers
         self._states = [JointStatePublisher(arm.node, side, boxes_of[side], clock) for side, arm in self._arms.items()]
-        timers = (self._timers, *slow_timers.values())
+        timers = (self._timers, *slow_timers.values(), signal_timers)
         self._threads: tuple[Any, ...] = (*timers, *self._states, self._grippers, self._executors)
         self._state = RobotStateTopic(self._node, robot, clock, self._timers)
         self._merged = MergedJointStates(
@@ -169,7 +172,13 @@ class RosDriver:
         modules = {side: grippers.settings.modules(side) for side in Side}
         self._descriptions = publish_descriptions(self._node, limits, modules)
         self._health = HealthTopics(
-            self._node, self._streams, control.snapshot, robot, self._grippers.statuses, self._timers
+            self._node,
+            self._streams,
+            control.snapshot,
+            robot,
+            self._grippers.statuses,
+            self._timers,
+            lambda: manager.egm_arms,
         )
 
     def start(self) -> None:

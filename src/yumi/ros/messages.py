@@ -16,7 +16,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
-from control_msgs.msg import JointTrajectoryControllerState
+from control_msgs.msg import InterfaceValue, JointTrajectoryControllerState
 from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import State as LifecycleState
@@ -36,7 +36,8 @@ from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import EVENT_TEXTS
 from yumi.errors import CommandRefused
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Side, joint_names, joints
+from yumi.robot.description import Mass
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.replies import Event
 from yumi.rws.types import EventType
 
@@ -106,9 +107,9 @@ _COUNTERS = (
 """Of a snapshot, in the values of ``egm_state``."""
 
 
-def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
-    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``."""
-    level, sentence = DiagnosticStatus.STALE, "no datagrams from the robot; call start_egm"
+def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> DiagnosticStatus:
+    """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``; off is OK unless it ``is_desired``."""
+    level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
     if snapshot.problem is not Problem.NONE:
         level, sentence = DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
     elif snapshot.is_running and not snapshot.is_streaming:
@@ -117,6 +118,8 @@ def egm_status(side: Side, snapshot: Snapshot) -> DiagnosticStatus:
         level, sentence = DiagnosticStatus.OK, "running"
     elif snapshot.is_streaming:
         level, sentence = DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
+    elif is_desired:
+        level, sentence = DiagnosticStatus.WARN, "no datagrams from the robot though EGM was started; call recover"
     elif snapshot.foreign and not snapshot.session:
         level = DiagnosticStatus.WARN
         sentence = (
@@ -249,6 +252,14 @@ try:
 except ImportError:  # installations from before April 2025
     ControllerManagerActivity = NamedLifecycleState = None
 
+try:
+    from control_msgs.msg import DynamicInterfaceGroupValues
+except ImportError:  # installations from before March 2025
+    DynamicInterfaceGroupValues = None
+
+GPIO_STATES: Any = DynamicInterfaceGroupValues
+"""The type of ``~/gpio_states``, as upstream's gpio_controllers have it; None where the installed package is older."""
+
 ACTIVITY: Any = ControllerManagerActivity
 """The type of ``~/activity``; None where the installed package is older."""
 
@@ -287,6 +298,20 @@ def state_of(message: Any) -> State:
             return state
     choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
     raise CommandRefused(f"State {message.id} {message.label!r} is not a primary state; choose from: {choices}.")
+
+
+def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[str] = ()) -> str:
+    """The commands that activate a controller, of this package and of ROS.
+
+    Args:
+        namespace: of the arm's nodes, such as ``/r``.
+        side: the arm.
+        name: the controller.
+        instead_of: active controllers that claim what it needs.
+    """
+    options = f"--activate {name}" + (f" --deactivate {' '.join(instead_of)}" if instead_of else "")
+    manager = f"{namespace.rstrip('/')}/controller_manager"
+    return f"yumi switch {side.word} {options} (in ROS: ros2 control switch_controllers -c {manager} {options})"
 
 
 def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:
@@ -426,6 +451,11 @@ def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) ->
     message.header.stamp = stamp(time_ns)
     message.joint_names = _names(feedbacks)
     message.reference, message.feedback, message.error = _points(feedbacks)
+    rows = ("output", "output_velocity")
+    message.output.positions, message.output.velocities = (
+        [value for feedback in feedbacks.values() for value in getattr(feedback, row)] for row in rows
+    )
+    message.output.time_from_start = message.reference.time_from_start
     if hasattr(message, "speed_scaling_factor"):  # since control_msgs 5.3.0
         message.speed_scaling_factor = min(feedback.scale for feedback in feedbacks.values())
     return message
@@ -527,6 +557,27 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
         hardware_id="IRC5",
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
+
+
+def gpio_states(values: Mapping[str, float], time_ns: int) -> Any:
+    """I/O signals by name as one group, ``controller``; only where the installed package has the type."""
+    return GPIO_STATES(
+        header=Header(stamp=stamp(time_ns)),
+        interface_groups=["controller"],
+        interface_values=[InterfaceValue(interface_names=list(values), values=list(values.values()))],
+    )
+
+
+def mass_of(message: Any) -> Mass:
+    """The body in a geometry_msgs/Inertia [kg, m, kg m²]."""
+    inertia = (message.ixx, message.ixy, message.ixz, message.iyy, message.iyz, message.izz)
+    return Mass(message.m, (message.com.x, message.com.y, message.com.z), inertia)
+
+
+def pose_of(message: Any) -> Pose:
+    """The pose in a geometry_msgs/Pose [m]."""
+    place, turn = message.position, message.orientation
+    return Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
 
 
 def side_of(arm: str) -> Side:

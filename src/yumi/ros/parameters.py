@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from math import isinf
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter as RosParameter
 
-from yumi.control.controller import ParameterInfo
+from yumi.control.controller import ParameterInfo, find_parameter
 from yumi.control.controller_manager import Strictness
 from yumi.errors import CommandRefused, YumiError
-from yumi.settings import Entry, Parameter, ParameterType, Value, Values
+from yumi.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 
 _TYPES = {
     ParameterType.BOOL: RosParameter.Type.BOOL,
@@ -39,13 +41,16 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
         rules.append(f"each from {parameter.lowest:g} to {parameter.highest:g}")
     if parameter.unit:
         rules.append(f"in {parameter.unit}")
-    if parameter.read_only:
+    if parameter.fixed:
+        rules.append(f"fixed: {parameter.fixed}")
+    elif parameter.read_only:
         rules.append("only while the controller is unconfigured")
     described = ParameterDescriptor(
         name=parameter.name,
         type=_TYPES[parameter.type].value,
         description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
         additional_constraints="; ".join(rules),
+        read_only=bool(parameter.fixed),
     )
     lowest, highest = parameter.lowest, parameter.highest
     if is_bounded and parameter.type is ParameterType.DOUBLE:
@@ -70,22 +75,63 @@ def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Valu
     Raises:
         CommandRefused: a file gives a value of the wrong type or out of its range.
     """
-    held = {info.parameter.name: info for info in infos}
-    wanted: dict[str, Value] = {
-        name: entry.value for name, entry in presets.items() if name in held or not entry.is_general
-    }
-    for name, info in held.items():
-        parameter, of_node = info.parameter, f"Parameter {name!r} of {node.get_name()!r}"
+    changed: dict[str, Value] = {}
+    for parameter, value in infos:
+        name, of_node = parameter.name, f"Parameter {parameter.name!r} of {node.get_name()!r}"
+        if parameter.is_group:
+            continue
         try:
-            accepted = parameter.accept(wanted.get(name, info.value))
+            accepted = parameter.accept(presets[name].value if name in presets and not parameter.fixed else value)
+            initial = list(accepted) if isinstance(accepted, tuple) else accepted
+            wanted = value_of(node.declare_parameter(name, initial, descriptor(parameter), bool(parameter.fixed)))
         except CommandRefused as refusal:
             raise CommandRefused(f"{of_node} {refusal}") from refusal
-        try:
-            initial = list(accepted) if isinstance(accepted, tuple) else accepted
-            wanted[name] = value_of(node.declare_parameter(name, initial, descriptor(parameter)))
         except ParameterException as error:
             raise CommandRefused(f"{of_node}: {error}.") from error
-    return {name: value for name, value in wanted.items() if name not in held or value != held[name].value}
+        if wanted != value:
+            changed[name] = wanted
+    return changed
+
+
+def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, files: Iterable[Path]) -> tuple[str, ...]:
+    """A sentence for each parameter that is set on a controller's node and changes nothing.
+
+    Args:
+        node: with its parameters declared.
+        infos: the parameters and what the controller holds.
+        presets: values of ``controllers.yaml``.
+        files: the node's parameter files; what they say for every node may be for others.
+
+    Raises:
+        CommandRefused: a parameter does not exist, or a file has the node in another namespace.
+        SettingsError: a file cannot be read.
+    """
+    controller, full_name = node.get_name(), node.get_fully_qualified_name()
+    held = {info.parameter: info.value for info in infos}
+    given: dict[str, Value] = {name: entry.value for name, entry in presets.items() if not entry.is_general}
+    given |= {name: value_of(override) for name, override in node._parameter_overrides.items()}
+    given.pop("type", None)  # the spawner's
+    for section in (section for file in files for section in read_parameter_file(file).sections):
+        if section.concerns(full_name):
+            for name in (name for name, entry in section.entries.items() if entry.is_general):
+                given.pop(name, None)
+        elif section.nodes.rpartition("/")[2] == controller:
+            raise CommandRefused(
+                f"{section.place}: {section.nodes} is not the node {full_name}; write /**/{controller}, or its "
+                "namespace before it."
+            )
+    remarks: dict[str, str] = {}
+    for name, value in given.items():
+        found = find_parameter(held, name)
+        if found is None and not node.has_parameter(name):
+            words = [each.name for each in held if not each.fixed]
+            similar = get_close_matches(name, words, 1)
+            known = f"did you mean {similar[0]!r}?" if similar else f"it has: {', '.join(words) or 'none'}."
+            raise CommandRefused(f"Parameter {name!r} of {controller!r} does not exist; {known}")
+        if found and found.fixed and (found.is_group or value != held[found]):
+            stays = "is not used" if found.is_group else f"stays {held[found]!r}"
+            remarks[found.name] = f"Parameter {found.name!r} of {controller!r} {stays}: {found.fixed}."
+    return tuple(remarks.values())
 
 
 def value_of(parameter: Any) -> Any:
@@ -110,21 +156,23 @@ def pass_on_changes(node: Any, names: Iterable[str], change: Callable[[Values], 
     node.add_on_set_parameters_callback(on_set)
 
 
-def declare_common(node: Any, rate: int) -> None:
-    """Declare what every controller of ros2_control has; ``rate`` of the controller manager in [Hz]."""
-    node.declare_parameter("update_rate", rate, _fixed("Rate of its updates [Hz]: the robot's own."))
-    node.declare_parameter("is_async", False, _fixed("Whether it runs in a thread of its own: never."))
-
-
-def _fixed(description: str) -> ParameterDescriptor:
-    return ParameterDescriptor(description=description, read_only=True)
+def common_parameters(rate: int) -> tuple[ParameterInfo, ...]:
+    """What every controller of ros2_control has; ``rate`` of the controller manager in [Hz]."""
+    in_step = "every controller runs in each cycle of the robot"
+    fixed = (
+        Parameter("update_rate", rate, unit="Hz", description="Rate of its updates.", fixed=in_step),
+        Parameter("is_async", default=False, description="Whether it runs in a thread of its own.", fixed=in_step),
+        Parameter("thread_priority", (), fixed=in_step),
+        Parameter("async_parameters", (), fixed=in_step),
+        Parameter("fallback_controllers", (), fixed="when a controller fails the arm holds"),
+    )
+    return tuple(ParameterInfo(each, each.default) for each in fixed)
 
 
 _STRICTNESS = "defaults.switch_controller.strictness"
 _STRICTNESSES = {"best_effort": Strictness.BEST_EFFORT, "strict": Strictness.STRICT}
 _THRESHOLDS = "diagnostics.threshold"
 _SUBJECTS = ("controller_manager", "controllers", "hardware_components")
-_FIGURES = ("mean_error", "standard_deviation")
 
 
 class ManagerParameters:
@@ -150,12 +198,19 @@ class ManagerParameters:
             self._node.declare_parameter(f"{name}.type", kind, rule)
 
     def type_of(self, name: str) -> str:
-        """The type of the controller ``name``.
+        """The type of the controller ``name``, as a parameter or in its parameter files.
 
         Raises:
             CommandRefused: it is not set.
+            SettingsError: a parameter file cannot be read.
         """
         kinds = tuple(text for text in self._texts(f"{name}.type") if text)
+        for file in () if kinds else self._texts(f"{name}.params_file"):
+            # The spawner passes on a type that stands with the controller; in most files it stands with the manager.
+            entry = (
+                read_parameter_file(Path(file)).parameters(self._node.get_fully_qualified_name()).get(f"{name}.type")
+            )
+            kinds = (str(entry.value),) if entry else kinds
         if len(kinds) != 1:
             raise CommandRefused(
                 f"Controller {name!r} has {'no type' if not kinds else f'the types {kinds}'}; set the parameter "
@@ -202,8 +257,11 @@ class ManagerParameters:
             description="Strictness of a switch that asks for 0.", additional_constraints=f"one of {words}"
         )
         self._node.declare_parameter(_STRICTNESS, "best_effort", rule)
+        # Upstream's own clock makes its rate; here the robot's datagrams do, however unevenly they arrive. A reply is
+        # in time within its cycle, so what counts is how many there are: half a cycle, and a whole one, may vary.
         thresholds: list[tuple[str, float, float, str]] = [
-            *((f"{subject}.periodicity.{figure}", 5.0, 10.0, "Hz") for subject in _SUBJECTS for figure in _FIGURES),
+            *((f"{subject}.periodicity.mean_error", 5.0, 10.0, "Hz") for subject in _SUBJECTS),
+            *((f"{subject}.periodicity.standard_deviation", 0.5 * rate, 1.0 * rate, "Hz") for subject in _SUBJECTS),
             *((f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs") for subject in _SUBJECTS[1:]),
             *((f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs") for subject in _SUBJECTS[1:]),
         ]

@@ -7,12 +7,13 @@ rejected, since a rejection has no text: it is aborted at once, with the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum, auto
 from functools import partial
 from threading import Lock
 from typing import Any
 
+from control_msgs.msg import SpeedScalingFactor
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
@@ -25,8 +26,10 @@ from yumi_interfaces.srv import (
     ReadVariable,
     RunModule,
     RunRoutine,
+    SetPayload,
     SetSpeedRatio,
     SetSpeedScale,
+    SetTool,
     WriteSignal,
     WriteVariable,
 )
@@ -36,7 +39,8 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import LOWEST, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.ros.messages import mode_of, robot_state, side_of
+from yumi.ros.executors import TimerThread
+from yumi.ros.messages import GPIO_STATES, LATCHED, gpio_states, mass_of, mode_of, pose_of, robot_state, side_of
 
 CheckArms = Callable[[Iterable[Side]], None]
 """Raises CommandRefused where one of some arms has been deactivated."""
@@ -106,6 +110,18 @@ class RobotManagerServices:
             "run_module",
             _Group.CHANGE,
             lambda ask: manager.run_module(side_of(ask.arm), ask.file_name, ask.text, ask.routine),
+        )
+        self._serve(
+            SetTool,
+            "set_tool",
+            _Group.CHANGE,
+            lambda ask: manager.set_tool(side_of(ask.arm), pose_of(ask.tcp), mass_of(ask.load)),
+        )
+        self._serve(
+            SetPayload,
+            "set_payload",
+            _Group.CHANGE,
+            lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload)),
         )
         self._serve(WriteSignal, "write_signal", _Group.CHANGE, write_signal)
         self._serve(WriteVariable, "write_variable", _Group.CHANGE, write_variable)
@@ -227,16 +243,48 @@ def _report_steps(handle: Any, kind: Any, check: Callable[[str], None]) -> Calla
     return report
 
 
+_POLL_PERIOD = 0.05  # [s]
+_SIGNALS_PERIOD = 0.5  # [s]: one request each, of the 19.6 a second that the controller answers
+
+
+class SignalsTopic:
+    """Publishes ``~/gpio_states``, all I/O signals of the controller, twice a second while a client listens.
+
+    Args:
+        node: the robot manager's node.
+        read: reads them all; raises YumiError.
+        timers: of its own, since a controller may take seconds to answer.
+    """
+
+    def __init__(self, node: Any, read: Callable[[], Mapping[str, float]], timers: TimerThread) -> None:
+        self._log = node.get_logger()
+        self._clock = node.get_clock()
+        self._read = read
+        if GPIO_STATES is not None:
+            self._publisher = node.create_publisher(GPIO_STATES, "~/gpio_states", 1)
+            timers.every(_SIGNALS_PERIOD, "gpio_states", self._publish)
+
+    def _publish(self) -> None:
+        if not self._publisher.get_subscription_count():
+            return
+        try:
+            values = self._read()
+        except YumiError as error:
+            self._log.warning(f"gpio_states: {error}", throttle_duration_sec=10.0)
+            return
+        self._publisher.publish(gpio_states(values, self._clock.now().nanoseconds))
+
+
 NAME = "speed_scale"
 
 
 class SpeedScaleInterface:
     """``speed_scale`` as the service ``~/set_speed_scale`` and as a parameter; both change the one setting.
 
-    It can be set in every state of the robot, and waits for no other service.
+    It can be set in every state of the robot, and waits for no other service. ``~/speed_scale`` is what holds now.
     """
 
-    def __init__(self, node: Any, speed: SpeedSetting) -> None:
+    def __init__(self, node: Any, speed: SpeedSetting, timers: TimerThread) -> None:
         self._node = node
         self._speed = speed
         self._log = node.get_logger()
@@ -246,9 +294,17 @@ class SpeedScaleInterface:
         )
         node.add_on_set_parameters_callback(self._on_set_parameters)
         node.declare_parameter(NAME, speed.value, described)  # the callback takes a value of the command line
+        self._publisher = node.create_publisher(SpeedScalingFactor, "~/speed_scale", LATCHED)
+        self._published = 0.0
+        timers.every(_POLL_PERIOD, "speed_scale", self._publish)
         node.create_service(
             SetSpeedScale, "~/set_speed_scale", self._set, callback_group=MutuallyExclusiveCallbackGroup()
         )
+
+    def _publish(self) -> None:
+        if self._speed.in_force != self._published:
+            self._published = self._speed.in_force
+            self._publisher.publish(SpeedScalingFactor(factor=self._published))
 
     def _on_set_parameters(self, parameters: list[Any]) -> SetParametersResult:
         for parameter in parameters:

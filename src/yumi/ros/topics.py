@@ -51,6 +51,7 @@ from yumi.ros.messages import (
     egm_status,
     goal_of,
     goal_speeds_of,
+    how_to_activate,
     joint_state,
     positions_of,
     robot_state,
@@ -85,6 +86,7 @@ class CommandTopic(ABC):
     noun: str
     kind: GoalKind
     taker: str
+    controller: str
 
     def __init__(
         self,
@@ -147,7 +149,10 @@ class CommandTopic(ABC):
         if snapshot.problem is not Problem.NONE:
             raise CommandRefused(f"{self.noun} refused: {arm}: {CAUSES[snapshot.problem]}.")
         if not self.is_for(snapshot.goal_kind):
-            raise CommandRefused(f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first.")
+            how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
+            raise CommandRefused(
+                f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first: {how}."
+            )
         now = (snapshot.session, snapshot.activation)
         self.put(message, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
@@ -157,7 +162,7 @@ class JointCommandTopic(CommandTopic):
     """Positions by name; joints that are not named keep their goal."""
 
     name, type, noun = "joint_commands", JointState, "Goal"
-    kind, taker = GoalKind.POSITION, "position controller"
+    kind, taker, controller = GoalKind.POSITION, "position controller", "joint_position_controller"
 
     _goal: Joints = ZERO
 
@@ -182,7 +187,7 @@ class JointVelocityTopic(CommandTopic):
     """Velocities by name; joints that are not named stop."""
 
     name, type, noun = "joint_velocity_commands", JointState, "Speed"
-    kind, taker = GoalKind.VELOCITY, "velocity controller"
+    kind, taker, controller = GoalKind.VELOCITY, "velocity controller", "joint_velocity_controller"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         write_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
@@ -214,7 +219,7 @@ class ForwardTopic(CommandTopic):
         controller: str,
         active: Callable[[], Container[str]],
     ) -> None:
-        self.name = self._controller = controller
+        self.name = self.controller = controller
         self.name += "/commands"
         self._positions, self._speeds = buffers
         self._active = active
@@ -236,10 +241,11 @@ class ForwardTopic(CommandTopic):
 
     def _check_active(self, activation: int) -> None:
         if activation != self._known[0]:
-            self._known = (activation, self._controller in self._active())
+            self._known = (activation, self.controller in self._active())
         if not self._known[1]:
             raise CommandRefused(
-                f"Command refused: {self._controller} is not active on the {self._side.word} arm; activate it first."
+                f"Command refused: {self.controller} is not active on the {self._side.word} arm; activate it first: "
+                f"{how_to_activate(self._node.get_namespace(), self._side, self.controller)}."
             )
 
 
@@ -441,6 +447,7 @@ class HealthTopics:
         robot: the state of the robot.
         grippers: both grippers' statuses for ``/diagnostics``.
         timers: keeps the rates.
+        desired: the arms on which EGM is to run.
     """
 
     def __init__(
@@ -451,17 +458,18 @@ class HealthTopics:
         robot: Callable[[], RobotState],
         grippers: Callable[[], list[DiagnosticStatus]],
         timers: TimerThread,
+        desired: Callable[[], Container[Side]] = tuple,
     ) -> None:
         clock = node.get_clock()
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
 
         def publish_arm(publisher: Any, side: Side) -> None:
-            publisher.publish(egm_status(side, snapshot(side)))
+            publisher.publish(egm_status(side, snapshot(side), is_desired=side in desired()))
 
         def publish_diagnostics() -> None:
             array = DiagnosticArray()
             array.header.stamp = stamp(clock.now().nanoseconds)
-            arms = (egm_status(side, snapshot(side)) for side in Side)
+            arms = (egm_status(side, snapshot(side), is_desired=side in desired()) for side in Side)
             array.status = [robot_status(robot()), *arms, *grippers()]
             diagnostics.publish(array)
 

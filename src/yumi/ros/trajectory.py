@@ -8,6 +8,7 @@ it, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import count
 from threading import Event as Flag
@@ -23,7 +24,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer
+from yumi.control.controller import Buffer, State
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     DualArmTrajectoryController,
@@ -40,10 +41,19 @@ from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory
 from yumi.errors import YumiError
-from yumi.robot.joints import JointLimits, Side, joint_names
+from yumi.robot.joints import CYCLE, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
-from yumi.ros.messages import LATCHED, Stamps, feedback_message, stamp_of, state_message, tolerances_of, trajectory_of
+from yumi.ros.messages import (
+    LATCHED,
+    Stamps,
+    feedback_message,
+    how_to_activate,
+    stamp_of,
+    state_message,
+    tolerances_of,
+    trajectory_of,
+)
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
@@ -108,7 +118,7 @@ class TrajectoryQuery:
         return setpoints
 
 
-_FEEDBACK_PERIOD = 0.02  # [s]
+_POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
 _CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
 
 
@@ -130,6 +140,7 @@ class _OpenGoal:
         handle: the action's; None until it has one.
         ends: each arm's report of its end.
         is_over: set when it has ended.
+        feedback_due: when the next feedback is given [s].
     """
 
     def __init__(self, request: Any) -> None:
@@ -137,6 +148,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
+        self.feedback_due = 0.0
 
     @property
     def end(self) -> TrajectoryEnded:
@@ -160,7 +172,7 @@ class TrajectoryAction:
         control: where the controllers are commanded.
         clock: the machine's clock.
         limits: what the joints may do.
-        timers: publish feedback fifty times a second.
+        timers: publish what the controllers report.
         causes: knows what stopped the robot; that is added to refusals and results.
     """
 
@@ -180,6 +192,7 @@ class TrajectoryAction:
         self._ros_clock = node.get_clock()
         self._stamps = Stamps.of(node, clock)
         self._name = name
+        self._namespace = node.get_namespace().rstrip("/")
         self._feedback = feedback
         self._sides = tuple(feedback)
         self._control = control
@@ -207,7 +220,7 @@ class TrajectoryAction:
         self._query = TrajectoryQuery(node, feedback, clock)
         self._skews = node.create_publisher(Float64MultiArray, "~/inter_arm_skew", 1) if len(feedback) > 1 else None
         self._states = node.create_publisher(JointTrajectoryControllerState, "~/controller_state", 1)
-        self._end_feedback = timers.every(_FEEDBACK_PERIOD, f"The feedback of {name}", self._pass_on)
+        self._end_feedback = timers.every(_POLL_PERIOD, f"The feedback of {name}", self._pass_on)
 
     def on_event(self, event: Any) -> None:
         """An event of the only arm's controller; from any thread."""
@@ -248,9 +261,22 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
-            self._log.warning(f"{error}{self._causes.cause() if self._causes else ''}")
+            self._log.warning(f"{error}{self._advice()}{self._causes.cause() if self._causes else ''}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
+
+    def _advice(self) -> str:
+        """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
+        ways = []
+        with suppress(YumiError):  # without the control process nothing is known
+            for side in self._sides:
+                infos = {info.name: info for info in self._control.call(Commands.list_controllers, side)}
+                own = infos.get(self._name)
+                if own is not None and own.state is State.INACTIVE:
+                    rivals = [name for name, info in infos.items() if set(info.claimed) & set(own.required)]
+                    namespace = self._namespace if len(self._sides) == 1 else f"{self._namespace}/{side.value}"
+                    ways.append(how_to_activate(namespace, side, self._name, rivals))
+        return f" To activate: {'; '.join(ways)}." if ways else ""
 
     def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
         """Have every arm accept its part of a trajectory, or none.
@@ -261,7 +287,13 @@ class TrajectoryAction:
         self._control.call(
             Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
         )  # refuses while inactive
-        plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits)
+        names = {name for side in self._sides for name in joint_names(side)}
+        held = (
+            None
+            if names <= set(message.joint_names)
+            else self._control.call(Commands.commanded_positions, *self._sides)
+        )
+        plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits, held)
         number, stamped, start = next(self._numbers), stamp_of(message), None  # None is at once
         if stamped:  # on the monotonic clock as it is now: to plan a long trajectory takes time
             start = self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
@@ -346,7 +378,7 @@ class TrajectoryAction:
         try:
             call()
         except YumiError as error:
-            self._log.warning(str(error), throttle_duration_sec=1.0)
+            self._log.warning(f"{error}{self._advice()}", throttle_duration_sec=1.0)
 
     def _pass_on(self) -> None:
         """Publish what is new of all arms, as the controller's state and as feedback of the goal it is about."""
@@ -362,7 +394,11 @@ class TrajectoryAction:
             self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
         numbers = {feedback.goal for feedback in feedbacks.values()}
         goal = self._open.get(numbers.pop()) if len(numbers) == 1 else None
-        if goal is not None and goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
+        first = feedbacks[self._sides[0]]
+        if goal is None or first.time < goal.feedback_due:
+            return
+        if goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
+            goal.feedback_due = first.time + first.monitor_period - 0.5 * CYCLE
             goal.handle.publish_feedback(feedback_message(feedbacks, time_ns))
 
 

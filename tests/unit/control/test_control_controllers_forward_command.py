@@ -78,5 +78,5 @@ def test_interface_is_chosen_by_its_parameter(interface: str, kind: str, box: Me
 
 
 def test_other_joints_than_the_arm_s_are_refused(box: MemoryBuffer) -> None:
-    with pytest.raises(CommandRefused, match="Parameter 'joints' is yumi_joint_1_r; commands are for yumi_joint_1_r, "):
+    with pytest.raises(CommandRefused, match="'joints': it is yumi_joint_1_r; name yumi_joint_1_r, yumi_joint_2_r"):
         configured(ForwardCommandController(box, box), joints=JOINTS[:1])

@@ -94,7 +94,6 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
         ("/c:\n  ros__parameters:\n    p: [1, x]", "mine.yaml line 3: p is [1, 'x']; it must be"),
         ("/c:\n  ros__parameters:\n    p: [yes]", "mine.yaml line 3: p is [True]; it must be"),
         ("/c:\n  ros__parameters:\n    g: {p: 2024-01-01}", "mine.yaml line 3: g.p is datetime.date(2024, 1, 1)"),
-        ("/c: {}\n/d: {}\n/c: {}", "mine.yaml line 3: /c stands in line 1 already."),
         ("/c:\n  ros__parameters:\n    p: 1\n    p: 2", "mine.yaml line 4: p stands in line 3 already."),
     ],
 )
@@ -164,3 +163,8 @@ def test_controllers_are_refused_with_file_and_line(file: Path, more: str, sente
 def test_update_rate_other_than_the_robots_is_refused(file: Path) -> None:
     with pytest.raises(SettingsError, match="has no setting update_rate = 100; it has:"):
         checked(file, LISTED.replace("250", "100"))
+
+
+def test_sections_of_one_name_add_up_as_in_ros(file: Path) -> None:
+    text = "/**: {c: {ros__parameters: {p: 1}}}\n/**: {d: {ros__parameters: {p: 3}}, c: {ros__parameters: {q: 2}}}"
+    assert values(file, text, "/r/c") == {"p": 1, "q": 2}

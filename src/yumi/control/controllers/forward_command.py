@@ -13,17 +13,12 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import Controller, GoalBuffer, GoalInbox, GoalKind
+from yumi.control.controller import Controller, GoalBuffer, GoalInbox, GoalKind, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import SpeedMotion
-from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
-from yumi.settings import Parameter, Values, number, text, texts
+from yumi.settings import Parameter, Values, number, text
 
-_JOINTS = Parameter("joints", (), description="The arm's joints in chain order, as the commands; empty means the same.")
-_INTERFACE = Parameter(
-    "interface_name", "position", choices=("position", "velocity"), description="What is forwarded.", read_only=True
-)
 _TIMEOUT = Parameter(
     "timeout", 0.5, 0.0, 10.0, "s", "Without a new speed for so long, the arm stops; 0 lets it go on for ever."
 )
@@ -60,17 +55,16 @@ class ForwardCommandController(Controller):
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names
-        choice = () if self._interface else (_INTERFACE,)
-        return (_JOINTS, *choice, _TIMEOUT)
+        kinds = (self._interface,) if self._interface else ("position", "velocity")
+        return (
+            Parameter("joints", joint_names, description="The arm's joints in chain order.", read_only=True),
+            Parameter("interface_name", kinds[0], choices=kinds, description="What is forwarded.", read_only=True),
+            _TIMEOUT,
+        )
 
     def configure(self, values: Values) -> None:
-        names = texts(values, "joints")
-        if names and names != self._joint_names:
-            raise CommandRefused(
-                f"Parameter 'joints' is {', '.join(names)}; commands are for {', '.join(self._joint_names)}: "
-                "name these or none."
-            )
-        self._forwarded = self._interface or text(values, "interface_name")
+        check_joints(values, self._joint_names, in_order=True)
+        self._forwarded = text(values, "interface_name")
         self._timeout = number(values, "timeout")
 
     @property

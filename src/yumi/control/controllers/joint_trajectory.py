@@ -14,7 +14,7 @@ from enum import Enum, auto
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
-from yumi.control.controller import Buffer, Controller
+from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback
@@ -30,7 +30,7 @@ from yumi.control.trajectory import (
 )
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, Side, joint_names, joints
-from yumi.settings import Parameter, Values, number
+from yumi.settings import Parameter, Values, flag, number, texts
 
 DEFAULT = 0.0
 """A tolerance that takes the controller's own value."""
@@ -149,9 +149,34 @@ LOOKAHEAD = 0.032
 _RAD, _RATE = "rad", "rad/s"
 
 
-def trajectory_parameters(joint_names: Sequence[str]) -> tuple[Parameter, ...]:
-    """What can be set on a trajectory controller of these joints."""
+def trajectory_parameters(joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+    """What can be set on a trajectory controller of these joints; names and defaults are upstream's.
+
+    Where upstream has no default the first value that it allows is the one.
+    """
+    both = ("position", "velocity")
     common = (
+        Parameter("joints", joint_names, description="The arm's joints, in any order.", read_only=True),
+        Parameter(
+            "command_interfaces",
+            both,
+            choices=both,
+            description="What is claimed: position, or position and velocity.",
+            read_only=True,
+        ),
+        Parameter(
+            "state_interfaces",
+            both,
+            choices=both,
+            description="What is read: position, or position and velocity.",
+            read_only=True,
+        ),
+        Parameter(
+            "allow_partial_joints_goal",
+            default=False,
+            description="Whether a goal may leave out joints; they hold where they are commanded to be.",
+        ),
+        Parameter("interpolation_method", "splines", choices=("splines",), description="What is between two points."),
         Parameter("feedforward", 1.0, 0.0, 1.0, "", "Share of the planned speed that is sent beside the position."),
         Parameter(
             "lookahead",
@@ -167,21 +192,53 @@ def trajectory_parameters(joint_names: Sequence[str]) -> tuple[Parameter, ...]:
         Parameter(
             "speed_scaling.initial_scaling_factor", 1.0, 0.0, 1.0, "", "Share of the speed until commanded otherwise."
         ),
-        Parameter("action_monitor_rate", 20.0, 1.0, 250.0, "Hz", "How often feedback is given."),
+        Parameter("action_monitor_rate", 20.0, 1.0, 100.0, "Hz", "How often the action gives feedback."),
+        Parameter("state_publish_rate", 50.0, 1.0, 100.0, "Hz", "How often controller_state is published."),
     )
-    return (*common, *(each for name in joint_names for each in _parameters_of(name)))
+    own = []
+    for name in joint_names:
+        constraints = f"constraints.{name}"
+        own += [
+            Parameter(f"{constraints}.trajectory", 0.0, 0.0, 6.3, _RAD, "Distance on the way that ends it; 0 is any."),
+            Parameter(f"{constraints}.goal", 0.0, 0.0, 6.3, _RAD, "Distance at which the goal is reached; 0 is any."),
+            Parameter(
+                f"{constraints}.max_deceleration_on_cancel", 0.0, 0.0, 40.0, "rad/s²", "0 is the joint's own limit."
+            ),
+        ]
+    return (*common, *own, *_FIXED, Parameter("command_joints", joint_names, fixed="commands go to the joints"))
 
 
-def _parameters_of(joint: str) -> tuple[Parameter, ...]:
-    return (
-        Parameter(
-            f"constraints.{joint}.trajectory", 0.0, 0.0, 6.3, _RAD, "Distance on the way that ends it; 0 is any."
-        ),
-        Parameter(f"constraints.{joint}.goal", 0.0, 0.0, 6.3, _RAD, "Distance at which the goal is reached; 0 is any."),
-        Parameter(
-            f"constraints.{joint}.max_deceleration_on_cancel", 0.0, 0.0, 40.0, "rad/s²", "0 is the joint's own limit."
-        ),
-    )
+_SCALED = "every trajectory follows the robot's speed_scale without an interface"
+_CONTINUES = "a motion always continues from the last command"
+_FIXED = (
+    Parameter("gains", (), fixed="gains are for velocity or effort commands; this arm is commanded by position"),
+    Parameter("interface_name", (), fixed="a trajectory controller has command_interfaces"),
+    Parameter("open_loop_control", default=True, fixed=_CONTINUES),
+    Parameter("interpolate_from_desired_state", default=True, fixed=_CONTINUES),
+    Parameter(
+        "set_last_command_interface_value_as_state_on_activation",
+        default=True,
+        fixed="after activation the arm holds where the robot plans to be",
+    ),
+    Parameter(
+        "allow_integration_in_goal_trajectories",
+        default=False,
+        fixed="points without positions are refused; give positions",
+    ),
+    Parameter(
+        "allow_nonzero_velocity_at_trajectory_end",
+        default=False,
+        fixed="a trajectory ends at rest; a last point with a velocity is refused",
+    ),
+    Parameter("cmd_timeout", 0.0, fixed="the arm holds at the end of every trajectory"),
+    Parameter(
+        "constraints.decelerate_on_cancel", default=True, fixed="a cancelled arm always brakes within its limits"
+    ),
+    Parameter("speed_scaling.state_interface", "", fixed=_SCALED),
+    Parameter("speed_scaling.command_interface", "", fixed=_SCALED),
+    Parameter("speed_scaling_interface_name", "", fixed=_SCALED),
+)
+"""Upstream's parameters, and those of drivers that build on it, which change nothing here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +269,11 @@ class TrajectorySettings:
         lookahead: how much earlier than due the arm is commanded [s].
         start_tolerance: how far from the arm a trajectory may begin without time to go there [rad].
         scale: share of the speed until commanded otherwise.
-        feedback_period: time between two feedbacks [s].
+        feedback_period: time between two messages of the controller's state [s].
+        monitor_period: time between two feedbacks of the action [s].
+        is_partial_allowed: whether a goal may leave out joints.
+        claimed: ``position``, and ``velocity`` where it is claimed, too.
+        read: the same of what is measured.
         bounds: tolerances where a command names none.
         deceleration: what a cancelled motion brakes with [rad/s²], (7,).
     """
@@ -222,12 +283,27 @@ class TrajectorySettings:
     start_tolerance: float
     scale: float
     feedback_period: float
+    monitor_period: float
+    is_partial_allowed: bool
+    claimed: tuple[str, ...]
+    read: tuple[str, ...]
     bounds: Bounds
     deceleration: Joints
 
     @staticmethod
     def of(values: Values, joint_names: Sequence[str], strongest: Joints) -> TrajectorySettings:
-        """From complete parameter ``values``; ``strongest`` decelerations are the joints' own [rad/s²], (7,)."""
+        """From complete parameter ``values``; ``strongest`` decelerations are the joints' own [rad/s²], (7,).
+
+        Raises:
+            CommandRefused: the joints are not the arm's, or interfaces do not go together.
+        """
+        check_joints(values, joint_names, in_order=False)
+        for name in ("command_interfaces", "state_interfaces"):
+            given = texts(values, name)
+            if given not in (("position",), ("position", "velocity")):
+                raise CommandRefused(
+                    f"Parameter {name!r} is [{', '.join(given)}]; choose [position] or [position, velocity]."
+                )
         stopped = _or_any(number(values, "constraints.stopped_velocity_tolerance"))
         own = [number(values, f"constraints.{name}.max_deceleration_on_cancel") for name in joint_names]
         return TrajectorySettings(
@@ -235,7 +311,11 @@ class TrajectorySettings:
             lookahead=number(values, "lookahead"),
             start_tolerance=number(values, "start_tolerance"),
             scale=number(values, "speed_scaling.initial_scaling_factor"),
-            feedback_period=1.0 / number(values, "action_monitor_rate"),
+            feedback_period=1.0 / number(values, "state_publish_rate"),
+            monitor_period=1.0 / number(values, "action_monitor_rate"),
+            is_partial_allowed=flag(values, "allow_partial_joints_goal"),
+            claimed=texts(values, "command_interfaces"),
+            read=texts(values, "state_interfaces"),
             bounds=Bounds(
                 path=joints([_or_any(number(values, f"constraints.{name}.trajectory")) for name in joint_names]),
                 path_velocity=joints([inf] * len(joint_names)),
@@ -427,7 +507,7 @@ class JointTrajectoryController(Controller):
         self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
-        self._position = ZERO
+        self._position = self._velocity = ZERO
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         return trajectory_parameters(joint_names)
@@ -436,7 +516,11 @@ class JointTrajectoryController(Controller):
         self._settings = TrajectorySettings.of(values, self._names, self._limits.acceleration)
 
     def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
+        """Speeds are sent beside the positions where no other controller claims them, see :class:`MergedCommand`."""
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in self._settings.claimed)
+
+    def state_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in self._settings.read)
 
     def activate(self, state: ArmState) -> None:
         """An arm that moves comes to rest first: it was led by another law, whose command is no place to go on from."""
@@ -486,7 +570,8 @@ class JointTrajectoryController(Controller):
             share *= self._pace
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
-        return ArmCommand(self._position, velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share))
+        self._velocity = velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share)
+        return ArmCommand(self._position, self._velocity)
 
     def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
@@ -525,6 +610,12 @@ class JointTrajectoryController(Controller):
         if plan.side is not self._side:
             raise refused(
                 f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
+            )
+        if plan.left_out and not settings.is_partial_allowed:
+            raise refused(
+                f"it leaves out {', '.join(plan.left_out)}; name all joints, or set the controller's parameter "
+                "allow_partial_joints_goal to true.",
+                ResultCode.INVALID_JOINTS,
             )
         if any(isnan(value) for value in command.tolerances.values):
             raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
@@ -622,7 +713,7 @@ class JointTrajectoryController(Controller):
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
-        self._time, self._position = 0.0, position
+        self._time, self._position, self._velocity = 0.0, position, ZERO
 
     def _give_feedback(self, state: ArmState) -> None:
         goal, source = self._goal, self._source
@@ -636,7 +727,18 @@ class JointTrajectoryController(Controller):
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
         self._feedback.write(
             TrajectoryFeedback(
-                number, state.time, time, self._pace, *skew, desired, velocity, state.position, state.velocity
+                number,
+                state.time,
+                time,
+                self._pace,
+                *skew,
+                desired,
+                velocity,
+                state.position,
+                state.velocity,
+                self._position,
+                self._velocity,
+                self._settings.monitor_period,
             )
         )
 

@@ -1,0 +1,118 @@
+"""The tool on an arm's flange and what it carries, as one load for the controller's model of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, copysign, cos, hypot, isclose, isfinite, sin
+
+from yumi.errors import CommandRefused
+from yumi.robot.description import Mass
+from yumi.robot.joints import Pose, Quaternion, Vector
+from yumi.robot.kinematics import multiply, rotate, upper_half
+
+MOST_MASS = 0.5
+"""What an arm carries, its gripper included [kg] (reference/yumi.md)."""
+
+FARTHEST = 0.5
+"""A centre of gravity or a TCP is at most so far from the flange [m]: what is farther was hardly meant in metres."""
+
+_FLANGE = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_LEAST_MASS = 0.001  # [kg] RAPID knows no tool without one; that of its tool0
+_NOTHING = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+_SWEEPS = 20  # Jacobi's method converges quadratically: three or four are needed
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What is on an arm's flange; everything seen from tool0, the flange's frame.
+
+    Attributes:
+        tcp: pose of the tool's centre point [m].
+        load: the tool itself.
+        payload: what it carries.
+
+    Raises:
+        CommandRefused: a value is not finite, negative or too large; the sentence says which.
+    """
+
+    tcp: Pose = _FLANGE
+    load: Mass = _NOTHING
+    payload: Mass = _NOTHING
+
+    def __post_init__(self) -> None:
+        for name, mass in (("tool", self.load), ("payload", self.payload)):
+            if not all(map(isfinite, (mass.mass, *mass.centre, *mass.inertia))):
+                raise CommandRefused(f"The {name} has a value that is not finite: {mass}; give finite numbers.")
+            if mass.mass < 0.0 or hypot(*mass.centre) > FARTHEST:
+                raise CommandRefused(
+                    f"The {name} has {mass.mass:g} kg at {hypot(*mass.centre):g} m from the flange; give a mass from 0 "
+                    f"to {MOST_MASS:g} kg, at most {FARTHEST:g} m away."
+                )
+            if min(principal_inertia(mass)[1]) < -1e-9:
+                raise CommandRefused(f"The {name} has a negative moment of inertia; give that about its own centre.")
+        if self.load.mass + self.payload.mass > MOST_MASS:
+            raise CommandRefused(
+                f"Tool and payload have {self.load.mass + self.payload.mass:g} kg together; an arm carries up to "
+                f"{MOST_MASS:g} kg, its gripper included."
+            )
+        if not all(map(isfinite, self.tcp.position)) or hypot(*self.tcp.position) > FARTHEST:
+            raise CommandRefused(
+                f"The TCP is at {self.tcp.position}; give a place up to {FARTHEST:g} m from the flange."
+            )
+        if not isclose(hypot(*self.tcp.orientation), 1.0, abs_tol=1e-3):
+            raise CommandRefused(
+                f"The TCP's orientation {self.tcp.orientation} is not a unit quaternion; give w, x, y, z."
+            )
+
+    @property
+    def total(self) -> Mass:
+        """Tool and payload as one body: its inertia is about the common centre."""
+        mass = self.load.mass + self.payload.mass
+        if mass < _LEAST_MASS:
+            return Mass(_LEAST_MASS, (0.0, 0.0, _LEAST_MASS), (0.0,) * 6)
+        pairs = zip(self.load.centre, self.payload.centre, strict=True)
+        x, y, z = ((self.load.mass * one + self.payload.mass * other) / mass for one, other in pairs)
+        inertia = [0.0] * 6
+        for body in (self.load, self.payload):
+            a, b, c = (at - to for at, to in zip(body.centre, (x, y, z), strict=True))
+            steiner = (b * b + c * c, -a * b, -a * c, a * a + c * c, -b * c, a * a + b * b)
+            inertia = [
+                old + own + body.mass * way for old, own, way in zip(inertia, body.inertia, steiner, strict=True)
+            ]
+        xx, xy, xz, yy, yz, zz = inertia
+        return Mass(mass, (x, y, z), (xx, xy, xz, yy, yz, zz))
+
+
+def inertia_of(axes: Quaternion, moments: Vector) -> tuple[float, float, float, float, float, float]:
+    """The inertia (xx, xy, xz, yy, yz, zz) of moments about axes that are turned by a rotation [kg m²]."""
+    columns = [rotate(axes, each) for each in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+
+    def entry(row: int, column: int) -> float:
+        return sum(moment * axis[row] * axis[column] for moment, axis in zip(moments, columns, strict=True))
+
+    return entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)
+
+
+def principal_inertia(body: Mass) -> tuple[Quaternion, Vector]:
+    """The axes of a body's moments of inertia, as a rotation from the frame it is given in, and the moments [kg m²].
+
+    By Jacobi's method: in each step a rotation about one axis makes one product of inertia zero.
+    """
+    xx, xy, xz, yy, yz, zz = body.inertia
+    tensor, axes = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], (1.0, 0.0, 0.0, 0.0)
+    for _ in range(_SWEEPS):
+        for row, column in ((0, 1), (1, 2), (2, 0)):
+            if tensor[row][column] == 0.0:
+                continue
+            difference = tensor[row][row] - tensor[column][column]
+            angle = 0.5 * atan2(copysign(2.0, difference) * tensor[row][column], abs(difference))  # the smaller one
+            c, s, other = cos(angle), sin(angle), 3 - row - column
+            half = [cos(0.5 * angle), 0.0, 0.0, 0.0]
+            half[1 + other] = sin(0.5 * angle)
+            axes = multiply(axes, (half[0], half[1], half[2], half[3]))
+            for line in tensor:
+                line[row], line[column] = c * line[row] + s * line[column], c * line[column] - s * line[row]
+            first, second = tensor[row], tensor[column]
+            tensor[row] = [c * one + s * two for one, two in zip(first, second, strict=True)]
+            tensor[column] = [c * two - s * one for one, two in zip(first, second, strict=True)]
+    return upper_half(axes), (tensor[0][0], tensor[1][1], tensor[2][2])
