@@ -157,7 +157,6 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
             panel.plot(times, curve(name, index), style, color=color, linewidth=1.3, label=label)
         panel.set_title(f"axis {CHAIN_AXES[index]} [°]")
         panels.append(panel)
-    panels[0].legend(loc="best", fontsize="small")
     error = figure.add_subplot(grid[lines - 1, :columns])
     for index in drawn:
         sent, measured = curve("sent", index), curve("position", index)
@@ -168,10 +167,10 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     # Stacked, so that the upper edge is the whole cycle.
     stages = figure.add_subplot(grid[lines - 1, columns:])
     layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in rows] for name in STAGES]
-    names = [name.replace("_", " ") for name in STAGES]
-    stages.stackplot(times, *layers, labels=names, linewidth=0.0, step="post")
+    stages.stackplot(times, *layers, labels=STAGES, linewidth=0.0, step="post")
     stages.set(title="stages of a cycle [µs]")
     stages.legend(loc="upper right", fontsize="x-small", ncols=4)
+    panels[0].legend(loc="best", fontsize="small")
     for panel in (*panels, error, stages):
         for begin, end in gaps:
             panel.axvspan(begin, end, color="#8b949e", alpha=0.25, linewidth=0.0)

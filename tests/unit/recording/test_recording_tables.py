@@ -134,7 +134,7 @@ def read_joint_state(data: bytes) -> tuple[int, list[str], list[list[float]]]:
 
 def test_joint_states_are_the_ros_message_that_foxglove_plots(file: Path) -> None:
     with file.open("rb") as stream:
-        found = [each for each in make_reader(stream).iter_messages(topics=["l/joint_states"])]
+        found = list(make_reader(stream).iter_messages(topics=["l/joint_states"]))
     schema, channel, message = found[1]
     assert schema is not None
     assert (schema.name, schema.encoding, channel.message_encoding) == ("sensor_msgs/msg/JointState", "ros2msg", "cdr")
