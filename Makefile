@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test soak check wheels constraints clean
+.PHONY: help setup demo test soak check docs wheels constraints clean
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -15,6 +15,7 @@ help:
 	@echo 'make check         the same without the tests'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every machine, one for this Python with the message packages built'
+	@echo 'make docs          the documentation as a site, in build/site, from an environment of its own (build/docs)'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
@@ -47,6 +48,12 @@ soak: setup
 wheels: setup
 	@.venv/bin/python -m hatchling build -t wheel -d dist
 	@HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 .venv/bin/python -m hatchling build -t wheel -d dist
+
+# MkDocs and its theme are no part of .venv: nothing that runs a robot needs them.
+docs:
+	@python=$$(sh setup/find_python.sh '$(PYTHON)') && test -x build/docs/bin/mkdocs || { "$$python" -m venv build/docs && \
+	    build/docs/bin/pip --quiet install --requirement setup/docs_requirements.txt; }
+	build/docs/bin/mkdocs build --strict $(ARGS)
 
 constraints: setup
 	@.venv/bin/python -m venv build/uv

@@ -10,9 +10,20 @@ if TYPE_CHECKING:
     from yumi.api.connect import connect, connect_async
     from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.driver.egm_server import EgmServer
+    from yumi.recording.tables import read_recording
 
 __version__ = "0.1.0"
-__all__ = ["EgmServer", "__version__", "abb_degrees", "connect", "connect_async", "degrees", "errors", "in_degrees"]
+__all__ = [
+    "EgmServer",
+    "__version__",
+    "abb_degrees",
+    "connect",
+    "connect_async",
+    "degrees",
+    "errors",
+    "in_degrees",
+    "read_recording",
+]
 
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
@@ -21,6 +32,7 @@ _OFFERS = {
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",
     "in_degrees": "yumi.api.motion",
+    "read_recording": "yumi.recording.tables",
 }
 
 

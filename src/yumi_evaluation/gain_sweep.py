@@ -16,6 +16,9 @@ GAINS = tuple(round(0.2 * number, 1) for number in range(5, 17))
 SLOWER = 0.020
 """A gain must also work when the robot answers so much later than the model [s]: real ones are reported to."""
 
+SAME = 0.05
+"""Gains nearer to each other than this do not differ visibly."""
+
 HIGHEST = 2.0
 """The joint position controller accepts no higher gain."""
 
@@ -52,6 +55,11 @@ class Task:
     size_deg: float = 10.0
     mode: Mode = Mode.FULLSPEED
 
+    @property
+    def duration(self) -> float:
+        """How long a step is looked at [s]."""
+        return max(_DURATION if self.mode is Mode.FULLSPEED else 2.0 * _DURATION, 0.2 * self.size_deg)
+
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
@@ -70,6 +78,23 @@ class Recommendation:
     onset: float | None
     points: tuple[GainPoint, ...]
     slower: tuple[GainPoint, ...]
+
+    @property
+    def headline(self) -> str:
+        """The gain in a few words."""
+        return "no gain can be recommended" if self.gain is None else f"P = {self.gain:g} is recommended"
+
+    def beside(self, shipped: float) -> str:
+        """Why the gain that is delivered is another one; empty when it is the same."""
+        if self.gain is None or abs(self.gain - shipped) < SAME:
+            return ""
+        if shipped > self.gain:
+            return f"The delivered P = {shipped:g} is higher: for this task lower it."
+        return (
+            f"The delivered P = {shipped:g} is lower on purpose: no real robot has been measured yet, and a robot that "
+            f"answers more than {1e3 * SLOWER:g} ms later than the model oscillates sooner. {shipped:g} is a gain of "
+            "the thesis's experiments on a real robot; raise it when you have seen yours."
+        )
 
     def __str__(self) -> str:
         onset = "not seen" if self.onset is None else f"seen from P = {self.onset:g}"
@@ -91,10 +116,9 @@ def sweep(
 ) -> tuple[GainPoint, ...]:
     """A step with each of the ``gains``; ``on_point`` is called after each, and may raise to end it."""
     task = task or Task()
-    longest = max(_DURATION if task.mode is Mode.FULLSPEED else 2.0 * _DURATION, 0.2 * task.size_deg)
     points = []
     for gain in gains:
-        trace = run_virtually(step(proportional(gain), task.mode, longest, task.size_deg), system, model)
+        trace = run_virtually(step(proportional(gain), task.mode, task.duration, task.size_deg), system, model)
         points.append(GainPoint(gain, step_figures_of(trace)))
         on_point()
     return tuple(points)

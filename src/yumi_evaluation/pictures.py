@@ -19,6 +19,7 @@ from yumi_evaluation.experiments import (
     AXIS_6,
     PREDICTION,
     PUBLISHED_OSCILLATION,
+    TOLERANCE_DEG,
     Experiment,
     Mode,
     System,
@@ -35,10 +36,14 @@ from yumi_evaluation.round_trips import LEGS, RoundTrip
 COLORS = ("#2f81f7", "#d98200", "#009e73", "#cc79a7", "#56b4e9", "#8b949e")
 """Distinct on white and on black, and for colour-blind readers (after Okabe and Ito)."""
 
+GOOD, BAD = "#1a9850", "#d73027"
+"""Inside and outside of a limit."""
+
 LINES = {System.BARE: ":", System.SHIPPED: "-", System.NETWORKED: "--"}
 
 _INK, _GRID = "#1b1f24", "#d1d9e0"
 _WIDTH = 9.6  # [inch]
+_LARGEST = 3.0  # ratio that is drawn where it is; a larger one is at the edge
 _LONGEST = {Mode.FULLSPEED: 1.5, Mode.REDUCED: 4.0}  # [s] of steps
 
 Draw = Callable[[Any], None]
@@ -60,27 +65,78 @@ def draw_pictures(results: Results) -> dict[str, Picture]:
     """The pictures that the results allow, by name."""
     drawn = {}
     for name, height, caption, draw in _pictures(results):
-        svg = _svg(draw, height, name)
-        svg = svg[svg.index("<svg") :].replace(_INK, "var(--ink)").replace(_GRID, "var(--line)")
-        svg = re.sub("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', svg, count=1)
-        drawn[name] = Picture(svg, caption)
+        drawn[name] = _picture(_svg(draw, height, name), caption)
     return drawn
 
 
-def draw_recommendation(found: Recommendation, file: Path) -> None:
-    """Save the sweeps as an SVG picture."""
+def _picture(svg: str, caption: str) -> Picture:
+    svg = svg[svg.index("<svg") :].replace(_INK, "var(--ink)").replace(_GRID, "var(--line)")
+    return Picture(re.sub("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', svg, count=1), caption)
+
+
+def draw_ratios(
+    name: str, caption: str, ratios: Sequence[tuple[str, float | None]], limits: tuple[float, float]
+) -> Picture:
+    """Ratios as a dot each, green between ``limits``, red outside; what was not run is grey and says so.
+
+    Narrow enough to be read on a telephone.
+    """
+    lower, upper = limits
 
     def draw(figure: Any) -> None:
-        panels = figure.subplots(1, 2)
-        _draw_sweep({"virtual robot": found.points, f"{1e3 * SLOWER:g} ms slower": found.slower}, panels)
-        for panel in panels if found.gain is not None else ():
-            panel.axvline(found.gain, color=COLORS[2], linestyle="--", linewidth=1.0)
+        panel = figure.subplots()
+        panel.axvspan(lower, upper, color=GOOD, alpha=0.15, linewidth=0.0)
+        longest = max([1.3 * upper, *(1.1 * ratio for _, ratio in ratios if ratio is not None and ratio < _LARGEST)])
+        for row, (_, ratio) in enumerate(reversed(ratios)):
+            if ratio is None:
+                panel.text(0.5 * longest, row, "not run", color=COLORS[-1], ha="center", va="center", style="italic")
+                continue
+            color = GOOD if lower <= ratio <= upper else BAD
+            panel.plot([min(ratio, longest)], [row], "o", color=color, markersize=7.0)
+            panel.annotate(f"{ratio:.2f}", (min(ratio, longest), row), (7, 0), textcoords="offset points", va="center")
+        panel.set(xlim=(0.0, 1.12 * longest), ylim=(-0.6, len(ratios) - 0.4))
+        panel.set_yticks(range(len(ratios)), [title for title, _ in reversed(ratios)])
+
+    svg = _svg(draw, 0.55 + 0.27 * len(ratios), name, width=5.4)
+    return _picture(svg, caption)
+
+
+def draw_recommendation(found: Recommendation, shipped: float, steps: Sequence[Result], file: Path) -> None:
+    """Save the steps and the sweeps as an SVG picture.
+
+    Args:
+        found: the sweeps, and the gain they recommend.
+        shipped: the gain that is delivered.
+        steps: the step with a few of the gains, to be seen as curves.
+        file: where to.
+    """
+
+    def draw(figure: Any) -> None:
+        figure.suptitle(f"Proportional gain: {found.headline}")
+        response, settling, overshoot = figure.subplots(1, 3)
+        size = steps[0].experiment.size_deg if steps else 0.0
+        response.axhspan(size - TOLERANCE_DEG, size + TOLERANCE_DEG, color="#8b949e", alpha=0.4, linewidth=0.0)
+        for run, color in zip(steps, COLORS, strict=False):
+            _plot(response, run, "-", color, run.experiment.controller.title)
+        response.set(title="Step of the virtual robot", xlabel="time [s]", ylabel="angle [°]")
+        _show_legend(response, loc="lower right")
+        sweeps = {"virtual robot": found.points, f"{1e3 * SLOWER:g} ms slower": found.slower}
+        _draw_sweep(sweeps, (settling, overshoot))
+        settling.set_title("How long a step takes")
+        overshoot.set_title("How far it goes past the goal")
+        for panel in (settling, overshoot):
+            panel.axvline(shipped, color=_INK, linestyle=":", linewidth=1.2, label=f"shipped: {shipped:g}")
+            if found.gain is not None:
+                label = f"recommended: {found.gain:g}"
+                panel.axvline(found.gain, color=COLORS[2], linestyle="--", linewidth=1.2, label=label)
+        settling.get_legend().remove()  # its lines leave no room
+        overshoot.legend(*settling.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize="small")
 
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(_svg(draw, 3.4, "tune", is_transparent=False), encoding="utf-8")
+    file.write_text(_svg(draw, 3.8, "tune", width=12.6, is_transparent=False), encoding="utf-8")
 
 
-def _svg(draw: Draw, height: float, name: str, *, is_transparent: bool = True) -> str:
+def _svg(draw: Draw, height: float, name: str, *, width: float = _WIDTH, is_transparent: bool = True) -> str:
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
     style = {
         **dict.fromkeys(inked, _INK),
@@ -90,7 +146,7 @@ def _svg(draw: Draw, height: float, name: str, *, is_transparent: bool = True) -
         "svg.hashsalt": name,  # the same picture is the same file, and ids of two pictures differ
     }
     with mpl.rc_context(style):
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
         draw(figure)
         for panel in figure.axes:
             panel.grid(color=_GRID, linewidth=0.6)
@@ -103,9 +159,12 @@ def _svg(draw: Draw, height: float, name: str, *, is_transparent: bool = True) -
 def _pictures(results: Results) -> Iterator[tuple[str, float, str, Draw]]:
     """Name, height [inch], caption and how it is drawn."""
     if any(run.experiment.is_step for run in results.runs):
+        ran = [system for system in LINES if any(run.system is system for run in results.runs)]
+        styles = {":": "Dotted", "-": "Solid", "--": "Dashed"}
         caption = (
             "Steps of 10° at full speed and reduced speed (thesis: figures 5.1 and 5.2). A colour is a controller. "
-            "Dotted: without the limiter; solid: as shipped; dashed: networked. The grey band is 0.1° around the goal."
+            f"{'; '.join(f'{styles[LINES[system]]}: {system.title}' for system in ran)}. "
+            "The grey band is 0.1° around the goal."
         )
         yield "steps", 3.6, caption, lambda figure: _draw_steps(results, figure)
     if any(not run.experiment.is_step for run in results.runs):

@@ -38,9 +38,9 @@ from yumi_evaluation.experiments import (
 )
 from yumi_evaluation.figures import HOLD, SineFigures, StepFigures, main_figure
 from yumi_evaluation.gain_sweep import onset_of
-from yumi_evaluation.kpis import WORST_TO_MEAN, Kpi, kpis, legs, machine_legs, machine_totals
+from yumi_evaluation.kpis import WORST_TO_MEAN, Kpi, Measured, kpis, legs, machine_legs, machine_totals
 from yumi_evaluation.metrics import Distribution, distribution
-from yumi_evaluation.pictures import draw_pictures
+from yumi_evaluation.pictures import Picture, draw_pictures, draw_ratios
 from yumi_evaluation.results import Result, Results, Variant, write_csv
 from yumi_evaluation.round_trips import LEGS
 from yumi_evaluation.virtual_time import CONTROL_LAG, FITTED
@@ -56,6 +56,7 @@ _FIGURES = {
     "mean_lag_s": "mean control lag",
     "max_lag_s": "longest control lag",
 }
+_SHORT = {"settling_s": "time", "mean_lag_s": "mean lag", "max_lag_s": "longest lag"}
 _BESIDE_NUMBER = re.compile(r"(?<=\d) (?=(?:ms|s|Hz|%|rad/s[²³]?|°/s)(?:\W|$))|(?<=\bP) (?== \d)|(?<=\bP =) (?=\d)")
 
 
@@ -81,6 +82,63 @@ class Table:
             return self
         rows = tuple((*row[:column], *row[column + 1 :]) for row in (self.header, *self.rows))
         return Table(rows[0], rows[1:], self.caption, tuple(each for each in self.texts if each < len(self.texts) - 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How something came out, in counts.
+
+    Attributes:
+        title: of what.
+        good: how many were as wanted.
+        missed: how many were not.
+        not_run: how many were not measured.
+        is_demand: whether a missed one is a failure, and not a difference.
+    """
+
+    title: str
+    good: int
+    missed: int
+    not_run: int
+    is_demand: bool = True
+
+    @property
+    def kind(self) -> str:
+        """``good``, ``bad``, ``differs`` or ``unknown``: the colour."""
+        if self.missed:
+            return "bad" if self.is_demand else "differs"
+        return "good" if self.good and not self.not_run else "unknown"
+
+
+def verdicts(results: Results) -> list[Verdict]:
+    """What the page says first: published figures reproduced, and indicators inside their limits."""
+    values = [(_value(results, System.BARE, each, name), published) for each, name, published in _published()]
+    run = [_is_near(value, published) for value, published in values if value is not None]
+    title = "published figures reproduced within a tenth"
+    found = [Verdict(title, sum(run), len(run) - sum(run), len(values) - len(run), is_demand=False)]
+    for system in (System.SHIPPED, System.NETWORKED):
+        judged = [each.holds for each in kpis(results.measured.get(system, Measured()))]
+        title = f"indicators inside their limits, {system.title}"
+        found.append(Verdict(title, judged.count(True), judged.count(False), judged.count(None)))
+    return found
+
+
+def overview(results: Results) -> list[Picture]:
+    """The charts the page begins with: ours over published, and indicators over their limits."""
+    ratios = []
+    for experiment, name, published in _published():
+        value = _value(results, System.BARE, experiment, name)
+        title = f"{experiment.title}: {_SHORT[name]}"
+        ratios.append((title, None if value is None else value / published))
+    caption = "Ours divided by what is published, without the limiter. Green: within a tenth."
+    charts = [draw_ratios("overview_published", caption, ratios, (1.0 - NEAR, 1.0 + NEAR))]
+    for system in (System.NETWORKED, System.SHIPPED):
+        if found := kpis_of(results, system):
+            parts = [(each.title, None if each.value is None else each.value / each.limit) for each in found]
+            caption = f"Indicators divided by their limits, {system.title}. Green: inside."
+            charts.append(draw_ratios(f"overview_{system.value}", caption, parts, (0.0, 1.0)))
+            break
+    return charts
 
 
 def write_report(results: Results, folder: Path) -> Path:
@@ -113,6 +171,10 @@ def render(results: Results) -> str:
         results=results,
         pictures=draw_pictures(results),
         headline=headline(results),
+        verdicts=verdicts(results),
+        overview=overview(results),
+        made=made(results.settings),
+        colors=_COLORS,
         summary=summary_table(results),
         indicators={system: kpi_table(found) for system in System if (found := kpis_of(results, system))},
         systems=systems_table(results),
@@ -192,7 +254,7 @@ def summary_table(results: Results) -> Table:
         title = f"{experiment.title}: {_FIGURES[name]}"
         rows.append((title, experiment.figure, _time(published), *_with_ratio(value, published), verdict))
     onset = onset_of(results.sweeps.get(System.SHIPPED, ()))
-    ours = ("-", "-", "-")
+    ours = ("-", "-", "not run")
     if onset is not None:
         is_shipped_only = System.BARE in results.sweeps and onset_of(results.sweeps[System.BARE]) is None
         verdict = _verdict(onset, PUBLISHED_OSCILLATION) + (
@@ -311,9 +373,9 @@ def kpis_of(results: Results, system: System) -> tuple[Kpi, ...]:
 
 def kpi_table(found: Iterable[Kpi]) -> Table:
     """The seven indicators."""
-    verdicts = {None: "not measured", True: "yes", False: "no"}
+    words = {None: "not run", True: "yes", False: "no"}
     rows = tuple(
-        (each.title, _amount(each.value, each.unit), _amount(each.limit, each.unit), verdicts[each.holds], each.note)
+        (each.title, _amount(each.value, each.unit), _amount(each.limit, each.unit), words[each.holds], each.note)
         for each in found
     )
     caption = "Limits are those the thesis suggests in its table 4.2; that of packet loss is ours."
@@ -374,6 +436,23 @@ def model_settings() -> dict[str, dict[str, object]]:
         "virtual robot": {"delay [ms]": 1e3 * shipped.delay, "servo lag [ms]": 1e3 * shipped.lag},
         "fitted robot": {"delay [ms]": 1e3 * FITTED.delay, "servo lag [ms]": 1e3 * FITTED.lag},
     }
+
+
+_COLORS = {"reproduced": "good", "yes": "good", "no": "bad", "not run": "unknown", "not measured": "unknown"}
+"""Verdicts in tables, by how they begin."""
+
+
+def made(settings: Mapping[str, Mapping[str, object]]) -> str:
+    """When, with which version and on which machine the figures were made, as far as it is known."""
+    evaluation, versions, machine = (settings.get(group, {}) for group in ("evaluation", "versions", "machine"))
+    texts = [
+        f"{evaluation['date']}" if "date" in evaluation else "",
+        f"yumi-ros2 {versions['yumi-ros2']}" if "yumi-ros2" in versions else "",
+        f"commit {versions['commit']}" if versions.get("commit") else "",
+        f"{evaluation['mode']}, {evaluation['robot']} robot" if "mode" in evaluation else "",
+        f"{machine['system']}, {machine['cpus']} processors, load {machine['load']}" if "load" in machine else "",
+    ]
+    return " · ".join(text for text in texts if text)
 
 
 def _limiter_times(results: Results) -> dict[str, float] | None:

@@ -1,25 +1,30 @@
-"""``yumi record``: looking at flight records and recordings."""
+"""``yumi record``: looking at flight records and recordings, and exporting them."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from yumi.robot.joints import Side
+
+if TYPE_CHECKING:
+    from yumi.recording.tables import What
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.group()
 def record() -> None:
-    """Look at flight records and recordings.
+    """Look at flight records and recordings, and export them.
 
     \b
     Examples:
       yumi record list
       yumi record show build/flight_records/flight_2026-01-31_12-00-00-000_right.mcap
-      yumi up --record session.mcap               records every cycle of both arms
+      yumi up --record session.mcap               records every cycle of both arms, grippers, state and events
+      yumi record export session.mcap session.csv
     """
 
 
@@ -51,6 +56,30 @@ def show(file: Path, cycles: int, arm: str | None, picture: Path | None) -> None
     if picture:
         draw_recording(recording, side, picture)
         click.echo(f"Picture: {picture}")
+
+
+@record.command()
+@click.argument("file", type=_FILE)
+@click.argument("output", type=click.Path(dir_okay=False, path_type=Path))
+@click.option(
+    "--table",
+    type=click.Choice(["cycles", "events", "grippers", "state"]),
+    default="cycles",
+    show_default=True,
+    help="Which table of the recording.",
+)
+def export(file: Path, output: Path, table: What) -> None:
+    """Write a table of a recording as CSV or Parquet; OUTPUT's ending says which.
+
+    \b
+    Examples:
+      yumi record export FILE session.csv
+      yumi record export FILE events.csv --table events
+      yumi record export FILE session.parquet     with yumi-ros2[data]
+    """
+    from yumi.recording.tables import export  # noqa: PLC0415 - a quick --help
+
+    click.echo(f"{export(file, output, table)} rows: {output}")
 
 
 @record.command("list")

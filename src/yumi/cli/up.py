@@ -36,7 +36,7 @@ from yumi.errors import YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import Only
 from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, start_thread
-from yumi.recording.mcap import Recorder
+from yumi.recording.mcap import STATE, Recorder, Source
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
@@ -168,7 +168,9 @@ def run_driver(
         records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
         stack.callback(records.close)
         if record:
-            records.record_all(record, time.time() - clock.now())
+            sources: dict[str, Source] = {STATE: manager.monitor.state}
+            sources |= {f"{side.value}/gripper": partial(parts.signals.state, side) for side in Side}
+            records.record_all(record, time.time() - clock.now(), clock, sources)
         manager.monitor.log.report = ros.log
         control.start()
         stack.callback(control.stop)

@@ -1,8 +1,18 @@
-"""Recordings: cycles and events of both arms as an MCAP file, for our own table and picture and for Foxglove.
+"""Recordings: cycles, grippers, state and events as an MCAP file, for our own table and picture and for Foxglove.
 
-A topic an arm (``r/cycle``, ``l/cycle``) and one for events (``events``), each message a JSON object whose schema, with
-units, is in the file. A message's log time is the time of day; ``time`` inside is the machine's monotonic clock, by
-which cycles and events compare.
+================================ ======================================================================================
+topic                            messages
+================================ ======================================================================================
+``r/cycle``, ``l/cycle``         every cycle of an arm: JSON, its schema with units is in the file
+``r/joint_states``, ``l/…``      its positions and velocities as sensor_msgs/msg/JointState (CDR), for ROS's tools
+``robot_description``            the URDF as std_msgs/msg/String (CDR), once: Foxglove shows the robot with it
+``events``                       what happened, as foxglove.Log (JSON) with fields of ours, for Foxglove's Log panel
+``r/gripper``, ``l/gripper``     a gripper, when something of it changed (JSON)
+``state``                        the robot's mode, motors, RAPID, EGM, cause of a stop, when it changed (JSON)
+================================ ======================================================================================
+
+A message's log time is the time of day; ``time`` inside is the machine's monotonic clock, by which cycles and events
+compare.
 
 What the driver writes down: a flight record when something stops a motion, and every cycle when that was requested.
 
@@ -16,9 +26,11 @@ import json
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, fields
+from contextlib import suppress
+from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime
-from math import isfinite, nan
+from enum import Enum, IntEnum
+from math import inf, isfinite, nan
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event as Flag
@@ -27,11 +39,13 @@ from types import TracebackType
 from typing import Any
 
 from yumi import __version__
+from yumi.clock import Clock
 from yumi.control.events import Event, is_fault
 from yumi.control.flight_recorder import FlightRecorder, Frame
 from yumi.control.statistics import StageTimes
 from yumi.errors import MissingPrerequisite, ProtocolError, SettingsError, YumiError
 from yumi.process.supervision import Failures
+from yumi.robot.description import robot_description
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
 
 
@@ -97,18 +111,39 @@ CYCLE_SCHEMA: Mapping[str, Any] = {
 }
 """JSON schema of a cycle."""
 
+_ERROR, _INFO = 4, 2  # levels of foxglove.Log
+
 EVENT_SCHEMA: Mapping[str, object] = {
-    "title": "yumi.Event",
+    "title": "foxglove.Log",
     "type": "object",
     "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "level": {"type": "integer", "description": f"{_ERROR}: a fault, {_INFO}: anything else"},
+        "message": {"type": "string"},
+        "name": {"type": "string", "description": "which arm"},
+        "file": {"type": "string", "description": "empty; foxglove.Log has it"},
+        "line": {"type": "integer", "description": "0; foxglove.Log has it"},
         "time": _number("monotonic clock [s]"),
         "side": {"enum": [*(side.value for side in Side), None], "description": "which arm, null: both"},
         "kind": {"type": "string"},
-        "sentence": {"type": "string"},
         "is_fault": {"type": "boolean", "description": "whether it was a fault, and not requested"},
     },
 }
-"""JSON schema of an event."""
+"""JSON schema of an event: Foxglove's log message with what is known beside it."""
+
+_SEPARATOR = "\n" + 80 * "=" + "\nMSG: "
+JOINT_STATE = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+    f"{_SEPARATOR}std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
+    f"{_SEPARATOR}builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
+)
+"""Definition of sensor_msgs/msg/JointState with what it consists of, as MCAP's ``ros2msg`` wants it."""
+
+_CDR = b"\x00\x01\x00\x00"  # little-endian XCDR1; offsets of what follows count from its end
 
 
 _VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
@@ -153,8 +188,66 @@ def frame_from_message(message: Mapping[str, Any]) -> Frame:
     )
 
 
+def _cdr_text(content: bytes, text: str) -> bytes:
+    """``content`` with a string behind it."""
+    data = text.encode() + b"\0"
+    return content + b"\0" * (-len(content) % 4) + struct.pack("<I", len(data)) + data
+
+
+def _cdr_start(side: Side) -> bytes:
+    """What follows the time stamp in each JointState of an arm: an empty frame, its joints' names, the count."""
+    content = _cdr_text(b"", "") + b"\0" * 3
+    content += struct.pack("<I", JOINT_COUNT)
+    for name in joint_names(side):
+        content = _cdr_text(content, name)
+    return content + b"\0" * (-len(content) % 4)
+
+
+def joint_state_message(start: bytes, nanoseconds: int, position: Joints, velocity: Joints) -> bytes:
+    """A sensor_msgs/msg/JointState as CDR.
+
+    Args:
+        start: of :func:`_cdr_start`.
+        nanoseconds: when it was [ns since 1970].
+        position: of the joints [rad].
+        velocity: of the joints [rad/s].
+    """
+    content = struct.pack("<iI", *divmod(nanoseconds, 10**9)) + start
+    for values in (position, velocity, ()):
+        content += struct.pack("<I", len(values))
+        if values:
+            content += b"\0" * (-len(content) % 8) + struct.pack(f"<{len(values)}d", *values)
+    return _CDR + content
+
+
+def plain(value: object) -> Any:
+    """``value`` as JSON has it: a value class becomes an object, an enum its name or text."""
+    if is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(plain(key)): plain(item) for key, item in value.items()}
+    if isinstance(value, Enum):
+        return value.name if isinstance(value, IntEnum) else value.value
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _schema_of(value: object) -> dict[str, object]:
+    """A JSON schema that fits ``value``, so that Foxglove offers its fields; null may turn into anything."""
+    if isinstance(value, Mapping):
+        return {"type": "object", "properties": {key: _schema_of(item) for key, item in value.items()}}
+    if isinstance(value, list):
+        return {"type": "array"}
+    kinds = {bool: "boolean", int: "number", float: "number", str: "string"}
+    return {"type": kinds[type(value)]} if type(value) in kinds else {}
+
+
 EVENTS = "events"
 """The topic of events."""
+
+STATE = "state"
+"""The topic of the robot's state."""
 
 BEFORE = 11.0
 """A flight record as a whole: its ten seconds end a little before the event [s]."""
@@ -200,13 +293,14 @@ class RecordingWriter:
     Args:
         file: where to; its folder is made, a file of that name is replaced.
         epoch: time of day when the monotonic clock was 0 [s since 1970].
+        description: the robot's URDF; by default that of a YuMi with the usual grippers.
 
     Raises:
         MissingPrerequisite: the library is not installed.
         OSError: the file cannot be written; so do the methods.
     """
 
-    def __init__(self, file: Path, epoch: float) -> None:
+    def __init__(self, file: Path, epoch: float, description: str | None = None) -> None:
         try:
             from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
         except ImportError as error:
@@ -217,13 +311,21 @@ class RecordingWriter:
         self._writer = Writer(self._stream)
         self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
         cycle, event = (
-            self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-            for name, schema in (("yumi.Cycle", CYCLE_SCHEMA), ("yumi.Event", EVENT_SCHEMA))
+            self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
+            for schema in (CYCLE_SCHEMA, EVENT_SCHEMA)
         )
+        joint_state = self._writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE.encode())
+        text = self._writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
         self._channels = {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
+        self._starts = {side: _cdr_start(side) for side in Side}
         for side in Side:
             names = {"joints": " ".join(joint_names(side))}
             self._channels[_topic(side)] = self._writer.register_channel(_topic(side), "json", cycle, names)
+            topic = f"{side.value}/joint_states"
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", joint_state)
+        channel = self._writer.register_channel("robot_description", "cdr", text)
+        content = _CDR + _cdr_text(b"", description or robot_description())
+        self._description: tuple[int, bytes] | None = (channel, content)
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -236,10 +338,34 @@ class RecordingWriter:
     def add_frame(self, side: Side, frame: Frame) -> None:
         """Append a cycle of one arm."""
         self._add(_topic(side), frame.time, frame.number, frame_message(frame))
+        nanoseconds = self._nanoseconds(frame.time)
+        data = joint_state_message(self._starts[side], nanoseconds, frame.position, frame.velocity)
+        channel = self._channels[f"{side.value}/joint_states"]
+        self._writer.add_message(channel, nanoseconds, data, nanoseconds, frame.number)
 
     def add_event(self, event: RecordedEvent) -> None:
         """Append an event."""
-        self._add(EVENTS, event.time, 0, {**asdict(event), "side": event.side.value if event.side else None})
+        seconds, nanoseconds = divmod(self._nanoseconds(event.time), 10**9)
+        log = {
+            "timestamp": {"sec": seconds, "nsec": nanoseconds},
+            "level": _ERROR if event.is_fault else _INFO,
+            "message": event.sentence,
+            "name": event.side.word if event.side else "",
+            "file": "",
+            "line": 0,
+        }
+        side = event.side.value if event.side else None
+        own = {"time": event.time, "side": side, "kind": event.kind, "is_fault": event.is_fault}
+        self._add(EVENTS, event.time, 0, {**log, **own})
+
+    def add_value(self, topic: str, time: float, value: object) -> None:
+        """Append what was seen of a gripper or the robot at ``time`` on the monotonic clock [s], as an object."""
+        message = {"time": time, **plain(value)}
+        if topic not in self._channels:
+            schema = {"title": f"yumi.{type(value).__name__}", **_schema_of(message)}
+            number = self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "json", number)
+        self._add(topic, time, 0, message)
 
     def close(self) -> None:
         """Write the index; without it the file is readable, but slowly."""
@@ -250,8 +376,16 @@ class RecordingWriter:
 
     def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
         data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
-        nanoseconds = round((self._epoch + time) * 1e9)
+        nanoseconds = self._nanoseconds(time)
+        if self._description:  # at the time of the first message, or the recording would begin in 1970
+            channel, content = self._description
+            self._writer.add_message(channel, nanoseconds, content, nanoseconds)
+            self._description = None
         self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds, sequence)
+
+    def _nanoseconds(self, time: float) -> int:
+        """The time of day of a moment of the monotonic clock [ns since 1970]."""
+        return round((self._epoch + time) * 1e9)
 
 
 def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
@@ -281,30 +415,37 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
         MissingPrerequisite: the library is not installed.
     """
     events, last, is_complete = list[RecordedEvent](), 0.0, False
-    for topic, message in _messages(file):
+    sides = {_topic(side): side for side in Side}
+    for topic, _, message in recorded_messages(file):
         if topic is None:
             is_complete = True
         elif topic == EVENTS:
             side = None if message["side"] is None else Side(message["side"])
-            kind, sentence = str(message["kind"]), str(message["sentence"])
+            kind, sentence = str(message["kind"]), str(message["message"])
             events.append(RecordedEvent(float(message["time"]), side, kind, sentence, bool(message["is_fault"])))
-        else:
+        elif topic in sides:
             last = max(last, float(message["time"]))
     stop = next((event for event in reversed(events) if event.is_fault), None)
     middle = stop.time if stop else last
 
     # A second pass, so that of a long recording only the cycles that are shown are kept in memory.
     frames: dict[Side, list[Frame]] = {side: [] for side in Side}
-    sides = {_topic(side): side for side in Side}
-    for topic, message in _messages(file):
+    for topic, _, message in recorded_messages(file):
         if topic in sides and middle - before <= message["time"] <= middle + after:
             frames[sides[topic]].append(frame_from_message(message))
     recorded = {side: tuple(each) for side, each in frames.items() if each}
     return Recording(tuple(events), stop, recorded, is_complete)
 
 
-def _messages(file: Path) -> Iterator[tuple[str | None, Any]]:
-    """Topic and content of every message in the order of the file; at last (None, None) where it was closed."""
+def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
+    """Topic, time of day [ns since 1970] and content of every JSON message, in the order of the file.
+
+    At last (None, 0, None) where the file was closed.
+
+    Raises:
+        ProtocolError: the file is not such a recording.
+        MissingPrerequisite: the library is not installed.
+    """
     try:
         from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra; nothing else needs it
         from mcap.records import Channel, Footer, Message  # noqa: PLC0415
@@ -317,11 +458,11 @@ def _messages(file: Path) -> Iterator[tuple[str | None, Any]]:
         with file.open("rb") as stream:
             for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
                 if isinstance(record, Channel):
-                    topics[record.id] = record.topic
-                elif isinstance(record, Message):
-                    yield topics[record.channel_id], json.loads(record.data)
+                    topics[record.id] = record.topic if record.message_encoding == "json" else ""
+                elif isinstance(record, Message) and topics[record.channel_id]:
+                    yield topics[record.channel_id], record.log_time, json.loads(record.data)
                 elif isinstance(record, Footer):
-                    yield None, None
+                    yield None, 0, None
     except EndOfFile:
         return  # its writer was stopped; what is complete has been read
     except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
@@ -335,6 +476,12 @@ def _topic(side: Side) -> str:
 
 PERIOD = 0.02
 """How often a full recording reads the memories [s]: the less there is to write at once, the less others wait."""
+
+SOURCE_PERIOD = 0.1
+"""How often a full recording looks at grippers and the robot's state [s]."""
+
+Source = Callable[[], object | None]
+"""What is known now: a value class; None, or a YumiError, while nothing is."""
 
 _NAME = "flight_"
 
@@ -360,19 +507,23 @@ class Recorder:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
         self._full: FullRecorder | None = None
 
-    def record_all(self, file: Path, epoch: float) -> None:
-        """Write every cycle from now on to ``file``.
+    def record_all(
+        self, file: Path, epoch: float, clock: Clock | None = None, sources: Mapping[str, Source] | None = None
+    ) -> None:
+        """Write every cycle from now on to ``file``, and what ``sources`` show when it changes.
 
         Args:
             file: a new one, or one to be replaced.
             epoch: time of day when the monotonic clock was 0 [s since 1970].
+            clock: gives the monotonic time; needed with sources.
+            sources: by topic, what to look at ten times a second: a value class, or None while nothing is known.
 
         Raises:
             SettingsError: the file cannot be written.
             MissingPrerequisite: the library is not installed.
         """
         try:
-            self._full = FullRecorder(file, epoch, self._recorders, self._report)
+            self._full = FullRecorder(file, epoch, self._recorders, self._report, clock, sources)
         except OSError as error:
             raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
         self._full.start()
@@ -431,6 +582,8 @@ class FullRecorder:
         epoch: time of day when the monotonic clock was 0 [s since 1970].
         recorders: the memory of each arm.
         report: called with one sentence when it ends.
+        clock: gives the monotonic time; needed with sources.
+        sources: as in :meth:`Recorder.record_all`.
 
     Raises:
         MissingPrerequisite: the library is not installed.
@@ -438,9 +591,19 @@ class FullRecorder:
     """
 
     def __init__(
-        self, file: Path, epoch: float, recorders: Mapping[Side, FlightRecorder], report: Callable[[str], None]
+        self,
+        file: Path,
+        epoch: float,
+        recorders: Mapping[Side, FlightRecorder],
+        report: Callable[[str], None],
+        clock: Clock | None = None,
+        sources: Mapping[str, Source] | None = None,
     ) -> None:
         self._file = file
+        self._clock = clock
+        self._sources = sources or {}
+        self._seen: dict[str, object] = {}
+        self._looked_at = -inf
         self._writer = RecordingWriter(file, epoch)
         self._recorders = recorders
         self._report = report
@@ -484,8 +647,17 @@ class FullRecorder:
                 self._lost += frame.number - self._last[side] - 1
                 self._written += 1
                 self._last[side] = frame.number
-        while True:
-            try:
+        with suppress(Empty):
+            while True:
                 self._writer.add_event(self._events.get_nowait())
-            except Empty:
-                return
+        if self._clock is None or self._clock.now() - self._looked_at < SOURCE_PERIOD:
+            return
+        self._looked_at = now = self._clock.now()
+        for topic, source in self._sources.items():
+            try:
+                value = source()
+            except YumiError:
+                continue  # nothing is known: the controller does not answer, or has no gripper there
+            if value is not None and value != self._seen.get(topic):
+                self._writer.add_value(topic, now, value)
+                self._seen[topic] = value

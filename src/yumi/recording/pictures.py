@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import ceil, degrees, nan
+from math import ceil, degrees, isfinite, nan, radians
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -33,7 +33,8 @@ def recording_table(recording: Recording, side: Side, cycles: int) -> Renderable
     gap = max((new.time - old.time for old, new in pairwise(frames)), default=0.0)
     summary = (
         f"{side.word.capitalize()} arm: {len(frames)} cycles in {frames[-1].time - frames[0].time:.2f} s, sessions "
-        f"{frames[0].session} to {frames[-1].session}, longest gap between two datagrams {gap * 1e3:.1f} ms."
+        f"{frames[0].session} to {frames[-1].session}, longest gap between two datagrams {gap * 1e3:.1f} ms, "
+        f"{len(gaps_of(frames))} longer than {GAP * 1e3:g} ms."
         + ("" if recording.is_complete else " The file was cut off.")
     )
     shown = [frame for frame in frames if frame.time <= zero][-cycles:]
@@ -61,7 +62,7 @@ def _cycles(frames: Sequence[Frame], zero: float) -> Table:
 
 
 def _stages(frames: Sequence[Frame]) -> Table:
-    table = Table(title="Stations of a cycle in µs", title_justify="left")
+    table = Table(title="Stages of a cycle in µs", title_justify="left")
     for name in ("stage", "p50", "p99", "max"):
         table.add_column(name, justify="left" if name == "stage" else "right")
     for name in (*STAGES, "reply"):
@@ -83,17 +84,34 @@ def _ahead(command: Joints, position: Joints) -> str:
     return f"{degrees(distances[axis]):+.2f} ({axis})"
 
 
-_GAP = 0.1
-"""Where no cycle was recorded for so long, no line is drawn [s]."""
+GAP = 0.02
+"""Where no cycle was recorded for so long, no line is drawn and the gap is marked [s]."""
 
-_LINES = (("reference", ":", "0.6"), ("sent", "-", "C1"), ("desired", "--", "C2"), ("position", "-", "C0"))
+MOVED = radians(0.1)
+"""An axis is drawn when it, its command or its reference changed by more than this [rad]."""
+
+_WINDOW = 2.0  # on either side of the event [s]
+_LINES = (
+    ("reference", ":", "#8b949e"),
+    ("desired", "--", "#009e73"),
+    ("sent", "-", "#d98200"),
+    ("position", "-", "#2f81f7"),
+)
 
 JointPath = Sequence[tuple[float, Joints]]
 """Times [s] and positions [rad] of one arm."""
 
 
+def gaps_of(frames: Sequence[Frame]) -> list[tuple[float, float]]:
+    """Begin and end of every gap between two cycles that is longer than :data:`GAP` [s]."""
+    return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > GAP]
+
+
 def draw_recording(recording: Recording, side: Side, file: Path) -> None:
-    """Draw one arm's cycles over the time from the event and save the picture as ``file``.
+    """Draw one arm's cycles around the event and save the picture as ``file``.
+
+    A panel for each axis that moved, one for how far the axes are from what was sent to them, and one for the stages of
+    a cycle. The event is in the middle; gaps between datagrams are grey.
 
     Raises:
         CommandRefused: no cycle of that arm is recorded.
@@ -102,38 +120,65 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     frames = recording.frames.get(side, ())
     if not frames:
         raise CommandRefused(f"No cycle of the {side.word} arm is recorded; choose the other arm with --arm.")
-    figure = _figure(14.0, 8.0)
-    panels = figure.subplots(2, 4, sharex=True).flat
-    # None stands where lines break: after a cycle that no other followed in time.
-    rows: list[Frame | None] = [frames[0]]
-    times = [frames[0].time]
-    for before, frame in pairwise(frames):
-        if frame.time - before.time > _GAP:
-            rows.append(None)
-            times.append(before.time)
-        rows.append(frame)
-        times.append(frame.time)
-    zero = recording.stop.time if recording.stop else frames[-1].time
-    times = [time - zero for time in times]
-    for index, axis in enumerate(CHAIN_AXES):
+    stop = recording.stop
+    zero = stop.time if stop else frames[-1].time
+    # An event long after the last cycle: the last cycles are what there is to see.
+    window = max(_WINDOW, 2.0 * (zero - frames[-1].time))
+    shown = [frame for frame in frames if abs(frame.time - zero) <= window]
+    gaps = [(begin - zero, end - zero) for begin, end in gaps_of(shown)]
+    if stop and shown[-1].time < zero + window - GAP:
+        gaps.append((shown[-1].time - zero, window))
+    # None stands where lines break: in every gap.
+    rows: list[tuple[float, Frame | None]] = [(frame.time - zero, frame) for frame in shown]
+    rows = sorted(rows + [(begin, None) for begin, _ in gaps], key=lambda row: row[0])
+    times = [time for time, _ in rows]
+
+    def curve(name: str, index: int) -> list[float]:
+        vectors = [getattr(frame, name, None) for _, frame in rows]
+        return [nan if vector is None else degrees(vector[index]) for vector in vectors]
+
+    def span(index: int) -> float:
+        values = [value for name, _, _ in _LINES for value in curve(name, index) if isfinite(value)]
+        return max(values) - min(values)
+
+    spans = [span(index) for index in range(len(CHAIN_AXES))]
+    moved = [index for index, each in enumerate(spans) if each > degrees(MOVED)]
+    drawn = moved or [max(range(len(spans)), key=spans.__getitem__)]
+    columns = min(2 if len(drawn) <= 4 else 3, len(drawn) + 1)
+    lines = ceil(len(drawn) / columns) + 1
+    figure = _figure(5.6 * columns, 2.5 * lines + 0.8)
+    grid = figure.add_gridspec(lines, 2 * columns)
+    panels = []
+    for number, index in enumerate(drawn):
+        row, column = divmod(number, columns)
+        panel = figure.add_subplot(grid[row, 2 * column : 2 * column + 2])
         for name, style, color in _LINES:
-            vectors = [getattr(frame, name, None) for frame in rows]
-            values = [nan if vector is None else degrees(vector[index]) for vector in vectors]
             label = "measured" if name == "position" else name
-            panels[index].plot(times, values, style, color=color, linewidth=1.0, label=label)
-        panels[index].set_title(f"axis {axis} [°]")
+            panel.plot(times, curve(name, index), style, color=color, linewidth=1.3, label=label)
+        panel.set_title(f"axis {CHAIN_AXES[index]} [°]")
+        panels.append(panel)
+    error = figure.add_subplot(grid[lines - 1, :columns])
+    for index in drawn:
+        sent, measured = curve("sent", index), curve("position", index)
+        error.plot(times, [a - b for a, b in zip(sent, measured, strict=True)], label=str(CHAIN_AXES[index]))
+    error.set_title("error: sent − measured [°]")
+    error.legend(title="axis", fontsize="x-small", loc="upper right", ncols=4)
 
     # Stacked, so that the upper edge is the whole cycle.
-    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for frame in rows] for name in STAGES]
-    panels[-1].stackplot(times, *layers, labels=[name.replace("_", " ") for name in STAGES], linewidth=0.0)
-    panels[-1].set_title("stages of a cycle [µs]")
-    panels[-1].legend(loc="upper left", fontsize="x-small", ncols=2)
-    for panel in panels:
-        panel.axvline(0.0, color="red", linewidth=0.8)
-        panel.grid(alpha=0.3)
-        panel.set_xlabel("time from the event [s]")
-    figure.suptitle(fill(recording.stop.sentence if recording.stop else f"{side.word.capitalize()} arm", 140))
+    stages = figure.add_subplot(grid[lines - 1, columns:])
+    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in rows] for name in STAGES]
+    stages.stackplot(times, *layers, labels=STAGES, linewidth=0.0, step="post")
+    stages.set(title="stages of a cycle [µs]")
+    stages.legend(loc="upper right", fontsize="x-small", ncols=4)
     panels[0].legend(loc="best", fontsize="small")
+    for panel in (*panels, error, stages):
+        for begin, end in gaps:
+            panel.axvspan(begin, end, color="#8b949e", alpha=0.25, linewidth=0.0)
+        panel.axvline(0.0, color="#cf222e", linewidth=1.2)
+        panel.grid(alpha=0.3)
+        panel.set(xlim=(-window, window), xlabel="time from the event [s]" if stop else "time from the last cycle [s]")
+    headline = fill(stop.sentence if stop else f"{side.word.capitalize()} arm: nothing stopped a motion.", 55 * columns)
+    figure.suptitle(f"{headline}\nRed: the event. Grey: no datagrams. Axes at rest are left out.", fontsize=10)
     figure.savefig(file, dpi=120)
 
 

@@ -8,14 +8,13 @@ from math import log10
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from rich.box import SIMPLE
 from rich.table import Table
 
-from yumi_evaluation.bench.contenders import Case, Mode
+from yumi_evaluation.bench.contenders import Case, Mode, Runtime
 from yumi_evaluation.bench.figures import COUNTERS, LATENCIES, Figures, Run, Spread, targets
 from yumi_evaluation.results import finite
 
@@ -24,6 +23,7 @@ LATENCY_TITLES = ("p50", "p99", "p99.9", "max")
 BINS_PER_DECADE = 40
 LOWEST_US, HIGHEST_US = 1.0, 100_000.0
 
+_ECHO, _PEER, _OURS = "#8b949e", "#d98200", "#2f81f7"
 _PANELS = {(Mode.PACED, 1): "one arm, 250 Hz", (Mode.PACED, 2): "two arms, 250 Hz", (Mode.PING_PONG, 1): "ping-pong"}
 
 
@@ -94,25 +94,37 @@ def target_table(figures: Figures) -> Table:
 
 
 def draw_histograms(figures: Figures, file: Path) -> None:
-    """Draw the latencies of each contender, one panel a mode and number of arms, and save the picture as ``file``."""
+    """Draw the latencies of each contender in a row of its own, a column a mode and number of arms, into ``file``."""
     panels = {key: title for key, title in _PANELS.items() if any(_key(run) == key for run in figures.runs)}
-    figure = Figure(figsize=(10.0, 3.2 * max(1, len(panels))), layout="constrained")
-    axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
-    titles = list(dict.fromkeys(case.contender.title for case in sorted(figures.cases, key=lambda each: each.name)))
-    styles = dict(zip(titles, line_styles(len(titles)), strict=True))  # a contender looks the same in all panels
-    for panel, (key, title) in zip(axes, panels.items(), strict=False):
-        for name in titles:
-            runs = [run for run in figures.runs if _key(run) == key and run.case.contender.title == name]
+    contenders = list(dict.fromkeys(case.contender for case in sorted(figures.cases, key=lambda each: each.name)))
+    rows, columns = max(1, len(contenders)), max(1, len(panels))
+    figure = Figure(figsize=(2.2 + 4.0 * columns, 1.2 + 0.55 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    for row, contender in enumerate(contenders):
+        color = _PEER if contender.is_peer else _OURS if contender.runtime is Runtime.OURS else _ECHO
+        for column, (key, title) in enumerate(panels.items()):
+            panel = axes[row][column]
+            runs = [run for run in figures.runs if _key(run) == key and run.case.contender == contender]
             latencies = np.concatenate([run.latencies.ravel() for run in runs]) if runs else np.empty(0)
             answered = latencies[latencies > 0] / 1000.0
             if answered.size:
                 edges, shares = histogram(answered)
-                panel.stairs(shares, edges, label=f"{name} ({answered.size} replies)", linewidth=1.4, **styles[name])
-        panel.set(title=title, xscale="log", yscale="log", ylabel="fraction of replies", xlim=(5.0, 20_000.0))
-        panel.grid(alpha=0.3, which="both")
-        if panel.get_legend_handles_labels()[0]:
-            panel.legend(loc="upper right", fontsize="small", frameon=False)
-    axes[-1].set_xlabel("send to reply [µs]")
+                panel.stairs(shares / shares.max(), edges, fill=True, color=color, alpha=0.75)
+                p50, p99 = np.quantile(answered, (0.5, 0.99))
+                panel.plot([p50, p99, answered.max()], [0.1] * 3, "|", color="black", markersize=9.0)
+                panel.text(0.995, 0.92, f"{p50:.0f} · {p99:.0f} · {answered.max():.0f}", va="top", ha="right",
+                           fontsize=7.5, transform=panel.transAxes)  # fmt: skip
+            else:
+                panel.text(0.5, 0.4, "not run", ha="center", style="italic", color="0.5", transform=panel.transAxes)
+            panel.set(xscale="log", xlim=(5.0, 20_000.0), ylim=(0.0, 1.25), yticks=[])
+            panel.grid(alpha=0.3, axis="x")
+            panel.spines[["top", "right", "left"]].set_visible(False)
+            if row == 0:
+                panel.set_title(title)
+        axes[row][0].set_ylabel(contender.title, rotation=0, ha="right", va="center", fontsize=9)
+    for panel in axes[-1]:
+        panel.set_xlabel("send to reply [µs]")
+    figure.suptitle("Reply latency; marks and numbers: p50 · p99 · max [µs]", fontsize=10)
     figure.savefig(file, dpi=150)
 
 
@@ -126,16 +138,6 @@ def histogram(latencies_us: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.
     edges = LOWEST_US * 10.0 ** (np.arange(round(BINS_PER_DECADE * decades) + 1) / BINS_PER_DECADE)
     counts, _ = np.histogram(np.clip(latencies, edges[0], edges[-1]), edges)
     return edges, counts / latencies.size
-
-
-def line_styles(count: int) -> list[dict[str, Any]]:
-    """As many line styles, no two alike: strong colours first, then the pale ones, then both dashed and dotted."""
-    palette = mpl.color_sequences["tab20"]
-    colors = [mpl.colors.to_hex(each) for each in (*palette[::2], *palette[1::2])]
-    return [
-        {"color": colors[index % len(colors)], "linestyle": ("-", "--", ":")[index // len(colors) % 3]}
-        for index in range(count)
-    ]
 
 
 def _key(run: Run) -> tuple[Mode, int]:

@@ -21,7 +21,6 @@ from yumi_evaluation.bench.report import (
     draw_histograms,
     histogram,
     latency_table,
-    line_styles,
     ratio_table,
     target_table,
 )
@@ -83,11 +82,6 @@ def test_histogram_counts_a_latency_between_its_edges(latency: float) -> None:
     edges, shares = histogram([latency])
     (index,) = np.flatnonzero(shares)
     assert edges[index] * (1 - 1e-9) <= latency <= edges[index + 1] * (1 + 1e-9)
-
-
-def test_every_contender_of_the_picture_looks_different() -> None:
-    assert len({style["color"] for style in line_styles(12)}) == 12
-    assert len({tuple(style.values()) for style in line_styles(50)}) == 50
 
 
 def test_cpu_of_a_run_too_short_to_be_counted_is_left_out_of_tables_and_document() -> None:

@@ -30,3 +30,12 @@ def test_recommended_gain_is_the_quickest_that_oscillates_with_neither_robot() -
 def test_text_says_that_no_gain_does() -> None:
     text = str(Recommendation(None, None, 1.0, (), ()))
     assert text == "No gain up to 2 settles without overshoot; oscillation is seen from P = 1."
+
+
+@pytest.mark.parametrize(
+    ("shipped", "words"), [(1.7, ""), (1.2, "is lower on purpose"), (2.0, "is higher: for this task lower it")]
+)
+def test_delivered_gain_that_differs_is_explained(shipped: float, words: str) -> None:
+    found = Recommendation(1.7, 0.6, 1.8, (), ())
+    assert words in found.beside(shipped)
+    assert bool(found.beside(shipped)) == bool(words)
