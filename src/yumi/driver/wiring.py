@@ -54,7 +54,7 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import Only
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Side, joint_names, set_prefix
 from yumi.rws.client import RwsClient
 
 
@@ -191,6 +191,7 @@ class EgmPlan:
         controllers: what runs on each arm.
         position_gain: of the robot's own position loop [1/s].
         limits: what the joints may do in the robot's EGM motion.
+        prefix: before the names of joints.
     """
 
     listen: str
@@ -201,6 +202,7 @@ class EgmPlan:
     controllers: Controllers
     position_gain: float = EGM_GAIN
     limits: JointLimits = YUMI_LIMITS
+    prefix: str = ""
 
     @property
     def addresses(self) -> Mapping[Side, EgmAddress]:
@@ -228,6 +230,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         check_controllers(controllers),
         position_gain=EGM_GAIN * motion.pos_corr_gain,
         limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
+        prefix=settings.ros.prefix,
     )
 
 
@@ -267,6 +270,7 @@ def _manager_of(
 
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
+    set_prefix(plan.prefix)
     halves: Halves = {}
     return {side: _build_arm(plan, side, own, halves) for side, own in buffers.items()}
 
@@ -338,6 +342,7 @@ def make_parts(
         NoConnection: there is no way to the robot's address.
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
+    set_prefix(settings.ros.prefix)
     clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout

@@ -13,15 +13,19 @@ r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog
                                clear_error, vacuum_1, blow_1 … (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
-                               set_speed_scale, state, robot_description, /diagnostics
+                               set_speed_scale, state, /diagnostics
+robot_state_publisher          /tf, /tf_static, robot_description (topic and parameter)
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
+
+All of them are in the robot's namespace, which is empty for the only robot of a ROS graph. ``r/yumi_topics`` publishes
+``tcp_pose``, too.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -36,12 +40,14 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import CalibrateWhen, ControllerSettings
+from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
-from yumi.robot.joints import JointLimits, Side
+from yumi.robot.description import robot_description
+from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
+from yumi.ros.frames import NAME, FramePublisher
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SpeedScaleInterface
 from yumi.ros.topics import (
@@ -53,7 +59,7 @@ from yumi.ros.topics import (
     MergedJointStates,
     RobotStateTopic,
     forward_interfaces,
-    publish_descriptions,
+    newest_state,
 )
 from yumi.ros.trajectory import DUAL_ARM, TrajectoryControllers
 
@@ -66,7 +72,7 @@ class RosDriver:
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both grippers, with their signals and settings.
-        merged_rate: of the merged joint states [Hz].
+        settings: names, rates, and the tool in use.
         clock: the machine's clock.
         limits: of the joints on trajectories.
 
@@ -80,26 +86,30 @@ class RosDriver:
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: GripperParts,
-        merged_rate: float,
+        settings: Settings,
         clock: Clock,
         limits: JointLimits,
     ) -> None:
         self._manager = manager
         self._gripper_parts = grippers
         self._hardware = {side: ArmHardware(side, control) for side in Side}
+        root = settings.ros.root
+        namespaces = {side: f"{root}/{side.value}" for side in Side}
         try:
             # A node for topics alone has no parameter services: its executor finds work sooner.
-            self._streams = {side: _topics_node(side.value) for side in Side}
-            self._stream = _topics_node()
-            self._node: Any = rclpy.create_node("yumi_robot_manager")
-            dual = rclpy.create_node(DUAL_ARM)
-            gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
+            self._streams = {side: _topics_node(namespaces[side]) for side in Side}
+            self._stream = _topics_node(root)
+            self._node: Any = rclpy.create_node("yumi_robot_manager", namespace=root)
+            dual = rclpy.create_node(DUAL_ARM, namespace=root)
+            gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
+            description_node = rclpy.create_node(NAME, namespace=root)
         except RCLError as error:
             raise MissingPrerequisite(
                 f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "
                 "limits of this program are not too low (ulimit -n, ulimit -v)."
             ) from error
-        self._nodes = (self._node, dual, *gripper_nodes.values(), self._stream, *self._streams.values())
+        streams = (self._stream, *self._streams.values())
+        self._nodes = (self._node, dual, *gripper_nodes.values(), description_node, *streams)
         log_error = self._node.get_logger().error
         self._executors = Executors(log_error)
         self._timers = TimerThread(clock, log_error)
@@ -120,6 +130,7 @@ class RosDriver:
         self._arms = {
             side: ArmManager(
                 side,
+                namespaces[side],
                 control,
                 own,
                 self._executors.add_multi_threaded(f"services-{side.value}"),
@@ -153,21 +164,42 @@ class RosDriver:
         self._services = RobotManagerServices(self._node, manager, self._check_arms, self._update_activity)
         self._actions = RobotManagerActions(self._node, manager, self._check_arms, self._update_activity)
         self._speed = SpeedScaleInterface(self._node, manager.speed)
-        self._executors.add_multi_threaded("services", self._node)
+        self._executors.add_multi_threaded("services", self._node, description_node)
         self._executors.add_multi_threaded("services-dual", dual)
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
-        self._executors.add_single_threaded("streams", self._stream, *self._streams.values())
+        self._executors.add_single_threaded("streams", *streams)
 
-        robot, boxes_of = manager.monitor.state, control.buffers
-        self._states = [JointStatePublisher(arm.node, side, boxes_of[side], clock) for side, arm in self._arms.items()]
+        robot, boxes_of, polled = manager.monitor.state, control.buffers, manager.monitor.joints
+        manager.monitor.reads_joints = True
+        base = settings.ros.frames + prefixed("yumi_base_link")
+        self._states = [
+            JointStatePublisher(arm.node, side, boxes_of[side], clock, polled, base) for side, arm in self._arms.items()
+        ]
         timers = (self._timers, *slow_timers.values())
         self._threads: tuple[Any, ...] = (*timers, *self._states, self._grippers, self._executors)
         self._state = RobotStateTopic(self._node, robot, clock, self._timers)
         self._merged = MergedJointStates(
-            self._stream, boxes_of, self._grippers.fingers, merged_rate, clock, self._timers
+            self._stream,
+            boxes_of,
+            self._grippers.fingers,
+            settings.ros.merged_rate,
+            clock,
+            self._timers,
+            polled,
+            base,
         )
         modules = {side: grippers.settings.modules(side) for side in Side}
-        self._descriptions = publish_descriptions(self._node, limits, modules)
+        self._frames = FramePublisher(
+            description_node,
+            self._streams,
+            robot_description(limits, modules),
+            settings.ros,
+            dict.fromkeys(Side, settings.egm_motion.tool_to_tool0),
+            lambda side: newest_state(boxes_of[side], polled(side)),
+            self._grippers.fingers,
+            clock,
+            self._timers,
+        )
         self._health = HealthTopics(
             self._node, self._streams, control.snapshot, robot, self._grippers.statuses, self._timers
         )
@@ -260,7 +292,7 @@ class RosDriver:
             if state in {State.INACTIVE, State.UNCONFIGURED}:
                 raise CommandRefused(
                     f"The {side.word} arm is {state.value}; activate its hardware component {side.unit} first "
-                    f"(/{side.value}/controller_manager/set_hardware_component_state)."
+                    f"({self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state)."
                 )
 
     def _update_activity(self) -> None:
@@ -268,18 +300,21 @@ class RosDriver:
             arm.update()
 
 
-def _topics_node(namespace: str = "") -> Any:
+def _topics_node(namespace: str) -> Any:
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
-def open_ros() -> None:
+def open_ros(arguments: Sequence[str] | None = None) -> None:
     """Start ROS in this process; signals stay with the application.
+
+    Args:
+        arguments: with its ``--ros-args``; None: those of this process.
 
     Raises:
         SettingsError: its folder for logs cannot be written, or its environment is not as it should be.
     """
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
         reason = str(error).partition(", at ")[0]
         raise SettingsError(
