@@ -252,7 +252,7 @@ def _gripper(side: Side, modules: GripperModules) -> Iterator[str]:
     mimic = {second: f'<mimic joint="{first}" multiplier="1" offset="0"/>'}  # one motor drives both fingers
     limit = _limit(0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
-        finger = name.replace("joint", "finger")
+        finger = "finger".join(name.rsplit("joint", 1))  # the last one: the prefix may have the word
         yield _link(finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
         yield _joint(name, "prismatic", base, finger, origin, f'<axis xyz="-1 0 0"/>{limit}{mimic.get(name, "")}')
 

@@ -25,8 +25,10 @@ All of them are in the robot's namespace, which is empty for the only robot of a
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -40,7 +42,7 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings
+from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
 from yumi.robot.description import robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
@@ -142,7 +144,14 @@ class RosDriver:
         }
 
         self._grippers = Grippers(
-            grippers, gripper_nodes, self._streams, self.info, self._timers, self._why_no_grip, manager.calibrate
+            grippers,
+            gripper_nodes,
+            self._streams,
+            self.info,
+            self._timers,
+            self._why_no_grip,
+            manager.calibrate,
+            settings.ros.frames,
         )
         self._gripper_setup = GripperSetup(
             grippers.grippers,
@@ -304,6 +313,11 @@ def _topics_node(namespace: str) -> Any:
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Where the user names profiles of Fast DDS; or in these files, beside which the driver is started."""
+_PROFILE_FILES = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml")
+
+
 def open_ros(arguments: Sequence[str] | None = None) -> None:
     """Start ROS in this process; signals stay with the application.
 
@@ -313,6 +327,9 @@ def open_ros(arguments: Sequence[str] | None = None) -> None:
     Raises:
         SettingsError: its folder for logs cannot be written, or its environment is not as it should be.
     """
+    # With Fast DDS's own period of announcements, 3 s, others find the driver up to 3 s late (config/fastdds.xml).
+    if not any(map(os.environ.get, _PROFILES)) and not any(Path(name).exists() for name in _PROFILE_FILES):
+        os.environ[_PROFILES[0]] = str(config_folder() / "fastdds.xml")
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:

@@ -482,7 +482,8 @@ class HealthTopics:
         grippers: Callable[[], list[DiagnosticStatus]],
         timers: TimerThread,
     ) -> None:
-        clock = node.get_clock()
+        clock, root = node.get_clock(), node.get_namespace().strip("/")
+        place = f"/{root}/" if root else ""
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
 
         def publish_arm(publisher: Any, side: Side) -> None:
@@ -493,6 +494,8 @@ class HealthTopics:
             array.header.stamp = stamp(clock.now().nanoseconds)
             arms = (egm_status(side, snapshot(side)) for side in Side)
             array.status = [robot_status(robot()), *arms, *grippers()]
+            for status in array.status:  # those of several robots meet on /diagnostics
+                status.name = f"{place}{status.name}"
             diagnostics.publish(array)
 
         for side, stream in streams.items():
