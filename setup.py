@@ -5,7 +5,7 @@ from setuptools import find_packages, setup
 distribution = setup(
     package_dir={"": "src", "yumi.config": "config"},
     packages=[*find_packages("src"), "yumi.config"],
-    package_data={"yumi": ["**/*"], "yumi_evaluation": ["**/*"], "yumi.config": ["*.yaml"]},
+    package_data={"yumi": ["**/*"], "yumi_evaluation": ["**/*"], "yumi.config": ["*.yaml", "*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from yumi.robot.description import JOINT_ORIGINS, TOOL0_ORIGIN, Mass, Origin, joint_1_origin, link_mass
+from yumi.robot.description import FLANGE_ORIGIN, JOINT_ORIGINS, TOOL0_ORIGIN, Mass, Origin, joint_1_origin, link_mass
 from yumi.robot.dynamics import DRIVE_INERTIA, GRAVITY
 from yumi.robot.joints import Joints, Pose, Side, Vector
 from yumi.robot.kinematics import compose, quaternion_from_euler_zyx, rotate
@@ -72,7 +72,7 @@ class ArmBodies:
             joints.append(frame)
             bodies.append((link_mass(index), frame, list(joints)))
         if self._payload is not None:
-            bodies.append((self._payload, compose(frame, placed(TOOL0_ORIGIN)), joints))
+            bodies.append((self._payload, compose(compose(frame, placed(FLANGE_ORIGIN)), placed(TOOL0_ORIGIN)), joints))
         return bodies
 
 

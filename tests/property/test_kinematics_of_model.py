@@ -29,7 +29,10 @@ def turn(axis: int, angle: float) -> np.ndarray:
 @lru_cache
 def chain(side: Side) -> list[np.ndarray]:
     joints = {element.get("name"): element for element in ET.fromstring(robot_description()).findall("joint")}
-    return [origin(joints[name]) for name in (*joint_names(side), f"yumi_tool0_{side.value}_joint")]
+    return [
+        origin(joints[name])
+        for name in (*joint_names(side), *(f"yumi_{name}_{side.value}_joint" for name in ("flange", "tool0")))
+    ]
 
 
 def origin(joint: ET.Element) -> np.ndarray:
@@ -41,7 +44,7 @@ def origin(joint: ET.Element) -> np.ndarray:
 
 def tool0_of_urdf(side: Side, position: tuple[float, ...]) -> np.ndarray:
     frame = np.eye(4)
-    for matrix, angle in zip(chain(side), (*position, 0.0), strict=True):
+    for matrix, angle in zip(chain(side), (*position, 0.0, 0.0), strict=True):
         frame = frame @ matrix @ turn(2, angle)
     return frame
 

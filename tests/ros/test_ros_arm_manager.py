@@ -118,7 +118,7 @@ def rig(ros: None) -> Iterator[SimpleNamespace]:
     entries = {"gain": Entry(1, "file:1", is_general=False), "nobody's": Entry(1, "file:2", is_general=True)}
     known = [ControllerSettings("listed", KIND, entries)]
     interfaces = {KIND: lambda *_: interface}
-    arm = ArmManager(Side.RIGHT, line, known, executor, interfaces, clock, TimerThread(clock, print))
+    arm = ArmManager(Side.RIGHT, "/r", line, known, executor, interfaces, clock, TimerThread(clock, print))
     client = Client(executor)
     descriptions = client.node.create_publisher(String, "/r/robot_description", LATCHED)
     yield SimpleNamespace(

@@ -196,5 +196,14 @@ def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
 
 
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
-    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port))
-    expect_one_sentence(outcome, f"Another driver runs on this machine in the same ROS domain (process {driver.pid});")
+    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
+    expect_one_sentence(outcome, f"is driven by another program (process {driver.pid}); end it first.")
+
+
+def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: Command) -> None:
+    outcome = up("--robot", "127.0.0.2")
+    expect_one_sentence(
+        outcome,
+        f"Another driver runs on this machine in the same ROS domain without a namespace (process {driver.pid}); stop "
+        "it, or give one of the two another --namespace.",
+    )

@@ -11,7 +11,7 @@ from threading import Event
 import pytest
 
 from system.recovery_bench import MovingSystem
-from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
+from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
@@ -439,3 +439,38 @@ def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhi
     monitor.stop()
     failed = [record for record in caplog.records if record.getMessage().startswith("Thread robot-monitor failed")]
     assert [record.exc_info is not None for record in failed] == [True]
+
+
+AGE = JOINTS_POLL + 0.1  # and the time of the requests
+
+
+def measured(monitored: Monitored, side: Side) -> tuple[float, tuple[float, ...]]:
+    """How old the joints are that were read [s], and what they are [rad]."""
+    state = monitored.monitor.joints(side)
+    assert state is not None
+    return monitored.system.now() - state.time, state.position
+
+
+def test_joints_are_read_while_egm_reports_none_and_never_unasked(monitored: Monitored) -> None:
+    monitored.system.manager.stop_egm()
+    monitored.wait(1.0)
+    assert monitored.monitor.joints(Side.RIGHT) is None
+    monitored.monitor.reads_joints = True
+    monitored.step()
+    for _ in range(20):
+        monitored.wait(0.1)
+        for side in Side:
+            age, position = measured(monitored, side)
+            assert age <= AGE
+            assert position == pytest.approx(monitored.system.world.arms[side].position, abs=1e-4)
+
+
+def test_joints_are_read_from_a_stop_on_and_not_while_egm_reports_them(monitored: Monitored) -> None:
+    monitored.monitor.reads_joints = True
+    monitored.wait(1.0)
+    assert monitored.monitor.joints(Side.RIGHT) is None
+    monitored.system.faults.happen(Fault.EMERGENCY_STOP)
+    monitored.wait(0.3 + AGE)
+    for _ in range(20):
+        assert all(measured(monitored, side)[0] <= AGE for side in Side)
+        monitored.wait(0.1)

@@ -19,13 +19,16 @@ from yumi import __version__
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
+from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.record import record
 from yumi.cli.up import up
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
-_ROS_ARGUMENTS = "yumi.ros_arguments"
-_NAMES_ALL_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
+_NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 """A rule of rcl's remapping that gives nodes another namespace or name."""
+
+_NAMESPACE = "__ns:="
+"""The rule for all nodes; `yumi up` takes it as its option --namespace. A launch file makes it of PushRosNamespace."""
 
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
 
@@ -35,8 +38,16 @@ class _Commands(click.Group):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
         own, ros = _split_ros_arguments(args)
+        names = [argument.removeprefix(_NAMESPACE) for argument in ros if argument.startswith(_NAMESPACE)]
+        if names and own[:1] == ["up"]:
+            if any(argument.partition("=")[0] == "--namespace" for argument in own):
+                raise click.UsageError(f"--namespace and {_NAMESPACE} both name the namespace; give one of them.")
+            # rcl would put it in the place of r and l; it comes before them.
+            own += ["--namespace", names[0]]
+            places = [index for index, argument in enumerate(ros) if argument.startswith(_NAMESPACE)]
+            ros = [argument for index, argument in enumerate(ros) if not {index, index + 1} & {*places}]
         context = super().make_context(info_name, own, *rest, **extra)
-        context.meta[_ROS_ARGUMENTS] = ros
+        context.meta[ROS_ARGUMENTS] = ros
         return context
 
     def list_commands(self, context: click.Context) -> list[str]:
@@ -50,11 +61,11 @@ class _Commands(click.Group):
 
     def invoke(self, context: click.Context) -> Any:
         try:
-            for rule in context.meta[_ROS_ARGUMENTS]:
-                if _NAMES_ALL_NODES.match(rule):  # rcl puts it in the place of r and l; a launch file does so, too
+            for rule in context.meta[ROS_ARGUMENTS]:
+                if _NAMES_NODES.match(rule):
                     raise SettingsError(
                         f"{rule!r} would merge both arms, whose nodes differ only in the namespaces r and l; start "
-                        "without it, and give each robot a ROS_DOMAIN_ID of its own."
+                        "without it, or give all nodes of a robot a namespace with yumi up --namespace."
                     )
             return super().invoke(context)
         except YumiError as error:

@@ -20,6 +20,9 @@ import click
 from yumi.driver.settings import MAX_PORT, PASSWORD_VARIABLE, Settings, override, password_of_environment, read_settings
 from yumi.errors import MissingPrerequisite, SettingsError
 
+ROS_ARGUMENTS = "yumi.ros_arguments"
+"""Where a command's context has what came after ``--ros-args``."""
+
 _OTHERS_MAY_NOT = 0o077  # read, write or enter
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _DISCOVERY_VARIABLES = (_DISCOVERY, "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
@@ -78,7 +81,13 @@ def settings_of(config: Path | None, options: Mapping[str, Any]) -> Settings:
             "speed_scale": "speed_scale",
         },
         "egm": {"left_egm_port": "left_port", "right_egm_port": "right_port"},
-        "ros": {"bringup": "bringup", "initial_joint_controller": "initial_joint_controller"},
+        "ros": {
+            "bringup": "bringup",
+            "initial_joint_controller": "initial_joint_controller",
+            "namespace": "namespace",
+            "prefix": "prefix",
+            "frame_prefix": "frame_prefix",
+        },
     }
     values = {
         group: {name: options[option] for option, name in entries.items() if options.get(option) is not None}

@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from yumi.cli.options import (
+    ROS_ARGUMENTS,
     SCALE,
     demand_ros,
     end_flag,
@@ -68,6 +69,11 @@ _POLL = 0.05  # [s]
     help="Bring the robot to ready at start: motors on, RAPID started, grippers calibrated. Without, the driver "
     "connects and only reads until start_egm, set_mode or recover is called.",
 )
+@click.option(
+    "--namespace", help="Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."
+)
+@click.option("--prefix", help="Put it before the names of all joints and links, such as a_.")
+@click.option("--frame-prefix", help="Put it before the names of frames on /tf; else the namespace and a slash.")
 @click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
 @until_stdin_closes_option
 def up(
@@ -87,6 +93,7 @@ def up(
       yumi up --robot 192.168.125.1
       yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
       yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
+      yumi up --robot 192.168.125.1 --namespace cell1    one of several robots: /cell1/r/joint_states
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
     demand_ros()
@@ -103,7 +110,8 @@ def up(
         else:
             click.echo(f"{DRIVER_READY}serving the robot at {address}")
 
-    run_driver(settings, chosen, is_over, report_ready, record)
+    ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
+    run_driver(settings, chosen, is_over, report_ready, record, ros_arguments)
 
 
 def run_driver(
@@ -112,6 +120,7 @@ def run_driver(
     is_over: Flag,
     on_ready: Callable[[str], None],
     record: Path | None = None,
+    ros_arguments: Sequence[str] | None = None,
 ) -> None:
     """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
 
@@ -123,6 +132,7 @@ def run_driver(
         is_over: set when it must end.
         on_ready: called when ROS is served and the robot was brought to ready, with the reason why it is not, or "".
         record: file for every cycle of both arms.
+        ros_arguments: for rclpy; None: those of this process.
 
     Raises:
         YumiError: the robot cannot be reached or used; nothing was started.
@@ -139,12 +149,14 @@ def run_driver(
 
     with short_switch_interval(), ExitStack() as stack:
         stack.callback(release_process)
-        only_in_ros_domain = Only(
-            f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}",
-            "Another driver runs on this machine in the same ROS domain ({owner}); stop it or give one of the two its "
-            "own ROS_DOMAIN_ID.",
+        root = settings.ros.root
+        where = f"in the namespace {root}" if root else "without a namespace"
+        only_under_name = Only(
+            f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}{root.replace('/', '.')}",
+            f"Another driver runs on this machine in the same ROS domain {where} "
+            "({owner}); stop it, or give one of the two another --namespace.",
         )
-        for only in (only_in_ros_domain, only_at_robot(settings)):
+        for only in (only_at_robot(settings), only_under_name):
             only.claim()
             stack.callback(only.release)
         parts = make_parts(
@@ -160,10 +172,10 @@ def run_driver(
         connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
         connection.check()
         grippers = GripperParts(parts.grippers, parts.signals, settings.gripper)
-        open_ros()
+        open_ros(ros_arguments)
         stack.callback(close_ros)
-        control, manager, plan, rate = parts.control, parts.manager, parts.plan, settings.ros.merged_rate
-        ros = RosDriver(control, plan.controllers, manager, grippers, rate, clock, plan.limits)
+        control, manager, plan = parts.control, parts.manager, parts.plan
+        ros = RosDriver(control, plan.controllers, manager, grippers, settings, clock, plan.limits)
         stack.callback(ros.stop)
         records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
         stack.callback(records.close)

@@ -21,13 +21,13 @@ from threading import Lock
 from typing import Any, Protocol
 
 from yumi.clock import Clock
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import SupervisedThread
-from yumi.robot.joints import Side
+from yumi.robot.joints import ZERO, Side, joints
 from yumi.rws.client import RwsClient
 from yumi.rws.events import (
     CONTROLLER_STATE,
@@ -202,6 +202,12 @@ EXPLAINED = 0.5
 EXPLAIN_POLL = 0.1
 """Time between two polls while an explanation is awaited [s]."""
 
+JOINTS_POLL = 0.4
+"""Time between two readings of the joints of arms without EGM [s]: 5 of the 20 requests a second that ABB permits."""
+
+JOINTS_SPEED = 1.0
+"""The speed of the joints is what they moved between two readings, if those are not further apart than this [s]."""
+
 _STOPPING = {EVENT_LOG.path, CONTROLLER_STATE.path, EXECUTION.path, OPERATING_MODE.path}
 _STARTING = 503
 _JOURNAL = 256  # changes that are remembered while something is read
@@ -228,12 +234,16 @@ class RobotMonitor:
         on_change: called with the state after each change, on the monitor's thread.
         on_stop: called when a stop has come that a person must confirm, on the monitor's thread.
         log: logs the changes.
+        reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
     """
 
     def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
         self.on_change: Callable[[RobotState], None] = lambda _: None
         self.on_stop: Callable[[], None] = lambda: None
         self.log = StateLog(stops, clock)
+        self.reads_joints = False
+        self._joints: dict[Side, JointStates] = {}
+        self._joints_refused: set[Side] = set()
         self._stops = stops
         self._speed = speed
         self._seen_stop: Stop | None = None
@@ -248,7 +258,7 @@ class RobotMonitor:
         self._is_following = self._is_lost = self._is_poll_requested = False
         self._journal: deque[Change] = deque(maxlen=_JOURNAL)
         self._reported_count = self._handled_count = 0  # changes that the controller reported, that the thread handled
-        self._polled_at = self._machines_polled_at = -RECONNECT
+        self._polled_at = self._machines_polled_at = self._joints_polled_at = -RECONNECT
         self._read_at = -inf  # when all of it was read last
         self._wake, self._is_over = Flag(), Flag()
         self._thread: SupervisedThread | None = None
@@ -289,6 +299,10 @@ class RobotMonitor:
         """Something has happened to an arm: poll soon."""
         self._is_poll_requested = True
         self._wake.set()
+
+    def joints(self, side: Side) -> JointStates | None:
+        """The joints of an arm as they were read last, with the time of that; None where they never were."""
+        return self._joints.get(side)
 
     def explain(self, then: Callable[[Cause], None]) -> None:
         """Have ``then`` called, on the monitor's thread, once it is known what stopped the robot.
@@ -378,7 +392,7 @@ class RobotMonitor:
         self._read_whole()
         self._polled_at = self._machines_polled_at = now
         self._is_following = True
-        return self._next_poll()
+        return self._read_joints(self._next_poll())
 
     def _follow(self, now: float) -> float:
         is_whole = now - self._polled_at >= WHOLE_POLL
@@ -402,7 +416,7 @@ class RobotMonitor:
         if paths or is_requested or (self._is_busy and now - self._machines_polled_at >= BUSY_POLL):
             self._update(machines=self._machines())
             self._machines_polled_at = now
-        return self._next_poll()
+        return self._read_joints(self._next_poll())
 
     def _next_poll(self) -> float:
         if self._subscription is None:
@@ -461,6 +475,30 @@ class RobotMonitor:
                 if error.status == _STARTING:
                     raise
         return machines
+
+    def _read_joints(self, delay: float) -> float:
+        """Read the joints of arms that EGM does not report, if that is due; ``delay`` [s], or less until then."""
+        silent = [side for side in Side if self.reads_joints and not self._loop.snapshot(side).is_streaming]
+        if silent and self._clock.now() - self._joints_polled_at >= JOINTS_POLL:
+            self._joints_polled_at = self._clock.now()
+            for side in silent:
+                asked = self._clock.now()
+                try:
+                    position = self._client.joint_target(side.unit)
+                except (ControllerRefused, ProtocolError) as error:
+                    if side not in self._joints_refused:  # once; the controller may not know them while it starts
+                        self._joints_refused.add(side)
+                        self.log.report(logging.WARNING, f"The {side.word} arm's joints cannot be read: {error}")
+                    continue
+                self._joints_refused.discard(side)
+                time, last = 0.5 * (asked + self._clock.now()), self._joints.get(side)
+                dt = time - last.time if last is not None else inf
+                velocity = ZERO
+                if last is not None and 0.0 < dt <= JOINTS_SPEED:
+                    velocity = joints([(b - a) / dt for a, b in zip(last.position, position, strict=True)])
+                self._joints[side] = JointStates(time, position, velocity)
+        # While EGM reports the joints of both, its end is an event that asks for a poll.
+        return min(delay, max(0.01, self._joints_polled_at + JOINTS_POLL - self._clock.now())) if silent else delay
 
     def _read_whole(self) -> None:
         """Read all; what is reported meanwhile may be newer than what was read, also if it has been handled since."""

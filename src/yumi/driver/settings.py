@@ -6,6 +6,7 @@ Each group is a dataclass; a field's metadata gives its unit and bounds, which t
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
@@ -32,6 +33,8 @@ PASSWORD_VARIABLE = "YUMI_PASSWORD"
 """The environment variable with the robot's password; it wins over the settings file."""
 
 _AUTO = "auto"
+_NAMESPACE = re.compile(r"/?(?:[A-Za-z_][A-Za-z0-9_]*/)*(?:[A-Za-z_][A-Za-z0-9_]*)?/?")
+_PREFIX = re.compile(r"(?:[A-Za-z][A-Za-z0-9_]*)?")
 _UPDATE_RATE = 250  # [Hz] as ros2_control's files give it
 
 MANAGER_SETTINGS = (".type", ".initial_state", "update_rate")
@@ -128,11 +131,47 @@ class RosSettings:
         bringup: whether the driver brings the robot to ready at start; else it only reads until it is asked for more.
         initial_joint_controller: the controller that commands an arm after EGM has started, unless another one did
             before EGM ended by itself.
+        namespace: of the robot, before ``r`` and ``l``, such as ``cell1``; empty for the only robot of a ROS graph.
+        prefix: before the names of all joints and links, such as ``a_``.
+        publish_tf: whether ``/tf`` and ``/tf_static`` are published; else the user's robot_state_publisher does it.
+        tf_rate: how often ``/tf`` and ``tcp_pose`` are published [Hz].
+        frame_prefix: before the names of all frames on ``/tf``; None (``auto``) is the namespace and a slash.
+
+    Raises:
+        SettingsError: a name is not one of ROS's.
     """
 
     merged_rate: float = bounded(100.0, 1.0, 250.0, "Hz")
     bringup: bool = True
     initial_joint_controller: str = POSITION_CONTROLLER
+    namespace: str = ""
+    prefix: str = ""
+    publish_tf: bool = True
+    tf_rate: float = bounded(50.0, 1.0, 250.0, "Hz")
+    frame_prefix: str | None = None
+
+    def __post_init__(self) -> None:
+        if not _NAMESPACE.fullmatch(self.namespace):
+            raise SettingsError(
+                f"ros: namespace is {self.namespace!r}; it must be names of letters, digits and underscores with "
+                "slashes between them, such as cell1."
+            )
+        if not _PREFIX.fullmatch(self.prefix):
+            raise SettingsError(
+                f"ros: prefix is {self.prefix!r}; it must be letters, digits and underscores and begin with a letter, "
+                "such as a_."
+            )
+
+    @property
+    def root(self) -> str:
+        """The namespace from the root of the ROS graph, ``/cell1``; empty without one."""
+        name = self.namespace.strip("/")
+        return f"/{name}" if name else ""
+
+    @property
+    def frames(self) -> str:
+        """What stands before the name of each frame."""
+        return self.root[1:] + "/" * bool(self.root) if self.frame_prefix is None else self.frame_prefix
 
 
 @dataclass(frozen=True, slots=True)

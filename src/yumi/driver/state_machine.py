@@ -21,7 +21,7 @@ from yumi.control.limiter import FULL
 from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
 from yumi.robot.description import Mass
-from yumi.robot.joints import Pose, Side
+from yumi.robot.joints import Pose, Quaternion, Side, Vector
 from yumi.robot.tool import Tool, inertia_of, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
@@ -224,6 +224,14 @@ class EgmMotionSettings:
             if text and not _is_value(text, layout):  # the controller would refuse it in the middle of a start
                 example = rapid_values.encode(layout)
                 raise SettingsError(f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {example}.")
+
+    @property
+    def tool_to_tool0(self) -> Pose:
+        """The frame of :attr:`tool` [m]; tool0 itself where that is empty."""
+        _, frame, _ = cast("tuple[RapidValue, ...]", rapid_values.decode(self.tool) if self.tool else _TOOL)
+        (x, y, z), (qw, qx, qy, qz) = cast("tuple[Vector, Quaternion]", frame)
+        length = hypot(qw, qx, qy, qz)
+        return Pose((x * 1e-3, y * 1e-3, z * 1e-3), (qw / length, qx / length, qy / length, qz / length))
 
     def value(self, name: str, current: RapidValue) -> RapidValue:
         """The RAPID value of the text ``name``, or ``current`` where it is empty."""

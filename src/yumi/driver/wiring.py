@@ -54,7 +54,7 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import Only
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Joints, Side, joint_names
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, set_prefix
 from yumi.rws.client import RwsClient
 
 
@@ -171,6 +171,7 @@ class EgmPlan:
         controllers: what runs on each arm.
         position_gain: of the robot's own position loop [1/s].
         limits: what the joints may do in the robot's EGM motion.
+        prefix: before the names of joints.
     """
 
     listen: str
@@ -181,6 +182,7 @@ class EgmPlan:
     controllers: Controllers
     position_gain: float = EGM_GAIN
     limits: JointLimits = YUMI_LIMITS
+    prefix: str = ""
 
     @property
     def addresses(self) -> Mapping[Side, EgmAddress]:
@@ -208,6 +210,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         check_controllers(controllers),
         position_gain=EGM_GAIN * motion.pos_corr_gain,
         limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
+        prefix=settings.ros.prefix,
     )
 
 
@@ -247,6 +250,7 @@ def _manager_of(
 
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:
     """Both arms of the control process, with the controllers that only watch already active."""
+    set_prefix(plan.prefix)
     halves: Halves = {}
     arms: dict[Side, ConnectedArm] = {}
 
@@ -321,6 +325,7 @@ def make_parts(
         NoConnection: there is no way to the robot's address.
         SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
+    set_prefix(settings.ros.prefix)
     clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
     first = leading or settings.ros.initial_joint_controller
     for side, entries in plan.controllers.items():

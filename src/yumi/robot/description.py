@@ -3,17 +3,40 @@
 Every number stands in one of the tables below; the functions only turn tables into XML. Link frames are those
 of the public YuMi descriptions (reference/yumi.md §1.4), so their meshes fit. Lengths in [m], angles in [rad],
 masses in [kg] unless the name says otherwise.
+
+==================================== ==================================================================================
+link                                 where
+==================================== ==================================================================================
+yumi_base_link, yumi_body, yumi_base the foot of the robot; ABB's base frame, in which poses of the tool are given
+yumi_link_1_r … yumi_link_7_r        the links in chain order
+yumi_flange_r                        where a tool is bolted on, x forward (REP-103, ROS-Industrial)
+yumi_tool0_r                         the same place, z forward: RAPID's tool0
+gripper_r_base                       the gripper, if the arm has one: the fingers, and what follows
+gripper_r_fingertips                 between ABB's standard fingertips, z forward
+gripper_r_camera                     z along the view of its camera, if it has one
+gripper_r_vacuum_1, gripper_r_vacuum_2 a cup, z into it, if it has the module
+==================================== ==================================================================================
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import atan2, dist, hypot, pi
+from math import atan2, dist, hypot, pi, sqrt
 from xml.etree import ElementTree as ET
 
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import YUMI_LIMITS, JointLimits, Pose, Side, Vector, finger_names, joint_names
+from yumi.robot.joints import (
+    YUMI_LIMITS,
+    JointLimits,
+    Pose,
+    Quaternion,
+    Side,
+    Vector,
+    finger_names,
+    joint_names,
+    prefixed,
+)
 from yumi.robot.kinematics import compose, euler_zyx, foot_to_body
 
 FINGER_TRAVEL = 0.025
@@ -75,8 +98,16 @@ JOINT_ORIGINS = (
     Origin((-0.027, 0.0, 0.1005), (pi / 2, 0.0, 0.0)),
     Origin((0.027, 0.029, 0.0), (-pi / 2, 0.0, 0.0)),
 )
-TOOL0_ORIGIN = Origin((0.0, 0.0, 0.007), (0.0, 0.0, pi))
+# The flange lies where tool0 is; its x axis is tool0's z axis. Together they are Rz(π), as in the public descriptions.
+FLANGE_ORIGIN = Origin((0.0, 0.0, 0.007), (0.0, -pi / 2, pi / 2))
+TOOL0_ORIGIN = Origin((0.0, 0.0, 0.0), (pi / 2, 0.0, pi / 2))
 FINGER_ORIGINS = (Origin((0.0, -0.0065, 0.0837)), Origin((0.0, 0.0065, 0.0837), (0.0, 0.0, pi)))
+# ABB's frames of the gripper, seen from tool0 (reference/yumi.md §2.2): [m], and quaternions w, x, y, z.
+_S = sqrt(0.5)
+_UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), _UPRIGHT)
+CAMERA = Pose((-0.0073, 0.0283, 0.0351), (0.5, -0.5, 0.5, 0.5))
+CUPS = {1: Pose((0.0635, 0.0185, 0.0375), (_S, 0.0, _S, 0.0)), 2: Pose((-0.0635, 0.0185, 0.0375), (0.0, -_S, 0.0, _S))}
 _FOOT_TO_JOINT_1 = Pose((0.0, 0.0, 0.066), (0.0, 0.0, 0.0, 1.0))
 
 # ABB publishes no torques; public descriptions carry this number, and tools refuse a joint without one.
@@ -163,19 +194,21 @@ SERVO_GRIPPERS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModul
 def robot_description(
     limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS
 ) -> str:
-    """The URDF: ``yumi_base_link`` at the root, two arms, two grippers, joints named as in ``joints.py``.
+    """The URDF: ``yumi_base_link`` at the root, two arms, two grippers; all names with the robot's prefix.
 
     Args:
         limits: of the joints; tools take the speeds they plan with from here.
         grippers: the modules of each gripper, for its mass.
     """
     parts = [f'<material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in MATERIALS.items()]
-    parts.append(_link("yumi_base_link"))
-    parts.append(_link("yumi_body", BODY_MASS, BODY_SHAPES, "abb_grey"))
-    parts.append(_joint("yumi_base_link_to_body", "fixed", "yumi_base_link", "yumi_body", Origin()))
+    root, body = prefixed("yumi_base_link"), prefixed("yumi_body")
+    parts.append(_link(root))
+    parts.append(_link(body, BODY_MASS, BODY_SHAPES, "abb_grey"))
+    parts.append(_joint(f"{root}_to_body", "fixed", root, body, Origin()))
+    parts += _frame(prefixed("yumi_base"), root, Origin())
     for side in (Side.LEFT, Side.RIGHT):
         parts += _arm(side, limits)
-        parts += _gripper(side, GRIPPER_MASSES[grippers[side]])
+        parts += _gripper(side, grippers[side])
     robot = ET.fromstring(f'<robot name="yumi">{"".join(parts)}</robot>')
     ET.indent(robot)
     # No encoding in the declaration: lxml refuses a decoded string that names one.
@@ -196,30 +229,42 @@ def link_mass(index: int) -> Mass:
 
 
 def _arm(side: Side, limits: JointLimits) -> Iterator[str]:
-    parent, origins = "yumi_body", (joint_1_origin(side), *JOINT_ORIGINS)
+    parent, origins = prefixed("yumi_body"), (joint_1_origin(side), *JOINT_ORIGINS)
     for index, (name, origin) in enumerate(zip(joint_names(side), origins, strict=True)):
-        link = f"yumi_link_{index + 1}_{side.value}"
+        link = prefixed(f"yumi_link_{index + 1}_{side.value}")
         yield _link(link, link_mass(index), LINK_SHAPES[index], "abb_white")
         limit = _limit(limits.lower[index], limits.upper[index], JOINT_EFFORT, limits.velocity[index])
         dynamics = f'<dynamics damping="{JOINT_DAMPING}" friction="{JOINT_FRICTION[index]}"/>'
         yield _joint(name, "revolute", parent, link, origin, f'<axis xyz="0 0 1"/>{limit}{dynamics}')
         parent = link
-    tool0 = f"yumi_tool0_{side.value}"
-    yield _link(tool0)
-    yield _joint(f"{tool0}_joint", "fixed", parent, tool0, TOOL0_ORIGIN)
+    flange = prefixed(f"yumi_flange_{side.value}")
+    yield from _frame(flange, parent, FLANGE_ORIGIN)
+    yield from _frame(prefixed(f"yumi_tool0_{side.value}"), flange, TOOL0_ORIGIN)
 
 
-def _gripper(side: Side, mass: Mass) -> Iterator[str]:
-    base = f"gripper_{side.value}_base"
-    yield _link(base, mass, GRIPPER_SHAPES, "abb_graphite")
-    yield _joint(f"{base}_joint", "fixed", f"yumi_tool0_{side.value}", base, Origin())
+def _gripper(side: Side, modules: GripperModules) -> Iterator[str]:
+    base = prefixed(f"gripper_{side.value}_base")
+    yield _link(base, GRIPPER_MASSES[modules], GRIPPER_SHAPES, "abb_graphite")
+    yield _joint(f"{base}_joint", "fixed", prefixed(f"yumi_tool0_{side.value}"), base, Origin())
+    frames = {"fingertips": FINGERTIPS, **{f"vacuum_{channel}": CUPS[channel] for channel in modules.vacuum_channels}}
+    if modules.has_camera:
+        frames["camera"] = CAMERA
+    for name, pose in frames.items():
+        origin = Origin(pose.position, euler_zyx(pose.orientation))
+        yield from _frame(prefixed(f"gripper_{side.value}_{name}"), base, origin)
     first, second = finger_names(side)
     mimic = {second: f'<mimic joint="{first}" multiplier="1" offset="0"/>'}  # one motor drives both fingers
     limit = _limit(0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
-        finger = name.replace("joint", "finger")
+        finger = "finger".join(name.rsplit("joint", 1))  # the last one: the prefix may have the word
         yield _link(finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
         yield _joint(name, "prismatic", base, finger, origin, f'<axis xyz="-1 0 0"/>{limit}{mimic.get(name, "")}')
+
+
+def _frame(name: str, parent: str, origin: Origin) -> Iterator[str]:
+    """A link without a body, fixed to ``parent``."""
+    yield _link(name)
+    yield _joint(f"{name}_joint", "fixed", parent, name, origin)
 
 
 def _joint(name: str, kind: str, parent: str, child: str, origin: Origin, rest: str = "") -> str:

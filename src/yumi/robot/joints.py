@@ -51,14 +51,32 @@ class Side(Enum):
         return f"ROB_{self.name[0]}"
 
 
+_prefix = ""
+
+
+def set_prefix(prefix: str) -> None:
+    """Put ``prefix`` before the ROS names of this process's robot: its joints and links.
+
+    One process drives one robot, so this is set once, before any name is asked for: by
+    :func:`yumi.driver.wiring.make_parts`, and in the control process.
+    """
+    global _prefix  # noqa: PLW0603 - names are asked for where nothing else of the settings is known
+    _prefix = prefix
+
+
+def prefixed(name: str) -> str:
+    """The ROS name of a joint or link of this process's robot: ``name`` after the robot's prefix."""
+    return _prefix + name
+
+
 def joint_names(side: Side) -> tuple[str, ...]:
     """ROS names of the arm's joints in chain order, e.g. ``yumi_joint_7_r`` in third place."""
-    return tuple(f"yumi_joint_{axis}_{side.value}" for axis in CHAIN_AXES)
+    return tuple(f"{_prefix}yumi_joint_{axis}_{side.value}" for axis in CHAIN_AXES)
 
 
 def finger_names(side: Side) -> tuple[str, str]:
     """ROS names of the two finger joints of the arm's gripper."""
-    return (f"gripper_{side.value}_joint", f"gripper_{side.value}_joint_m")
+    return (f"{_prefix}gripper_{side.value}_joint", f"{_prefix}gripper_{side.value}_joint_m")
 
 
 def joints(values: Sequence[float]) -> Joints:

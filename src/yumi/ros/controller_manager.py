@@ -346,6 +346,7 @@ class ArmManager:
 
     Args:
         side: which arm.
+        namespace: of its nodes, such as ``/r``.
         control: where the controllers are commanded.
         known: the controllers of ``controllers.yaml``, loaded or not.
         executor: what spins this node and those of the controllers.
@@ -357,6 +358,7 @@ class ArmManager:
     def __init__(
         self,
         side: Side,
+        namespace: str,
         control: CommandPort,
         known: Iterable[ControllerSettings],
         executor: Executor,
@@ -365,13 +367,13 @@ class ArmManager:
         timers: TimerThread,
     ) -> None:
         self.node: Any = rclpy.create_node(
-            "controller_manager", namespace=side.value, allow_undeclared_parameters=True, enable_logger_service=True
+            "controller_manager", namespace=namespace, allow_undeclared_parameters=True, enable_logger_service=True
         )
         self._log = self.node.get_logger()
         self._clock = self.node.get_clock()
         self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
         self._parameters = ManagerParameters(self.node, RATE)
-        self._nodes = ControllerNodes(side, control, executor, interfaces, RATE)
+        self._nodes = ControllerNodes(side, namespace, control, executor, interfaces, RATE)
         self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
         self._hardware = ArmHardware(side, control)
         self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)

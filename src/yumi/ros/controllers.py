@@ -47,6 +47,7 @@ class ControllerNodes:
 
     Args:
         side: which arm.
+        namespace: of the nodes, such as ``/r``.
         control: where the controllers are commanded.
         executor: what spins the nodes.
         interfaces: what controllers of a type offer besides parameters.
@@ -54,9 +55,16 @@ class ControllerNodes:
     """
 
     def __init__(
-        self, side: Side, control: CommandPort, executor: Executor, interfaces: Mapping[str, MakeInterface], rate: int
+        self,
+        side: Side,
+        namespace: str,
+        control: CommandPort,
+        executor: Executor,
+        interfaces: Mapping[str, MakeInterface],
+        rate: int,
     ) -> None:
         self._side = side
+        self._namespace = namespace
         self._control = control
         self._executor = executor
         self._make_interface = interfaces
@@ -82,7 +90,7 @@ class ControllerNodes:
 
         node: Any = rclpy.create_node(
             name,
-            namespace=self._side.value,
+            namespace=self._namespace,
             cli_args=["--ros-args", *arguments] if arguments else None,
             use_global_arguments=False,
         )

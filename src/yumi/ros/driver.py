@@ -13,17 +13,22 @@ r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog
                                clear_error, vacuum_1, blow_1 … (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
-                               set_speed_scale, speed_scale, set_tool, set_payload, gpio_states, state,
-                               robot_description, /diagnostics
+                               set_speed_scale, speed_scale, set_tool, set_payload, gpio_states, state, /diagnostics
+robot_state_publisher          /tf, /tf_static, robot_description (topic and parameter)
 yumi_topics                    joint_states (merged)
 ============================== ====================================================================
+
+All of them are in the robot's namespace, which is empty for the only robot of a ROS graph. ``r/yumi_topics`` publishes
+``tcp_pose``, too.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -37,12 +42,14 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup, close_as_test
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import CalibrateWhen, ControllerSettings
+from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
-from yumi.robot.joints import JointLimits, Side
+from yumi.robot.description import robot_description
+from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
+from yumi.ros.frames import NAME, FramePublisher
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import (
@@ -54,7 +61,7 @@ from yumi.ros.topics import (
     MergedJointStates,
     RobotStateTopic,
     forward_interfaces,
-    publish_descriptions,
+    newest_state,
 )
 from yumi.ros.trajectory import DUAL_ARM, TrajectoryControllers
 
@@ -67,7 +74,7 @@ class RosDriver:
         controllers: those of ``controllers.yaml``.
         manager: the robot manager.
         grippers: both grippers, with their signals and settings.
-        merged_rate: of the merged joint states [Hz].
+        settings: names, rates, and the tool in use.
         clock: the machine's clock.
         limits: of the joints on trajectories.
 
@@ -81,26 +88,30 @@ class RosDriver:
         controllers: Mapping[Side, Iterable[ControllerSettings]],
         manager: RobotManager,
         grippers: GripperParts,
-        merged_rate: float,
+        settings: Settings,
         clock: Clock,
         limits: JointLimits,
     ) -> None:
         self._manager = manager
         self._gripper_parts = grippers
         self._hardware = {side: ArmHardware(side, control) for side in Side}
+        root = settings.ros.root
+        namespaces = {side: f"{root}/{side.value}" for side in Side}
         try:
             # A node for topics alone has no parameter services: its executor finds work sooner.
-            self._streams = {side: _topics_node(side.value) for side in Side}
-            self._stream = _topics_node()
-            self._node: Any = rclpy.create_node("yumi_robot_manager")
-            dual = rclpy.create_node(DUAL_ARM)
-            gripper_nodes = {side: rclpy.create_node("gripper", namespace=side.value) for side in Side}
+            self._streams = {side: _topics_node(namespaces[side]) for side in Side}
+            self._stream = _topics_node(root)
+            self._node: Any = rclpy.create_node("yumi_robot_manager", namespace=root)
+            dual = rclpy.create_node(DUAL_ARM, namespace=root)
+            gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
+            description_node = rclpy.create_node(NAME, namespace=root)
         except RCLError as error:
             raise MissingPrerequisite(
                 f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "
                 "limits of this program are not too low (ulimit -n, ulimit -v)."
             ) from error
-        self._nodes = (self._node, dual, *gripper_nodes.values(), self._stream, *self._streams.values())
+        streams = (self._stream, *self._streams.values())
+        self._nodes = (self._node, dual, *gripper_nodes.values(), description_node, *streams)
         log_error = self._node.get_logger().error
         self._executors = Executors(log_error)
         self._timers = TimerThread(clock, log_error)
@@ -121,6 +132,7 @@ class RosDriver:
         self._arms = {
             side: ArmManager(
                 side,
+                namespaces[side],
                 control,
                 own,
                 self._executors.add_multi_threaded(f"services-{side.value}"),
@@ -132,7 +144,14 @@ class RosDriver:
         }
 
         self._grippers = Grippers(
-            grippers, gripper_nodes, self._streams, self.info, self._timers, self._why_no_grip, manager.calibrate
+            grippers,
+            gripper_nodes,
+            self._streams,
+            self.info,
+            self._timers,
+            self._why_no_grip,
+            manager.calibrate,
+            settings.ros.frames,
         )
         self._gripper_setup = GripperSetup(
             grippers.grippers,
@@ -156,21 +175,43 @@ class RosDriver:
         self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
         signal_timers = TimerThread(clock, log_error, "signal-timers")
         self._signals = SignalsTopic(self._node, manager.signals, signal_timers)
-        self._executors.add_multi_threaded("services", self._node)
+        self._executors.add_multi_threaded("services", self._node, description_node)
         self._executors.add_multi_threaded("services-dual", dual)
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
-        self._executors.add_single_threaded("streams", self._stream, *self._streams.values())
+        self._executors.add_single_threaded("streams", *streams)
 
-        robot, boxes_of = manager.monitor.state, control.buffers
-        self._states = [JointStatePublisher(arm.node, side, boxes_of[side], clock) for side, arm in self._arms.items()]
-        timers = (self._timers, *slow_timers.values(), signal_timers)
-        self._threads: tuple[Any, ...] = (*timers, *self._states, self._grippers, self._executors)
+        robot, boxes_of, polled = manager.monitor.state, control.buffers, manager.monitor.joints
+        manager.monitor.reads_joints = True
+        base = settings.ros.frames + prefixed("yumi_base_link")
+        self._states = [
+            JointStatePublisher(arm.node, side, boxes_of[side], clock, polled, base) for side, arm in self._arms.items()
+        ]
+        self._threads: tuple[Any, ...] = (
+            *(self._timers, *slow_timers.values(), signal_timers),
+            *(*self._states, self._grippers, self._executors),
+        )
         self._state = RobotStateTopic(self._node, robot, clock, self._timers)
         self._merged = MergedJointStates(
-            self._stream, boxes_of, self._grippers.fingers, merged_rate, clock, self._timers
+            self._stream,
+            boxes_of,
+            self._grippers.fingers,
+            settings.ros.merged_rate,
+            clock,
+            self._timers,
+            polled,
+            base,
         )
-        modules = {side: grippers.settings.modules(side) for side in Side}
-        self._descriptions = publish_descriptions(self._node, limits, modules)
+        self._frames = FramePublisher(
+            description_node,
+            self._streams,
+            robot_description(limits, {side: grippers.settings.modules(side) for side in Side}),
+            settings.ros,
+            dict.fromkeys(Side, settings.egm_motion.tool_to_tool0),
+            lambda side: newest_state(boxes_of[side], polled(side)),
+            self._grippers.fingers,
+            clock,
+            self._timers,
+        )
         self._health = HealthTopics(
             self._node,
             self._streams,
@@ -269,7 +310,7 @@ class RosDriver:
             if state in {State.INACTIVE, State.UNCONFIGURED}:
                 raise CommandRefused(
                     f"The {side.word} arm is {state.value}; activate its hardware component {side.unit} first "
-                    f"(/{side.value}/controller_manager/set_hardware_component_state)."
+                    f"({self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state)."
                 )
 
     def _update_activity(self) -> None:
@@ -277,18 +318,29 @@ class RosDriver:
             arm.update()
 
 
-def _topics_node(namespace: str = "") -> Any:
+def _topics_node(namespace: str) -> Any:
     return rclpy.create_node("yumi_topics", namespace=namespace, start_parameter_services=False)
 
 
-def open_ros() -> None:
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Where the user names profiles of Fast DDS; or in these files, beside which the driver is started."""
+_PROFILE_FILES = ("DEFAULT_FASTRTPS_PROFILES.xml", "DEFAULT_FASTDDS_PROFILES.xml")
+
+
+def open_ros(arguments: Sequence[str] | None = None) -> None:
     """Start ROS in this process; signals stay with the application.
+
+    Args:
+        arguments: with its ``--ros-args``; None: those of this process.
 
     Raises:
         SettingsError: its folder for logs cannot be written, or its environment is not as it should be.
     """
+    # With Fast DDS's own period of announcements, 3 s, others find the driver up to 3 s late (config/fastdds.xml).
+    if not any(map(os.environ.get, _PROFILES)) and not any(Path(name).exists() for name in _PROFILE_FILES):
+        os.environ[_PROFILES[0]] = str(config_folder() / "fastdds.xml")
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
         reason = str(error).partition(", at ")[0]
         raise SettingsError(

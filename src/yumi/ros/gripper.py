@@ -26,7 +26,7 @@ from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
-from yumi.robot.joints import Side, finger_names
+from yumi.robot.joints import Side, finger_names, prefixed
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import LATCHED, stamp
 
@@ -316,6 +316,7 @@ class GripperTopics:
         channels: its vacuum modules.
         timers: keeps the rate.
         lock: knows why the last goal was refused or failed.
+        frames: what stands before the names of frames.
     """
 
     def __init__(
@@ -327,7 +328,9 @@ class GripperTopics:
         channels: tuple[int, ...],
         timers: TimerThread,
         lock: GripperLock,
+        frames: str = "",
     ) -> None:
+        self._frame = frames + prefixed(f"gripper_{side.value}_")
         self._clock = node.get_clock()
         self._names = list(finger_names(side))
         self._side = side
@@ -363,14 +366,14 @@ class GripperTopics:
     def _publish_reading(self, reading: GripperState) -> None:
         now, count = stamp(self._clock.now().nanoseconds), len(self._names)
         message = JointState(name=self._names)
-        message.header.stamp = now
+        message.header.stamp, message.header.frame_id = now, f"{self._frame}base"
         message.position = [reading.position] * count
         message.velocity = [reading.speed] * count
         message.effort = [reading.force] * count
         self._states.publish(message)
         for channel, cup in reading.cups.items():
             pressure = FluidPressure(fluid_pressure=cup.pressure)
-            pressure.header.stamp = now
+            pressure.header.stamp, pressure.header.frame_id = now, f"{self._frame}vacuum_{channel}"
             self._pressures[channel].publish(pressure)
             has_picked = cup.has_picked(self._threshold)
             if self._last_picked.get(channel) != has_picked:
@@ -451,6 +454,7 @@ class Grippers:
         timers: keeps the topics' rates.
         why_not: why a gripper may not move now; None when it may.
         calibrate: calibrates a gripper.
+        frames: what stands before the names of frames.
     """
 
     def __init__(
@@ -462,6 +466,7 @@ class Grippers:
         timers: TimerThread,
         why_not: Callable[[Side], str | None] = lambda side: None,
         calibrate: Callable[[Gripper], None] = Gripper.calibrate,
+        frames: str = "",
     ) -> None:
         self._parts = parts
         self._log = log
@@ -478,7 +483,7 @@ class Grippers:
                 self._actions.append(kind(node, gripper, parts.settings.force, group, partial(why_not, side), lock))
             pressure, channels = parts.settings.picked_pressure, parts.settings.modules(side).vacuum_channels
             reading = partial(self._reading, side)
-            self._topics.append(GripperTopics(streams[side], side, reading, pressure, channels, timers, lock))
+            self._topics.append(GripperTopics(streams[side], side, reading, pressure, channels, timers, lock, frames))
 
     def start(self) -> None:
         self._thread.start()

@@ -90,10 +90,13 @@ class Stamps:
         return int(time * 1e9) + difference
 
 
-def joint_state(names: Iterable[str], position: Iterable[float], velocity: Iterable[float], time_ns: int) -> JointState:
+def joint_state(
+    names: Iterable[str], position: Iterable[float], velocity: Iterable[float], time_ns: int, frame: str = ""
+) -> JointState:
     """Joint states in the order of ``names``; [rad] or [m], [rad/s] or [m/s]. Efforts are not measured."""
     message = JointState()
     message.header.stamp = stamp(time_ns)
+    message.header.frame_id = frame
     message.name = list(names)
     message.position = list(position)
     message.velocity = list(velocity)

@@ -8,8 +8,9 @@ joint_velocity_commands          sensor_msgs/JointState     joint_velocity_contr
 <controller>/commands            std_msgs/Float64MultiArray a forward controller: 7 positions or velocities by index
 ================================ ========================== ===================================================
 
-Joint states are published per arm every cycle, and merged at a lower rate. ``robot_description`` is the driver's own; a
-controller manager waits for one that has its arm. Each loaded forward controller has a command topic under its name.
+Joint states are published per arm every cycle, and merged at a lower rate; while EGM is silent they are what the
+monitor reads from the controller. A controller manager waits for a ``robot_description`` that has its arm. Each loaded
+forward controller has a command topic under its name.
 
 The state of the robot on topics: ``egm_state`` of each arm, ``/diagnostics``, ``~/state`` of the robot manager.
 """
@@ -19,7 +20,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Container, Mapping
 from functools import partial
-from math import nan
+from math import inf, nan
 from threading import Event
 from typing import Any
 from xml.etree import ElementTree
@@ -39,9 +40,7 @@ from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.driver.readiness import RobotState
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
-from yumi.robot.description import robot_description
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import ZERO, JointLimits, Joints, Side, finger_names, joint_names
+from yumi.robot.joints import ZERO, Joints, Side, finger_names, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
@@ -249,20 +248,52 @@ class ForwardTopic(CommandTopic):
             )
 
 
-STALE = 0.25
-"""The position of an arm whose last state is older is not known [s]."""
+STALE = 1.0
+"""The position of an arm whose last state is older is not known [s]; without EGM one comes every 0.4 s."""
+
+MeasuredState = Callable[[Side], JointStates | None]
+"""The newest measured state of an arm; None where there has been none."""
+
+
+def newest_state(buffers: ArmBuffers, polled: JointStates | None) -> JointStates | None:
+    """The newer one of what EGM reported of an arm last, and what was read from the controller (``polled``)."""
+    newest = buffers.states.read()
+    if newest is None or (polled is not None and polled.time > newest[1].time):
+        return polled
+    return newest[1]
+
 
 _DEPTH = 10
 _POLL = 0.1  # [s] within which a publisher's thread ends
 
 
 class JointStatePublisher:
-    """Publishes ``joint_states`` of one arm after each control cycle.
+    """Publishes ``joint_states`` of one arm after each control cycle, or as they are read while there is none.
 
     A thread of its own: the executor's threads may be busy with a service when the next state comes.
+
+    Args:
+        node: the arm's controller manager node.
+        side: which arm.
+        buffers: the state shared by the control process.
+        clock: the clock of the states' times.
+        polled: the arm as it was read from the controller last.
+        frame: of the robot's base.
     """
 
-    def __init__(self, node: Any, side: Side, buffers: ArmBuffers, clock: Clock) -> None:
+    def __init__(
+        self,
+        node: Any,
+        side: Side,
+        buffers: ArmBuffers,
+        clock: Clock,
+        polled: MeasuredState = lambda side: None,
+        frame: str = "",
+    ) -> None:
+        self._side = side
+        self._polled = polled
+        self._frame = frame
+        self._published = -inf
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
@@ -283,9 +314,10 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            if not self._buffers.cycle_done.acquire(timeout=_POLL):
-                continue
-            for number, state in self._buffers.states.since(last):
+            has_cycle = self._buffers.cycle_done.acquire(timeout=_POLL)
+            read = None if has_cycle else self._polled(self._side)
+            new = [] if read is None or read.time <= self._published else [(last, read)]
+            for number, state in self._buffers.states.since(last) if has_cycle else new:
                 last = number
                 try:
                     self._publish(state)
@@ -293,21 +325,26 @@ class JointStatePublisher:
                     self._failures.note(f"Publishing {self._topic}", error)
 
     def _publish(self, state: JointStates) -> None:
-        self._publisher.publish(joint_state(self._names, state.position, state.velocity, self._stamps.at(state.time)))
+        self._published = state.time
+        message = joint_state(self._names, state.position, state.velocity, self._stamps.at(state.time), self._frame)
+        self._publisher.publish(message)
 
 
 class MergedJointStates:
     """Publishes ``joint_states`` of the whole robot: 7 right, 7 left, then the fingers as far as they are known.
 
-    An arm without a state for :data:`STALE` is left out: its old position is no start for planning.
+    An arm without a state for :data:`STALE` is left out: its old position is no start for planning. The stamp is that
+    of the oldest state that EGM reports; where EGM is silent, of the oldest one that was read from the controller.
 
     Args:
-        node: any node without namespace.
+        node: the robot's node for topics.
         buffers: the state shared by the control process, per arm.
         fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
         rate: [Hz].
         clock: the clock of the states' times.
         timers: keeps the rate.
+        polled: an arm as it was read from the controller last.
+        frame: of the robot's base.
     """
 
     def __init__(
@@ -318,7 +355,11 @@ class MergedJointStates:
         rate: float,
         clock: Clock,
         timers: TimerThread,
+        polled: MeasuredState = lambda side: None,
+        frame: str = "",
     ) -> None:
+        self._polled = polled
+        self._frame = frame
         self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._clock = clock
@@ -330,39 +371,28 @@ class MergedJointStates:
         names: list[str] = []
         position: list[float] = []
         velocity: list[float] = []
-        oldest = now = self._clock.now()
+        now = self._clock.now()
+        reported: list[float] = []
+        read: list[float] = []
         for side, buffers in self._buffers.items():
-            newest = buffers.states.read()
-            if newest is not None and now - newest[1].time < STALE:
-                oldest = min(oldest, newest[1].time)
+            polled = self._polled(side)
+            state = newest_state(buffers, polled)
+            if state is not None and now - state.time < STALE:
+                (read if state is polled else reported).append(state.time)
                 names += joint_names(side)
-                position += newest[1].position
-                velocity += newest[1].velocity
+                position += state.position
+                velocity += state.velocity
         for side, (place, speed) in self._fingers().items():
             names += finger_names(side)
             position += (place, place)
             velocity += (speed, speed)
         if names:
-            self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest)))
+            # An arm that stands must not make the states of one that moves look old.
+            oldest = min(reported or read, default=now)
+            self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest), self._frame))
 
 
 _REMINDER = 2.0  # [s]
-
-
-def publish_descriptions(node: Any, limits: JointLimits, grippers: Mapping[Side, GripperModules]) -> list[Any]:
-    """Publish the robot's description, latched: for all, and in each arm's namespace; returns the publishers.
-
-    Args:
-        node: whose publishers they are.
-        limits: of the joints on trajectories: tools plan with the speeds of the description.
-        grippers: the modules of each gripper.
-    """
-    message = String(data=robot_description(limits, grippers))
-    topics = ("robot_description", *(f"{side.value}/robot_description" for side in Side))
-    publishers = [node.create_publisher(String, topic, LATCHED) for topic in topics]
-    for publisher in publishers:
-        publisher.publish(message)
-    return publishers
 
 
 class DescriptionWait:
@@ -460,7 +490,8 @@ class HealthTopics:
         timers: TimerThread,
         desired: Callable[[], Container[Side]] = tuple,
     ) -> None:
-        clock = node.get_clock()
+        clock, root = node.get_clock(), node.get_namespace().strip("/")
+        place = f"/{root}/" if root else ""
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
 
         def publish_arm(publisher: Any, side: Side) -> None:
@@ -471,6 +502,8 @@ class HealthTopics:
             array.header.stamp = stamp(clock.now().nanoseconds)
             arms = (egm_status(side, snapshot(side), is_desired=side in desired()) for side in Side)
             array.status = [robot_status(robot()), *arms, *grippers()]
+            for status in array.status:  # those of several robots meet on /diagnostics
+                status.name = f"{place}{status.name}"
             diagnostics.publish(array)
 
         for side, stream in streams.items():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from threading import Event
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -40,11 +42,14 @@ def test_variables_of_ros_win(monkeypatch: pytest.MonkeyPatch, name: str, is_ope
     assert [each for each in VARIABLES if each in os.environ] == [name]
 
 
-@pytest.mark.parametrize(
-    "rule", ["__ns:=/lab", "yumi_robot_manager:__ns:=/lab", "__node:=driver", "__name:=driver", "/r/arm:__ns:=/x"]
-)
+NAMES = ["yumi_robot_manager:__ns:=/lab", "__node:=driver", "__name:=driver", "/r/arm:__ns:=/x"]
+
+
 @pytest.mark.parametrize("flag", ["-r", "--remap"])
-@pytest.mark.parametrize("command", [("up",), ("demo",), ("evaluate",)])
+@pytest.mark.parametrize(
+    ("command", "rule"),
+    [*((("up",), rule) for rule in NAMES), (("demo",), "__ns:=/lab"), (("evaluate",), "__ns:=/lab")],
+)
 def test_name_for_all_nodes_is_refused_since_it_would_merge_both_arms(
     command: tuple[str, ...], flag: str, rule: str
 ) -> None:
@@ -52,6 +57,44 @@ def test_name_for_all_nodes_is_refused_since_it_would_merge_both_arms(
     assert result.exit_code == 2
     assert result.output.startswith(f"Error: '{rule}' would merge both arms")
     assert result.output.count("\n") == 1
+
+
+@pytest.mark.parametrize("flag", ["-r", "--remap"])
+def test_namespace_of_ros_is_that_of_the_robot_and_not_left_to_rcl(monkeypatch: pytest.MonkeyPatch, flag: str) -> None:
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
+    monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
+    driven: list[tuple[Any, ...]] = []
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *values: driven.append(values))
+    rules = ["--ros-args", "-r", "joint_states:=all", flag, "__ns:=/cell1", "-p", "x:=1"]
+    result = CliRunner().invoke(main, ["up", "--robot", "127.0.0.1", *rules])
+    assert result.exit_code == 0, result.output
+    ((settings, *_, ros_arguments),) = driven
+    assert settings.ros.root == "/cell1"
+    assert ros_arguments == ["--ros-args", "-r", "joint_states:=all", "-p", "x:=1"]
+
+
+def test_two_namespaces_are_refused() -> None:
+    result = CliRunner().invoke(main, ["up", "--namespace", "a", "--ros-args", "-r", "__ns:=/b"])
+    assert result.exit_code == 2
+    assert "--namespace and __ns:= both name the namespace; give one of them." in result.output
+
+
+@pytest.mark.parametrize(
+    ("options", "refusal"),
+    [
+        (["--namespace", "cell 1"], "namespace is 'cell 1'; it must be names of letters, digits and underscores"),
+        (["--namespace", "1"], "namespace is '1'; it must be names"),
+        (["--prefix", "a-"], "prefix is 'a-'; it must be letters, digits and underscores and begin with a letter"),
+    ],
+)
+def test_names_that_ros_does_not_know_are_refused(
+    monkeypatch: pytest.MonkeyPatch, options: list[str], refusal: str
+) -> None:
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda: None)
+    result = CliRunner().invoke(main, ["up", *options])
+    assert result.exit_code == 2
+    assert refusal in result.output
 
 
 @pytest.mark.parametrize("rule", ["joint_states:=robot/joint_states", "a__ns:=b", "r/joint_commands:=goals"])

@@ -48,8 +48,11 @@ class AbsentRobot:
         raise RobotNotReady("There is no controller in this benchmark; only EGM is spoken.")
 
     @property
-    def watch(self) -> AbsentRobot:
+    def monitor(self) -> AbsentRobot:
         return self
+
+    def joints(self, side: Side) -> None:
+        """No joints are read from it."""
 
     def state(self) -> RobotState:
         """Nothing is known of it."""
@@ -118,8 +121,7 @@ def main() -> None:
     open_ros()
     absent = AbsentRobot()
     grippers = GripperParts(dict.fromkeys(Side, absent), absent, settings.gripper)
-    rate = settings.ros.merged_rate
-    driver = RosDriver(line.control, plan.controllers, absent, grippers, rate, SystemClock(), plan.limits)
+    driver = RosDriver(line.control, plan.controllers, absent, grippers, settings, SystemClock(), plan.limits)
     line.start()
     driver.start()
     busy = BusyCallback() if arguments.busy else None
