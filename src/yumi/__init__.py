@@ -7,16 +7,28 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
+    from yumi.api.attach import attach
     from yumi.api.connect import connect, connect_async
     from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.driver.egm_server import EgmServer
 
 __version__ = "0.1.0"
-__all__ = ["EgmServer", "__version__", "abb_degrees", "connect", "connect_async", "degrees", "errors", "in_degrees"]
+__all__ = [
+    "EgmServer",
+    "__version__",
+    "abb_degrees",
+    "attach",
+    "connect",
+    "connect_async",
+    "degrees",
+    "errors",
+    "in_degrees",
+]
 
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.motion",
+    "attach": "yumi.api.attach",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",

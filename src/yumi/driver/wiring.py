@@ -276,7 +276,7 @@ def _build_arm(plan: EgmPlan, side: Side, own: ArmBuffers, halves: Halves) -> Co
     stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
     manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
     start_controllers(manager, plan.controllers[side])
-    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
+    arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
     limiter = Limiter(plan.limits, plan.period, plan.position_gain)
     recorder = FlightRecorder(own.flight)
     loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
@@ -356,7 +356,10 @@ def make_parts(
 def only_at_robot(settings: Settings) -> Only:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
     address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
-    refusal = f"The robot at {address} is driven by another program ({{owner}}); end it first."
+    refusal = (
+        f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
+        "robot: `yumi state` and the other commands, yumi.attach() in a script."
+    )
     return Only(f"yumi-drives-{address}", refusal)
 
 
