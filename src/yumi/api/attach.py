@@ -150,7 +150,7 @@ class RunningDriver:
             speed: fraction of the joints' highest speeds, above 0 up to 1; None takes the controller's.
             acceleration: the same for accelerations and jerks.
             timeout: arms that take longer are stopped [s].
-            on_motion: told how far the motions are, ten times a second.
+            on_motion: given how far the motions are, ten times a second.
 
         Raises:
             CommandRefused: a position is impossible, an arm moves already, or another program moves it.

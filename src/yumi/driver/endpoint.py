@@ -515,7 +515,7 @@ def _is_alive(path: Path) -> bool:
 
 
 def _connect(path: Path) -> socket.socket:
-    """Raises OSError where nobody listens any more; what a driver that was killed has left is removed."""
+    """Raises OSError where no driver listens any more; what a driver that was killed has left is removed."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         connection.settimeout(ANSWER)
@@ -531,7 +531,6 @@ def _connect(path: Path) -> socket.socket:
 # ---- the client
 
 _T = TypeVar("_T")
-_answers = msgspec.json.Decoder(Answer)
 
 
 class EndpointClient:
@@ -598,7 +597,7 @@ class EndpointClient:
             if answer.motions:
                 on_motion(answer.motions)
             if answer.result:
-                return msgspec.json.decode(answer.result, type=result)
+                return self._decode(answer.result, result)
 
     def watch(self, rate: float) -> Iterator[DriverState]:
         """The state ``rate`` times a second, with the events since the one before; raises as :meth:`ask`."""
@@ -609,7 +608,7 @@ class EndpointClient:
             if answer.error is not None:
                 raise error_of(answer.error)
             if answer.state:
-                state = msgspec.json.decode(answer.state, type=DriverState)
+                state = self._decode(answer.state, DriverState)
                 yield msgspec.structs.replace(state, events=answer.events)
 
     def _send(self, request: Request, timeout: float | None) -> None:
@@ -631,8 +630,11 @@ class EndpointClient:
                 raise self._lost("it closed the connection")
             self._received += data
         line, _, self._received = self._received.partition(b"\n")
+        return self._decode(line, Answer)
+
+    def _decode(self, data: bytes | msgspec.Raw, kind: type[_T]) -> _T:
         try:
-            return _answers.decode(line)
+            return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
             raise ProtocolError(
                 f"The driver's answer cannot be read ({error}); driver and client must be of the same version."

@@ -316,7 +316,8 @@ class Handlers:
         if not request.activate and not request.deactivate:
             raise CommandRefused("No controller is named; name what to activate or to deactivate.")
         self._access.check_arms((side,))
-        return self._access.control.call(Commands.switch_controllers, side, request.activate, request.deactivate)
+        done = self._access.control.call(Commands.switch_controllers, side, request.activate, request.deactivate)
+        return done or f"The controllers of the {side.word} arm are switched"
 
     def move(self, request: Move, caller: Caller) -> str:
         """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
@@ -334,7 +335,8 @@ class Handlers:
             for side, names in before.items():
                 if max(map(abs, access.control.snapshot(side).velocity)) > STANDING:
                     raise CommandRefused(
-                        f"The {side.word} arm moves, commanded by {', '.join(names) or 'nobody'}; wait until it stands."
+                        f"The {side.word} arm moves, commanded by {', '.join(names) or 'no controller'}; wait until "
+                        "it stands."
                     )
             motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
             try:

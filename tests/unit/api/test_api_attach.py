@@ -9,7 +9,7 @@ import socket
 import stat
 import struct
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import nan
@@ -17,117 +17,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_robot import FakeRobot
 
 import yumi
+from fake_driver import ROBOT, WAIT, FakeDriver
 from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.events import SessionLost
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
-from yumi.driver.endpoint_server import MAX_CLIENTS, DriverAccess, EndpointServer
-from yumi.driver.readiness import Mode, RobotState
-from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.endpoint_server import MAX_CLIENTS
+from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
-from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
+from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side, home, named_pose
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-
-ROBOT = "192.168.125.1:80"
-WAIT = 10.0
-
-
-class FakeManager:
-    """A robot that is ready; notes what it is asked for."""
-
-    def __init__(self) -> None:
-        self.asked: list[object] = []
-        self.egm_arms = tuple(Side)
-        self.speed = SpeedSetting()
-        self.is_interrupted = False
-        self.blocks: threading.Event | None = None
-        self.robot = RobotState(
-            True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING, reason="", speed_ratio=100
-        )
-
-    def state(self) -> RobotState:
-        return replace(self.robot, speed_scale=self.speed.value)
-
-    def start_egm(self, arms: Sequence[Side] | None) -> str:
-        self.asked.append(arms)
-        if self.blocks is not None:
-            assert self.blocks.wait(WAIT)
-        return "EGM runs"
-
-    def stop_egm(self) -> str:
-        self.asked.append("stop")
-        return "EGM has ended"
-
-    def go_to(self, mode: Mode, report: Callable[[str], None]) -> str:
-        report("motors off")
-        self.asked.append(mode)
-        return "The motors are off"
-
-    def check_not_stopped(self) -> None:
-        if self.robot.stop:
-            raise RobotNotReady("A stop waits.", self.robot.stop)
-
-    def interrupt(self) -> None:
-        self.is_interrupted = True
-
-
-class FakeGripper:
-    """Fingers that are where they are sent at once."""
-
-    def __init__(self) -> None:
-        self.goals: list[GripperGoal] = []
-        self.last_position = 0.0
-
-    def begin(self, goal: GripperGoal) -> None:
-        self.goals.append(goal)
-        self.last_position = goal.position
-
-    def wait(self, goal: GripperGoal, is_cancelled: Callable[[], bool]) -> Outcome | None:
-        return None if is_cancelled() else Outcome.HOLDING if goal.direction else Outcome.OPEN
-
-
-class Driver:
-    """A driver with its endpoint."""
-
-    def __init__(self) -> None:
-        self.robot = FakeRobot()
-        self.manager = FakeManager()
-        self.grippers = {side: FakeGripper() for side in Side}
-        self.recovered: list[str] = []
-        self.calibrated: list[Sequence[Side]] = []
-        self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
-        for side in Side:
-            self.robot.control.snapshots[side] = replace(self.robot.control.snapshots[side], sent=home(side))
-        access = DriverAccess(
-            robot=ROBOT,
-            manager=self.manager,  # type: ignore[arg-type]
-            control=self.robot.control,
-            datagram=lambda side: b"",
-            grippers=self.grippers,  # type: ignore[arg-type]
-            gripper_state=lambda side: self.fingers,
-            force=10.0,
-            mover=self.robot.executor,
-            recover=self.recover,
-            calibrate=self.calibrated.append,
-        )
-        self.server = EndpointServer(access)
-
-    def recover(self, report: Callable[[str], None], confirm: str) -> str:
-        if self.manager.robot.stop != confirm:
-            raise StopNotConfirmed("A person must confirm it.", self.manager.robot.stop)
-        report("motors on")
-        self.recovered.append(confirm)
-        return "The robot is ready"
-
-    def arrive(self, count: int = 1) -> None:
-        """The motions that were asked for end at their goals, as soon as they have begun."""
-        self.robot.control.on_command = self.robot.end
 
 
 @pytest.fixture(autouse=True)
@@ -136,15 +39,15 @@ def _a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 
 
 @pytest.fixture
-def driver() -> Iterator[Driver]:
-    driver = Driver()
+def driver() -> Iterator[FakeDriver]:
+    driver = FakeDriver()
     driver.server.start()
     yield driver
     driver.server.stop()
 
 
 @pytest.fixture
-def attached(driver: Driver) -> Iterator[RunningDriver]:
+def attached(driver: FakeDriver) -> Iterator[RunningDriver]:
     with attach() as attached:
         yield attached
 
@@ -166,7 +69,7 @@ def answer_to(line: bytes) -> dict[str, Any]:
     return answer
 
 
-def test_state_has_all_that_the_driver_knows(driver: Driver, attached: RunningDriver) -> None:
+def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.server.note(logging.WARNING, "Motors off: an emergency stop.")
     state = attached.state
     right = state.arms["right"]
@@ -181,7 +84,7 @@ def test_state_has_all_that_the_driver_knows(driver: Driver, attached: RunningDr
     assert [(event.level, event.sentence) for event in state.events] == [("warning", "Motors off: an emergency stop.")]
 
 
-def test_state_says_what_stopped_the_robot(driver: Driver, attached: RunningDriver) -> None:
+def test_state_says_what_stopped_the_robot(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.manager.robot = replace(driver.manager.robot, reason="not ready", cause="a collision", stop="50204-1")
     driver.robot.motions.note(SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,)))
     state = attached.state
@@ -189,14 +92,14 @@ def test_state_says_what_stopped_the_robot(driver: Driver, attached: RunningDriv
     assert (state.arms["right"].mode, state.arms["left"].mode) == (ArmMode.FAULT, ArmMode.HOLDING)
 
 
-def test_controllers_are_read_again_only_when_they_have_changed(driver: Driver, attached: RunningDriver) -> None:
+def test_controllers_are_read_again_only_when_they_have_changed(driver: FakeDriver, attached: RunningDriver) -> None:
     attached.state  # noqa: B018
     control = driver.robot.control
     control.call = lambda *args: pytest.fail("the control process was asked again")  # type: ignore[method-assign,assignment]
     assert attached.controllers["right"][0].name == GOAL_CONTROLLER
 
 
-def test_watched_state_comes_again_and_again_with_new_events(driver: Driver, attached: RunningDriver) -> None:
+def test_watched_state_comes_again_and_again_with_new_events(driver: FakeDriver, attached: RunningDriver) -> None:
     states = attached.watch(60.0)
     assert next(states).events == ()
     driver.server.note(logging.INFO, "Motors on.")
@@ -205,7 +108,7 @@ def test_watched_state_comes_again_and_again_with_new_events(driver: Driver, att
     assert next(states).events == ()
 
 
-def test_requests_reach_the_robot_manager(driver: Driver) -> None:
+def test_requests_reach_the_robot_manager(driver: FakeDriver) -> None:
     steps: list[str] = []
     with attach(ROBOT, on_step=steps.append) as attached:
         assert attached.start_egm("right") == "EGM runs"
@@ -220,7 +123,7 @@ def test_requests_reach_the_robot_manager(driver: Driver) -> None:
     assert steps == ["motors off"]
 
 
-def test_stop_has_to_be_confirmed_by_its_id(driver: Driver, attached: RunningDriver) -> None:
+def test_stop_has_to_be_confirmed_by_its_id(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
     with pytest.raises(StopNotConfirmed, match="A person must confirm it") as refusal:
         attached.recover()
@@ -228,13 +131,13 @@ def test_stop_has_to_be_confirmed_by_its_id(driver: Driver, attached: RunningDri
     assert attached.recover(refusal.value.stop) == "The robot is ready"
 
 
-def test_gripper_opens_and_closes(driver: Driver, attached: RunningDriver) -> None:
+def test_gripper_opens_and_closes(driver: FakeDriver, attached: RunningDriver) -> None:
     assert attached.open_gripper("right", 0.03).width == 0.03
     assert attached.close_gripper("right", 5.0).outcome is Outcome.HOLDING
     assert [(goal.position, goal.force) for goal in driver.grippers[Side.RIGHT].goals] == [(0.015, 0.0), (0.0, 5.0)]
 
 
-def test_gripper_does_not_move_while_a_stop_waits(driver: Driver, attached: RunningDriver) -> None:
+def test_gripper_does_not_move_while_a_stop_waits(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
     with pytest.raises(RobotNotReady, match="A stop waits"):
         attached.open_gripper("left")
@@ -251,7 +154,7 @@ def test_gripper_does_not_move_while_a_stop_waits(driver: Driver, attached: Runn
     ],
 )
 def test_arm_moves_to_a_position_a_pose_or_some_joints(
-    driver: Driver, attached: RunningDriver, position: Any, goal: Any
+    driver: FakeDriver, attached: RunningDriver, position: Any, goal: Any
 ) -> None:
     driver.arrive()
     assert "stands at the goal" in attached.move_to(right=position, speed=0.2)
@@ -260,13 +163,13 @@ def test_arm_moves_to_a_position_a_pose_or_some_joints(
     assert (message.position, message.speed_scale) == (goal, 0.2)
 
 
-def test_both_arms_move_at_once(driver: Driver, attached: RunningDriver) -> None:
+def test_both_arms_move_at_once(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.arrive()
     attached.move_to(right="home", left="ready")
     assert {command.side for command in driver.robot.control.commands} == set(Side)
 
 
-def test_controller_that_commanded_the_arm_does_so_again(driver: Driver, attached: RunningDriver) -> None:
+def test_controller_that_commanded_the_arm_does_so_again(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
     driver.arrive()
     attached.move_to(right="home")
@@ -284,14 +187,14 @@ def test_controller_that_commanded_the_arm_does_so_again(driver: Driver, attache
     ],
 )
 def test_impossible_position_is_refused_and_changes_nothing(
-    driver: Driver, attached: RunningDriver, position: Any, sentence: str
+    driver: FakeDriver, attached: RunningDriver, position: Any, sentence: str
 ) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         attached.move_to(right=position)
     assert driver.robot.control.commands == []
 
 
-def test_arm_that_moves_is_left_to_who_moves_it(driver: Driver, attached: RunningDriver) -> None:
+def test_arm_that_moves_is_left_to_who_moves_it(driver: FakeDriver, attached: RunningDriver) -> None:
     control = driver.robot.control
     control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], velocity=(0.1,) * 7)
     with pytest.raises(CommandRefused, match=f"The right arm moves, commanded by {GOAL_CONTROLLER}; wait"):
@@ -299,20 +202,20 @@ def test_arm_that_moves_is_left_to_who_moves_it(driver: Driver, attached: Runnin
     assert control.commands == []
 
 
-def test_motion_that_ends_elsewhere_says_why(driver: Driver, attached: RunningDriver) -> None:
+def test_motion_that_ends_elsewhere_says_why(driver: FakeDriver, attached: RunningDriver) -> None:
     robot = driver.robot
     robot.control.on_command = lambda command: robot.end(command, GoalOutcome.ABORTED, "it was held back")
     with pytest.raises(GoalNotReached, match="held back"):
         attached.move_to(left="home")
 
 
-def test_motion_is_stopped_when_its_time_is_up(driver: Driver, attached: RunningDriver) -> None:
+def test_motion_is_stopped_when_its_time_is_up(driver: FakeDriver, attached: RunningDriver) -> None:
     with pytest.raises(GoalNotReached, match=r"it took longer than 0\.05 s"):
         attached.move_to(left="home", timeout=0.05)
     assert isinstance(driver.robot.control.commands[-1].message, StopMotion)
 
 
-def test_motion_of_a_client_that_goes_away_is_stopped(driver: Driver) -> None:
+def test_motion_of_a_client_that_goes_away_is_stopped(driver: FakeDriver) -> None:
     stopped = threading.Event()
 
     def note(command: Any) -> None:
@@ -328,7 +231,7 @@ def test_motion_of_a_client_that_goes_away_is_stopped(driver: Driver) -> None:
     assert stopped.wait(WAIT)
 
 
-def test_second_move_is_refused_while_one_is_under_way(driver: Driver) -> None:
+def test_second_move_is_refused_while_one_is_under_way(driver: FakeDriver) -> None:
     is_moving = threading.Event()
     driver.robot.control.on_command = lambda command: is_moving.set()
     with attach() as first, attach() as second, ThreadPoolExecutor(1) as other:
@@ -340,7 +243,7 @@ def test_second_move_is_refused_while_one_is_under_way(driver: Driver) -> None:
         moving.result(WAIT)
 
 
-def test_stop_waits_for_nothing_that_others_have_asked_for(driver: Driver) -> None:
+def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -> None:
     driver.manager.blocks = threading.Event()
     with ThreadPoolExecutor(MAX_CLIENTS) as others, attach() as attached:
 
@@ -373,7 +276,7 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: Driver) -> No
         (b'{"id": 7, "method": "switch_controllers", "arm": "right"}', "No controller is named"),
     ],
 )
-def test_request_that_is_none_is_refused_with_its_number(driver: Driver, line: bytes, sentence: str) -> None:
+def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, line: bytes, sentence: str) -> None:
     answer = answer_to(line)
     assert sentence in answer["error"]["message"]
     assert answer.get("id", 0) == (7 if b'"id": 7' in line and b"NaN" not in line else 0)
@@ -381,13 +284,13 @@ def test_request_that_is_none_is_refused_with_its_number(driver: Driver, line: b
     assert driver.manager.asked == []
 
 
-def test_fault_of_ours_is_answered_too(driver: Driver, caplog: pytest.LogCaptureFixture) -> None:
+def test_fault_of_ours_is_answered_too(driver: FakeDriver, caplog: pytest.LogCaptureFixture) -> None:
     driver.manager.stop_egm = lambda: {}["gone"]  # type: ignore[method-assign]
     assert "failed with KeyError: 'gone'" in answer_to(b'{"method": "stop_egm"}')["error"]["message"]
     assert "A request of the local endpoint failed" in caplog.text
 
 
-def test_client_that_sends_too_long_a_line_is_disconnected(driver: Driver) -> None:
+def test_client_that_sends_too_long_a_line_is_disconnected(driver: FakeDriver) -> None:
     connection, file = raw()
     with connection, file:
         connection.sendall(b"x" * (1 << 17))
@@ -397,7 +300,7 @@ def test_client_that_sends_too_long_a_line_is_disconnected(driver: Driver) -> No
         assert attached.state.is_connected
 
 
-def test_client_that_does_not_read_is_disconnected(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_client_that_does_not_read_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(endpoint_server, "MAX_BACKLOG", 1 << 14)
     connection, file = raw()
     with connection, file:
@@ -417,7 +320,7 @@ def poll_until(condition: Callable[[], bool]) -> None:
     raise AssertionError("the condition did not come true")
 
 
-def test_one_client_too_many_is_refused(driver: Driver) -> None:
+def test_one_client_too_many_is_refused(driver: FakeDriver) -> None:
     clients = [attach() for _ in range(MAX_CLIENTS)]
     assert all(client.state.is_connected for client in clients)  # each is served
     with attach() as one_more, pytest.raises(CommandRefused, match="16 clients already"):
@@ -430,7 +333,7 @@ def test_one_client_too_many_is_refused(driver: Driver) -> None:
         client.close()
 
 
-def test_other_user_is_disconnected(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_user_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     real = os.getuid()
     monkeypatch.setattr(endpoint_server, "_CREDENTIALS", _CredentialsOf(real + 1))
     with attach() as attached, pytest.raises(RobotNotReady, match="lost"):
@@ -450,7 +353,7 @@ class _CredentialsOf:
         return process, self._user, group
 
 
-def test_socket_can_be_opened_by_its_user_only(driver: Driver) -> None:
+def test_socket_can_be_opened_by_its_user_only(driver: FakeDriver) -> None:
     assert stat.S_IMODE(driver.server.path.stat().st_mode) == 0o600
     assert stat.S_IMODE(endpoint_folder().stat().st_mode) == 0o700
 
@@ -462,7 +365,7 @@ def test_folder_that_others_may_enter_is_refused(tmp_path: Path) -> None:
 
 
 def test_socket_goes_with_the_driver_and_clients_learn_it() -> None:
-    driver = Driver()
+    driver = FakeDriver()
     driver.server.start()
     with attach() as attached:
         driver.server.stop()
@@ -472,7 +375,7 @@ def test_socket_goes_with_the_driver_and_clients_learn_it() -> None:
     assert driver.manager.is_interrupted
 
 
-def test_socket_of_a_driver_that_was_killed_is_removed(driver: Driver) -> None:
+def test_socket_of_a_driver_that_was_killed_is_removed(driver: FakeDriver) -> None:
     stale = endpoint_path("10.0.0.1:80")
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(stale))
@@ -492,7 +395,7 @@ def test_only_socket_of_a_driver_that_was_killed_is_removed() -> None:
 def test_socket_of_a_driver_that_was_killed_makes_room_for_the_next_one() -> None:
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(endpoint_path(ROBOT)))
-    driver = Driver()
+    driver = FakeDriver()
     driver.server.start()
     with attach("192.168.125.1") as attached:
         assert attached.state.robot == ROBOT
@@ -504,7 +407,7 @@ def test_without_a_driver_the_way_to_start_one_is_named() -> None:
         yumi.attach()
 
 
-def test_one_of_several_drivers_has_to_be_named(driver: Driver) -> None:
+def test_one_of_several_drivers_has_to_be_named(driver: FakeDriver) -> None:
     other = endpoint_path("127.0.0.1:8080", "/cell2")
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(other))
