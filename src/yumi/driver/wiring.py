@@ -6,7 +6,7 @@
                                    threads: answers (five), streams, ticker, slow-ticker-r and -l, joint-states-r,
                                             joint-states-l, grippers, robot-monitor, watchdog, control-events,
                                             automatic-recovery (recovery.automatic), all of them supervised
-                                            (process/supervision.py);
+                                            (process/supervision.py); endpoint, endpoint-work (16 at most);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
