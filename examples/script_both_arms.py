@@ -27,7 +27,7 @@ async def main(address: str) -> None:
         await robot.left.gripper.open()
         await robot.left.gripper.close()
         await waving
-        print(f"right arm: {robot.right.state.value}, left arm: {robot.left.state.value}")
+        print(f"right arm: {robot.right.mode.value}, left arm: {robot.left.mode.value}")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def messages_page() -> str:
         "# Messages and what to do",
         "",
         f"The {len(found)} messages with which this package refuses or fails, collected from its sources when this "
-        "site was built. `…` stands for a value. Search for a few words of yours (press `s`). Each says what was wrong, "
+        "site was built. `…` stands for a value. Search for words of yours (press `s`). Each says what was wrong, "
         "what is allowed and, where there is something to do, what. Conditions for moving have a [page of their "
         "own](readiness.md), events of the controller are explained in [recovery](recovery.md).",
         "",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
+    from yumi.api.attach import attach
     from yumi.api.connect import connect, connect_async
     from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.driver.egm_server import EgmServer
@@ -17,6 +18,7 @@ __all__ = [
     "EgmServer",
     "__version__",
     "abb_degrees",
+    "attach",
     "connect",
     "connect_async",
     "degrees",
@@ -28,6 +30,7 @@ __all__ = [
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.motion",
+    "attach": "yumi.api.attach",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial, wraps
 from inspect import signature
 from types import TracebackType
@@ -11,7 +11,9 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion, MotionExecutor, Position, check_ended, halt
-from yumi.api.robot import Arm, ArmMode, Robot
+from yumi.api.robot import Arm, Robot
+from yumi.driver.endpoint import ArmMode, ArmReport
+from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Joints, Pose
 
 P = ParamSpec("P")
@@ -80,7 +82,7 @@ class AsyncGripper:
         self.side = gripper.side
 
     def __repr__(self) -> str:
-        return f"<yumi.AsyncGripper {self.side.word}>"
+        return repr(self.sync).replace("yumi.Gripper", "yumi.AsyncGripper")
 
     async def position(self) -> float:
         """Measured distance of each finger from the middle [m], 0 to 0.025."""
@@ -115,7 +117,7 @@ class AsyncArm:
         self.gripper = AsyncGripper(arm.gripper)
 
     def __repr__(self) -> str:
-        return f"<yumi.AsyncArm {self.side.word}>"
+        return repr(self.sync).replace("yumi.Arm", "yumi.AsyncArm")
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -138,8 +140,23 @@ class AsyncArm:
         return self.sync.pose
 
     @property
-    def state(self) -> ArmMode:
+    def poses(self) -> Mapping[str, Joints]:
+        """Positions that have a name [rad]."""
+        return self.sync.poses
+
+    @property
+    def degrees(self) -> dict[str, float]:
+        """Measured joint positions as the FlexPendant shows them, ``j1`` to ``j7`` [°]."""
+        return self.sync.degrees
+
+    @property
+    def mode(self) -> ArmMode:
         """What the arm does now."""
+        return self.sync.mode
+
+    @property
+    def state(self) -> ArmReport:
+        """All that is known of the arm now."""
         return self.sync.state
 
     def stream(self, position: Position) -> None:
@@ -193,6 +210,11 @@ class AsyncRobot:
     def stop_to_confirm(self) -> str:
         """Id of the stop that a person must confirm before anything moves again; empty where there is none."""
         return self.sync.stop_to_confirm
+
+    @property
+    def state(self) -> RobotState:
+        """Mode, motors, RAPID program and EGM of the robot, why it does not move and what stopped it."""
+        return self.sync.state
 
     @property
     def speed_scale(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
@@ -48,6 +49,7 @@ def connect(
     password: str | None = None,
     config: Path | str | None = None,
     controllers: Path | str | None = None,
+    on_step: Callable[[str], None] | None = None,
 ) -> Robot:
     """A robot at ``address``, to be connected by ``with``.
 
@@ -76,6 +78,7 @@ def connect(
         password: unless given the one in the environment variable ``YUMI_PASSWORD``, or the settings'.
         config: settings instead of the delivered ``yumi.yaml``.
         controllers: controllers instead of the delivered ``controllers.yaml``.
+        on_step: given each step of what is done to the robot; None prints them where standard error is a terminal.
 
     Raises:
         SettingsError: a value is wrong; nothing was connected.
@@ -84,7 +87,15 @@ def connect(
     password = password_of_environment() if password is None else password
     robot = {"user": user, "password": password, "speed_scale": speed_scale}
     settings = settings_for(address, rws_port, robot, where, config)
-    return Robot(settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms))
+    return Robot(
+        settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms), on_step or print_step
+    )
+
+
+def print_step(step: str) -> None:
+    """Show on a terminal what is done, and nothing elsewhere: connecting takes seconds."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"yumi: {step}\n")
 
 
 def _asynchronous(build: Callable[P, Robot]) -> Callable[P, AsyncRobot]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import atexit
 import logging
-from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from math import radians
 
@@ -15,8 +15,9 @@ from yumi.control.events import Event
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
 from yumi.driver.bringup import ANNOUNCEMENT
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
-from yumi.driver.readiness import arms_in_words
+from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
@@ -35,6 +36,7 @@ class Connection:
         settings: where the robot is, and how it moves.
         controllers: what runs on each arm.
         arms: those on which EGM runs; the others stand still.
+        on_step: given each step of what is done to the robot.
 
     Attributes:
         executor: goals for the arms.
@@ -46,7 +48,14 @@ class Connection:
     grippers: Mapping[Side, Gripper]
     manager: RobotManager
 
-    def __init__(self, settings: Settings, controllers: Controllers, arms: tuple[Side, ...]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        controllers: Controllers,
+        arms: tuple[Side, ...],
+        on_step: Callable[[str], None] = lambda step: None,
+    ) -> None:
+        self._on_step = on_step
         self._settings = settings
         self._controllers = controllers
         self._arms = arms
@@ -55,6 +64,7 @@ class Connection:
         self._were_tested = False
         self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
         self._speed: SpeedSetting | None = None
+        self._note: Callable[[Event], None] = lambda event: None
 
     def open(self, confirm: str = "") -> None:
         """Connect, bring the robot to ready, calibrate grippers that need it and start EGM on its arms.
@@ -84,16 +94,68 @@ class Connection:
                 self._were_tested = True
                 close_as_test(self.grippers, log.info, log.warning)
             self.manager.start_egm()
+            stack.enter_context(self._endpoint())
             self._stack = stack.pop_all()
+
+    @contextmanager
+    def _endpoint(self) -> Iterator[None]:
+        """Lets commands and other scripts see this robot, and ask for things; a script does without where it cannot."""
+        access = DriverAccess(
+            robot=f"{self._settings.robot.address}:{self._settings.robot.rws_port}",
+            manager=self.manager,
+            control=self._control,
+            datagram=self.datagram,
+            grippers=self.grippers,
+            gripper_state=self._gripper_signals.state,
+            force=self._settings.gripper.force,
+            mover=self.executor,
+            recover=self._recover_for_client,
+            calibrate=self._calibrate_for_client,
+        )
+        try:
+            server = EndpointServer(access, log.log)
+        except RobotNotReady as error:
+            log.warning("The commands of yumi do not reach this script: %s", error)
+            yield
+            return
+
+        def report(level: int, sentence: str) -> None:
+            log.log(level, sentence)
+            server.note(level, sentence)
+
+        self.manager.monitor.log.report = report
+        self._note = server.note_event
+        server.start()
+        try:
+            yield
+        finally:
+            server.stop()
+
+    def _recover_for_client(self, report: Report, confirm: str) -> str:
+        self._control.check()  # another one can be started by the script alone, which has this endpoint, too
+        return self.recover(confirm, report)
+
+    def _calibrate_for_client(self, sides: Sequence[Side]) -> None:
+        for side in sides:
+            self.calibrate(side)
+
+    def datagram(self, side: Side) -> bytes:
+        """The newest datagram of an arm's robot."""
+        return self._control.buffers[side].datagram.read()
 
     def _start(self, stack: ExitStack) -> None:
         """Make the parts of the driver, connect and start its processes and threads."""
-        settings, report, warn = self._settings, partial(log.info, "%s"), partial(log.warning, "%s")
+        settings, warn = self._settings, partial(log.warning, "%s")
+
+        def report(step: str) -> None:
+            log.info("%s", step)
+            self._on_step(step)
+
         parts = make_parts(
             settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
         )
         self.manager = manager = parts.manager
-        self.grippers, self._control = parts.grippers, parts.control
+        self.grippers, self._control, self._gripper_signals = parts.grippers, parts.control, parts.signals
         self._gripper_setup = GripperSetup(
             parts.grippers,
             manager.step,
@@ -123,13 +185,27 @@ class Connection:
         stack.callback(manager.stop)
         goals = {side: buffers.goals for side, buffers in parts.control.buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        self.executor = MotionExecutor(parts.control, goals, self._motions, self._arms, limits, SystemClock())
+        feedback = {side: buffers.trajectory for side, buffers in parts.control.buffers.items()}
+        self.executor = MotionExecutor(
+            parts.control,
+            goals,
+            self._motions,
+            self._arms,
+            limits,
+            SystemClock(),
+            feedback,
+            lambda: manager.speed.in_force,
+        )
 
-    def recover(self, confirm: str = "") -> None:
+    def recover(self, confirm: str = "", report: Report | None = None) -> str:
         """Bring the robot back to where it may move, after whatever stopped it.
 
         Args:
             confirm: id of the stop that a person has confirmed.
+            report: gets each step.
+
+        Returns:
+            What had stopped it, and what it does now.
 
         Raises:
             StopNotConfirmed: a stop waits for a person's confirmation; nothing was changed.
@@ -140,11 +216,14 @@ class Connection:
         except RobotNotReady:
             self.close()
             self.open(confirm)
+            done = "The robot was connected anew."
         else:
             self._come_to_rest()
-            log.info(self.manager.recover(partial(log.info, "%s"), confirmed=confirm))
+            done = self.manager.recover(report or partial(log.info, "%s"), confirmed=confirm)
+            log.info("%s", done)
             self.manager.start_egm()  # also where EGM had been ended by close(), or had not begun
         self._motions.clear_faults()
+        return done
 
     def calibrate(self, side: Side) -> None:
         """Close the fingers of a gripper and call that zero; EGM, during which that is impossible, is paused.
@@ -169,6 +248,7 @@ class Connection:
     def _on_event(self, event: Event) -> None:
         self.manager.note(event)
         self._motions.note(event)
+        self._note(event)
 
     def _end_motion(self) -> None:
         self._come_to_rest()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from yumi.driver import gripper as driver
-from yumi.errors import CommandRefused, GoalNotReached
+from yumi.errors import CommandRefused, GoalNotReached, YumiError
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
 from yumi.robot.joints import Side
 
@@ -63,7 +63,11 @@ class Gripper:
         self._direction = Direction.INWARDS  # of the last grip
 
     def __repr__(self) -> str:
-        return f"<yumi.Gripper {self.side.word}>"
+        try:
+            width, holding = self.width, self.is_holding
+        except YumiError:
+            return f"<yumi.Gripper {self.side.word}, not connected>"
+        return f"<yumi.Gripper {self.side.word}, {_mm(width)} wide{', holding' if holding else ''}>"
 
     @property
     def position(self) -> float:

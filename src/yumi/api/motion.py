@@ -14,25 +14,38 @@ from concurrent.futures import TimeoutError as NotInTime
 from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from math import degrees as _degrees_of
-from math import radians
+from math import dist, radians
 from threading import Lock
-from typing import Any, Protocol, SupportsFloat
+from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.clock import Clock
-from yumi.control.controller import GoalBuffer, check_position, write_goal
+from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
+from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
-from yumi.control.motion import STANDING
-from yumi.control.shared_state import Snapshot
+from yumi.control.motion import STANDING, Setpoint, slower, travel
+from yumi.control.shared_state import Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, plan_trajectory, time_to_start
 from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
-from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT, JointLimits, Joints, Side, chain_from_abb, joint_names, joints
+from yumi.robot.joints import (
+    CHAIN_AXES,
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    JointLimits,
+    Joints,
+    Side,
+    chain_from_abb,
+    joint_names,
+    joints,
+    named_pose,
+)
 
 
 def degrees(*angles: SupportsFloat | Sequence[SupportsFloat]) -> Joints:
@@ -85,14 +98,19 @@ def _flat(angles: Sequence[Any]) -> list[float]:
     return [float(value) for value in values]
 
 
-def in_chain_order(side: Side, values: Mapping[str, Any] | Sequence[Any]) -> Sequence[Any]:
+def in_chain_order(
+    side: Side, values: Mapping[str, Any] | Sequence[Any], others: Joints | None = None
+) -> Sequence[Any]:
     """Values of all joints of an arm in chain order: a mapping by joint name, or a sequence that is in this order.
 
-    A joint is named as in ROS (``yumi_joint_7_r``), or by ABB's number of its axis (``joint_7``, ``j7``).
+    A joint is named as in ROS (``yumi_joint_7_r``), or by ABB's number of its axis (``joint_7``, ``j7``). Joints that a
+    mapping leaves out are taken from ``others``. A string is the name of a pose of :data:`yumi.robot.joints.POSES`.
 
     Raises:
         CommandRefused: a name is not one of this arm's joints, comes twice, or is missing.
     """
+    if isinstance(values, str):
+        return named_pose(side, values)
     if not isinstance(values, Mapping):
         return values
     found: dict[int, Any] = {}
@@ -102,9 +120,9 @@ def in_chain_order(side: Side, values: Mapping[str, Any] | Sequence[Any]) -> Seq
             raise CommandRefused(f"Goal refused: {joint_names(side)[index]} is named twice; give each joint once.")
         found[index] = value
     missing = [name for index, name in enumerate(joint_names(side)) if index not in found]
-    if missing:
+    if missing and others is None:
         raise CommandRefused(f"Goal refused: without {', '.join(missing)}; name all {JOINT_COUNT} joints.")
-    return [found[index] for index in range(JOINT_COUNT)]
+    return [found[index] if index in found else others[index] for index in range(JOINT_COUNT)]  # type: ignore[index]
 
 
 def _index(side: Side, name: object) -> int:
@@ -129,6 +147,13 @@ LAST_STOP = 5.0
 log = logging.getLogger(__name__)
 
 
+class Way(NamedTuple):
+    """How far a motion is: from 0 to 1, and the time it still takes [s], None where that is unknown."""
+
+    progress: float
+    remaining: float | None
+
+
 class Motion:
     """One motion of one arm; ``future`` is done when it has ended, and raises what :meth:`wait` raises."""
 
@@ -137,9 +162,30 @@ class Motion:
         self.identity = identity
         self.future: Future[None] = Future()
         self.future.set_running_or_notify_cancel()  # a wait that is given up does not end the motion
+        self._way: Callable[[], Way] = lambda: Way(0.0, None)
+        self._last = 0.0  # progress when it was asked for last
 
     def __repr__(self) -> str:
-        return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {'ended' if self.is_done else 'under way'}>"
+        way = "ended" if self.is_done else f"under way, {self.progress:.0%}"
+        return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {way}>"
+
+    def follow_way(self, way: Callable[[], Way]) -> None:
+        """Know from now on how far it is."""
+        self._way = way
+
+    @property
+    def progress(self) -> float:
+        """How much of its way the arm has covered, 0 to 1; stays where a motion that ended elsewhere was seen last."""
+        if self.is_done and self.future.exception() is None:
+            return 1.0
+        if not self.is_done:
+            self._last = self._way().progress
+        return self._last
+
+    @property
+    def remaining(self) -> float | None:
+        """How long it still takes at the present ``speed_scale`` [s]; 0 when it has ended, None when it is unknown."""
+        return 0.0 if self.is_done else self._way().remaining
 
     @property
     def is_done(self) -> bool:
@@ -160,6 +206,8 @@ class Motion:
             ) from None
 
 
+_APART_FROM_ROS = 2**40  # numbers of motions beside those of ROS's trajectory goals, which count from 1
+
 Explain = Callable[[Callable[[Cause], None]], None]
 """Calls back with what stopped the robot, once that is known."""
 
@@ -167,14 +215,21 @@ Explain = Callable[[Callable[[Cause], None]], None]
 class MotionRegistry:
     """All motions under way, and what has gone wrong since the last recovery; safe from any thread.
 
+    Args:
+        is_script: whether it is a script's: a fault is logged, and an arm that had one takes no goal before
+            ``robot.recover()``. A driver with ROS logs events by itself, and recovers on several ways.
+
     Attributes:
         explain: a fault ends motions with the cause that it calls back with.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_script: bool = True) -> None:
         self.explain: Explain = lambda then: then(Cause())
+        self._is_script = is_script
+        self._words: Callable[[str], str] = _for_script if is_script else str
+        self._log = log.log if is_script else _no_log
         self._recoveries = 0
-        self._numbers = count(1)
+        self._numbers = count(1 if is_script else _APART_FROM_ROS)
         self._open: dict[int, Motion] = {}
         self._faults: dict[Side, tuple[str, str]] = {}  # a sentence, and the stop that a person must confirm
         self._lock = Lock()
@@ -194,7 +249,7 @@ class MotionRegistry:
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
-        fault = self._faults.get(side)
+        fault = self._faults.get(side) if self._is_script else None
         return fault[0] if fault else None
 
     def stop(self, side: Side) -> str:
@@ -217,19 +272,19 @@ class MotionRegistry:
                 self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
             return
         if not is_fault(event):
-            log.info(_for_script(str(event)))
+            self._log(logging.INFO, self._words(str(event)))
             return
         # The motions of the arm have failed: whatever else is reported of them does not count any more.
         with self._lock:
-            self._faults[event.side] = (_for_script(str(event)), "")
+            self._faults[event.side] = (self._words(str(event)), "")
             failed = [motion for motion in self._open.values() if motion.side is event.side]
             for motion in failed:
                 del self._open[motion.identity]
             recoveries = self._recoveries
 
         def end(cause: Cause) -> None:
-            sentence = _for_script(explained(event, cause))
-            log.warning(sentence)
+            sentence = self._words(explained(event, cause))
+            self._log(logging.WARNING, sentence)
             with self._lock:
                 if self._recoveries == recoveries:
                     self._faults[event.side] = (sentence, cause.stop)
@@ -253,6 +308,10 @@ class MotionRegistry:
             motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))
 
 
+def _no_log(level: int, sentence: str) -> None:
+    """Who has the events logs them."""
+
+
 def _for_script(sentence: str) -> str:
     """In a script the way back is a method, with ROS it is a service."""
     return sentence.replace("start_egm", "robot.recover()").replace("(recover)", "(robot.recover(confirm=...))")
@@ -270,9 +329,9 @@ TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
 
-Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat]
-"""Seven joint positions [rad]: a list, a tuple or an array in chain order (axes 1, 2, 7, 3, 4, 5, 6), or a mapping by
-joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``)."""
+Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat] | str
+"""Seven joint positions [rad]: a list, a tuple or an array in chain order (axes 1, 2, 7, 3, 4, 5, 6), a mapping by
+joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``), or the name of a pose (``"home"``)."""
 
 
 TimedPosition = Sequence[Any]
@@ -296,6 +355,8 @@ class MotionExecutor:
         arms: those on which EGM runs.
         limits: what a trajectory may ask of the joints.
         clock: of the trajectories' starts, which the control process shares.
+        feedback: the buffer of each arm's trajectory controller; without it the progress of trajectories is unknown.
+        speed_scale: the factor on all speeds now.
     """
 
     def __init__(
@@ -306,8 +367,12 @@ class MotionExecutor:
         arms: tuple[Side, ...],
         limits: JointLimits,
         clock: Clock,
+        feedback: Mapping[Side, Buffer[TrajectoryFeedback]] | None = None,
+        speed_scale: Callable[[], float] = lambda: FULL,
     ) -> None:
         self.arms = arms
+        self._feedback = feedback or {}
+        self._speed_scale = speed_scale
         self._limits = limits
         self._clock = clock
         self._control = control
@@ -330,18 +395,27 @@ class MotionExecutor:
         return self._motions.fault(side)
 
     def move(
-        self, goals: Mapping[Side, Position], speed: float | None, acceleration: float | None
+        self,
+        goals: Mapping[Side, Position],
+        speed: float | None,
+        acceleration: float | None,
+        *,
+        others_stay: bool = False,
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
-        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's.
+        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's. With
+        ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
         """
-        checked = {side: checked_goal(side, goal) for side, goal in goals.items()}
         speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
+        starts = {side: self.snapshot(side).sent for side in goals}
+        checked = {
+            side: checked_goal(side, goal, starts[side] if others_stay else None) for side, goal in goals.items()
+        }
         for side in checked:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
@@ -350,6 +424,8 @@ class MotionExecutor:
             ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
             for side, goal in checked.items()
         ]
+        for side, goal in checked.items():
+            motions[side].follow_way(partial(self._way_to_goal, side, starts[side], goal, speed, acceleration))
         return self._send(commands, tuple(motions.values()))
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
@@ -381,6 +457,8 @@ class MotionExecutor:
             )
             for side, plan in plans.items()
         ]
+        for side, plan in plans.items():
+            motions[side].follow_way(partial(self._way_on_trajectory, motions[side], plan.spline.end))
         return self._send(commands, tuple(motions.values()))
 
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
@@ -413,9 +491,44 @@ class MotionExecutor:
             self._streaming[side] = (snapshot.session, snapshot.activation)
         write_goal(self._goals[side], snapshot.session, checked)
 
+    def _way_to_goal(
+        self, side: Side, start: Joints, goal: Joints, speed: float | None, acceleration: float | None
+    ) -> Way:
+        """By how far the arm is on the straight way, whose times are those of a motion that begins at rest."""
+        whole = dist(start, goal)
+        progress = 1.0 - min(1.0, dist(self._control.snapshot(side).position, goal) / whole) if whole else 1.0
+        values = {
+            it.parameter.name: it.value
+            for it in self._control.call(Commands.list_parameters, side, GOAL_CONTROLLER)
+            if isinstance(it.value, float)
+        }
+        speed = speed or values["speed_scale"]
+        acceleration = acceleration or values["acceleration_scale"]
+        try:
+            motion = travel(Setpoint(start), goal, slower(YUMI_LIMITS, speed, acceleration, values["top_speed"]))
+        except CommandRefused:
+            return Way(progress, None)
+        # Distances on the way grow with time: the time at which it is as far as the arm is now.
+        early, late = 0.0, motion.duration
+        for _ in range(20):  # to a millionth
+            middle = 0.5 * (early + late)
+            if dist(start, motion.at(middle).position) < progress * whole:
+                early = middle
+            else:
+                late = middle
+        return Way(progress, (motion.duration - late) / self._speed_scale())
+
+    def _way_on_trajectory(self, motion: Motion, duration: float) -> Way:
+        newest = self._feedback[motion.side].read() if motion.side in self._feedback else None
+        if newest is None or newest[1].goal != motion.identity:
+            return Way(0.0, None)
+        time = min(max(newest[1].progress, 0.0), duration)
+        scale = newest[1].scale
+        return Way(time / duration if duration else 1.0, (duration - time) / scale if scale > 0.0 else None)
+
     def _take_over(self, side: Side, name: str) -> None:
         """From standstill: the controllers plan their motions differently."""
-        if self._commanding(side) == (name,):
+        if self.commanding(side) == (name,):
             return
         for motion in self.stop((side,)):
             motion.wait(LAST_STOP)
@@ -433,12 +546,13 @@ class MotionExecutor:
     def _activate(self, sides: Iterable[Side], name: str) -> None:
         """Switch the arms to a controller; what commands one until then is deactivated in the same switch."""
         for side in sides:
-            commanding = self._commanding(side)
+            commanding = self.commanding(side)
             if commanding != (name,):
                 self._streaming.pop(side, None)
                 self._control.call(Commands.switch_controllers, side, (name,), commanding)
 
-    def _commanding(self, side: Side) -> tuple[str, ...]:
+    def commanding(self, side: Side) -> tuple[str, ...]:
+        """The controllers that command an arm."""
         infos = self._control.call(Commands.list_controllers, side)
         return tuple(info.name for info in infos if info.claimed)
 
@@ -467,10 +581,13 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
         ) from error
 
 
-def checked_goal(side: Side, goal: Position) -> Joints:
-    """``goal`` [rad] in chain order; raises CommandRefused when it is not seven joints within their ranges."""
+def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Joints:
+    """``goal`` [rad] in chain order; raises CommandRefused when it is not seven joints within their ranges.
+
+    It may be the name of a pose, too. Joints that a goal by name leaves out are taken from ``others``.
+    """
     try:
-        values = [float(value) for value in in_chain_order(side, goal)]
+        values = [float(value) for value in in_chain_order(side, goal, others)]
     except (TypeError, ValueError) as error:
         raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(goal)[:100]}.") from error
     if len(values) != JOINT_COUNT:

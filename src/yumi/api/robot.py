@@ -3,44 +3,25 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
-from enum import Enum
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import TracebackType
 from typing import TypeVar
 
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
-from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, wait_for
-from yumi.control.motion import STANDING
+from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, in_degrees, wait_for
 from yumi.control.shared_state import Snapshot
 from yumi.driver import gripper as driver
+from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
+from yumi.driver.readiness import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.joints import Joints, Pose, Side, joint_names
+from yumi.robot.joints import POSES, Joints, Pose, Side, abb_from_chain, joint_names
 from yumi.robot.kinematics import tool0_to_body
 
 log = logging.getLogger(__name__)
-
-
-class ArmMode(Enum):
-    """What an arm does, for ``arm.state``."""
-
-    SILENT = "silent"
-    """The robot sends no datagrams for it: EGM is not running."""
-
-    IDLE = "idle"
-    """The robot sends where it is, but does not follow: motors off, or RAPID stopped."""
-
-    HOLDING = "holding"
-    """It follows, and stands."""
-
-    MOVING = "moving"
-    """It follows, and moves."""
-
-    FAULT = "fault"
-    """Something stopped it; ``robot.recover()`` brings it back, the last error says what it was."""
 
 
 class Arm:
@@ -50,15 +31,31 @@ class Arm:
         side: which one.
         executor: the robot's, while it is connected; raises when it is not.
         gripper: on its flange.
+        datagram: the newest one of its robot.
     """
 
-    def __init__(self, side: Side, executor: Callable[[], MotionExecutor], gripper: Gripper) -> None:
+    def __init__(
+        self,
+        side: Side,
+        executor: Callable[[], MotionExecutor],
+        gripper: Gripper,
+        datagram: Callable[[], bytes] = lambda: b"",
+    ) -> None:
         self.side = side
         self.gripper = gripper
         self._executor = executor
+        self._datagram = datagram
 
     def __repr__(self) -> str:
-        return f"<yumi.Arm {self.side.word}>"
+        try:
+            state = self.state
+        except RobotNotReady:
+            return f"<yumi.Arm {self.side.word}, not connected>"
+        if state.position is None:
+            return f"<yumi.Arm {self.side.word}, {state.mode.value}>"
+        axes, axis_7 = abb_from_chain(in_degrees(state.position))
+        shown = "  ".join(f"j{axis} {angle:.1f}°" for axis, angle in enumerate((*axes, axis_7), 1))
+        return f"<yumi.Arm {self.side.word}, {state.mode.value}: {shown}>"
 
     @property
     def executor(self) -> MotionExecutor:
@@ -69,6 +66,11 @@ class Arm:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints in the order of all positions, as ROS has them."""
         return joint_names(self.side)
+
+    @property
+    def poses(self) -> Mapping[str, Joints]:
+        """Positions that have a name, which :meth:`move_to` takes in their place [rad]."""
+        return {name: pose(self.side) for name, pose in POSES.items()}
 
     @property
     def position(self) -> Joints:
@@ -93,20 +95,26 @@ class Arm:
         return tool0_to_body(self.side, self.position)
 
     @property
-    def state(self) -> ArmMode:
-        """What the arm does now.
+    def degrees(self) -> dict[str, float]:
+        """Measured joint positions as the FlexPendant shows them, ``j1`` to ``j7`` [°]; raises as :attr:`position`."""
+        axes, axis_7 = abb_from_chain(in_degrees(self.position))
+        return {f"j{axis}": angle for axis, angle in enumerate((*axes, axis_7), 1)}
+
+    @property
+    def mode(self) -> ArmMode:
+        """What the arm does now; raises as :attr:`state`."""
+        return self.state.mode
+
+    @property
+    def state(self) -> ArmReport:
+        """All that is known of the arm now: measured and planned joints, what EGM reports beside, its cycles.
 
         Raises:
             RobotNotReady: the robot is not connected, or EGM is not started on this arm.
         """
-        snapshot = self.executor.snapshot(self.side)
-        if self.executor.fault(self.side):
-            return ArmMode.FAULT
-        if not snapshot.is_streaming:
-            return ArmMode.SILENT
-        if not snapshot.is_running:
-            return ArmMode.IDLE
-        return ArmMode.MOVING if max(map(abs, snapshot.velocity)) > STANDING else ArmMode.HOLDING
+        executor = self.executor
+        is_fault = executor.fault(self.side) is not None
+        return arm_report(self.side, executor.snapshot(self.side), self._datagram(), is_fault=is_fault)
 
     def move_to(
         self,
@@ -121,7 +129,7 @@ class Arm:
 
         Args:
             position: joint positions [rad], (7,) in chain order, or by joint name; see :func:`yumi.degrees` and, for
-                the FlexPendant's order, :func:`yumi.abb_degrees`.
+                the FlexPendant's order, :func:`yumi.abb_degrees`. Or the name of a pose, see :attr:`poses`.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
             speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
@@ -216,14 +224,21 @@ class Robot:
         settings: where it is, and how it moves.
         controllers: what runs on each arm.
         arms: those on which EGM runs; the others stand still.
+        on_step: given each step of what is done to the robot.
 
     Attributes:
         right: the right arm.
         left: the left arm.
     """
 
-    def __init__(self, settings: Settings, controllers: Controllers, arms: tuple[Side, ...] = tuple(Side)) -> None:
-        self._connection = Connection(settings, controllers, arms)
+    def __init__(
+        self,
+        settings: Settings,
+        controllers: Controllers,
+        arms: tuple[Side, ...] = tuple(Side),
+        on_step: Callable[[str], None] = lambda step: None,
+    ) -> None:
+        self._connection = Connection(settings, controllers, arms, on_step)
         self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
         self._is_connected = False
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
@@ -239,6 +254,7 @@ class Robot:
                     self._check_not_stopped,
                     partial(self._calibrate, side),
                 ),
+                partial(self._datagram, side),
             )
             for side in (Side.RIGHT, Side.LEFT)
         )
@@ -394,6 +410,15 @@ class Robot:
     def speed_scale(self, value: float) -> None:
         log.info(self._connected.manager.speed.set(value))
 
+    @property
+    def state(self) -> RobotState:
+        """Mode, motors, RAPID program and EGM of the robot, why it does not move and what stopped it.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+        """
+        return self._connected.manager.state()
+
     def describe(self) -> str:
         """Mode, motors, RAPID program and EGM of the robot in one line.
 
@@ -412,6 +437,9 @@ class Robot:
 
     def _calibrate(self, side: Side) -> None:
         self._connected.calibrate(side)
+
+    def _datagram(self, side: Side) -> bytes:
+        return self._connected.datagram(side)
 
     def _gripper(self, side: Side) -> driver.Gripper:
         return self._connected.grippers[side]

@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 from yumi import __version__
+from yumi.cli import graph, robot, shell
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
@@ -135,11 +136,13 @@ def main() -> None:
       yumi demo                          both arms of a virtual YuMi move and grab
       yumi up --robot 192.168.125.1      the driver for a real one
       yumi controller --rws-port 8080    a virtual controller for any client
+      yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
+      eval "$(yumi completion bash)"     complete commands and their arguments in this shell
     """
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     for noisy in ("httpx", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-for _command in (controller, demo, doctor, fault, record, up):
+for _command in (controller, demo, doctor, fault, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

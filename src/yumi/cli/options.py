@@ -155,15 +155,15 @@ def limit_discovery(*, is_open: bool = False) -> str:
     return "ROS 2 is visible on this machine only; --network opens it to the subnet."
 
 
-def demand_ros() -> None:
-    """Raise MissingPrerequisite where ROS 2 cannot be imported."""
+def demand_ros(otherwise: str = "") -> None:
+    """Raise MissingPrerequisite where ROS 2 cannot be imported; ``otherwise`` names what works without it."""
     try:
         import control_msgs  # noqa: F401, PLC0415
         import rclpy  # noqa: F401, PLC0415
     except ImportError as error:
         raise MissingPrerequisite(
             f"ROS 2 is missing ({error}): install yumi-ros2[ros] from a wheel that `make wheels` has built for this "
-            "Python, run `make setup` in a clone, or source your ROS 2 Jazzy."
+            f"Python, run `make setup` in a clone, or source your ROS 2 Jazzy{otherwise}."
         ) from error
 
 

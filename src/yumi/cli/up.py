@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import threading
@@ -12,10 +13,11 @@ from functools import partial
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.cli.options import (
     ROS_ARGUMENTS,
     SCALE,
@@ -27,19 +29,32 @@ from yumi.cli.options import (
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
-from yumi.control.events import Event
+from yumi.control.events import (
+    ControllerReport,
+    Event,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+    is_fault,
+)
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.robot_manager import RobotConnection, RobotManager
-from yumi.driver.settings import Settings, read_controllers
-from yumi.driver.wiring import Controllers, make_parts, only_at_robot
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.gripper import GripperSetup
+from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
+from yumi.driver.settings import CalibrateWhen, Settings, read_controllers
+from yumi.driver.stops import Cause, explained
+from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import Only
-from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, start_thread
+from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, SupervisedThread, start_thread
 from yumi.recording.mcap import STATE, Recorder, Source
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
+
+if TYPE_CHECKING:
+    from yumi.ros.driver import RosDriver
 
 END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
@@ -48,6 +63,8 @@ END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
 _POLL = 0.05  # [s]
+_SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
+_log = logging.getLogger("yumi")
 
 
 @click.command()
@@ -75,16 +92,18 @@ _POLL = 0.05  # [s]
 @click.option("--prefix", help="Put it before the names of all joints and links, such as a_.")
 @click.option("--frame-prefix", help="Put it before the names of frames on /tf; else the namespace and a slash.")
 @click.option("--network", is_flag=True, help="Let all machines of the subnet find the driver's ROS 2 nodes.")
+@click.option("--ros/--no-ros", "with_ros", default=True, help="Serve ROS 2; without, the commands and scripts alone.")
 @until_stdin_closes_option
 def up(
     config: Path | None,
     controllers: Path | None,
     record: Path | None,
     network: bool,
+    with_ros: bool,
     until_stdin_closes: bool,
     **options: Any,
 ) -> None:
-    """Run the driver: bring the robot to ready and serve ROS 2.
+    """Run the driver: bring the robot to ready and serve ROS 2, the commands of yumi and scripts that attach to it.
 
     It says what it will do to the robot before it does it.
 
@@ -94,10 +113,13 @@ def up(
       yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
       yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
       yumi up --robot 192.168.125.1 --namespace cell1    one of several robots: /cell1/r/joint_states
+      yumi up --robot 192.168.125.1 --no-ros         no ROS 2 is needed; move it with `yumi start`, `yumi move`
+      yumi state                                     what it does, in another terminal
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
-    demand_ros()
-    click.echo(limit_discovery(is_open=network))
+    if with_ros:
+        demand_ros("; or run the driver without it: --no-ros")
+        click.echo(limit_discovery(is_open=network))
     settings = settings_of(config, options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
     address = f"{settings.robot.address}:{settings.robot.rws_port}"
@@ -111,7 +133,7 @@ def up(
             click.echo(f"{DRIVER_READY}serving the robot at {address}")
 
     ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
-    run_driver(settings, chosen, is_over, report_ready, record, ros_arguments)
+    run_driver(settings, chosen, is_over, report_ready, record, ros_arguments, with_ros=with_ros)
 
 
 def run_driver(
@@ -121,8 +143,10 @@ def run_driver(
     on_ready: Callable[[str], None],
     record: Path | None = None,
     ros_arguments: Sequence[str] | None = None,
+    *,
+    with_ros: bool = True,
 ) -> None:
-    """The driver: connect, bring the robot to ready, serve ROS until ``is_over``; leaves the robot without EGM.
+    """The driver: connect, bring the robot to ready, serve until ``is_over``; leaves the robot without EGM.
 
     Without ``ros.bringup`` it connects and reads, and changes nothing on the robot until it is asked to.
 
@@ -130,73 +154,196 @@ def run_driver(
         settings: where the robot is, and how it moves.
         controllers: what runs on each arm.
         is_over: set when it must end.
-        on_ready: called when ROS is served and the robot was brought to ready, with the reason why it is not, or "".
+        on_ready: called when it serves and the robot was brought to ready, with the reason why it is not, or "".
         record: file for every cycle of both arms.
         ros_arguments: for rclpy; None: those of this process.
+        with_ros: whether it serves ROS 2, too, beside its local endpoint.
 
     Raises:
         YumiError: the robot cannot be reached or used; nothing was started.
     """
-    from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
-    from yumi.ros.gripper import GripperParts  # noqa: PLC0415
-
     clock = SystemClock()
+
+    def log(level: int, sentence: str) -> None:
+        front.log(level, sentence)
+        endpoint.note(level, sentence)
 
     def on_event(event: Event) -> None:
         records.on_event(event, clock.now(), time.time())
         parts.manager.note(event)
-        ros.on_event(event)
+        front.on_event(event)
+        motions.note(event)
+        endpoint.note_event(event)
 
     with short_switch_interval(), ExitStack() as stack:
         stack.callback(release_process)
-        root = settings.ros.root
-        where = f"in the namespace {root}" if root else "without a namespace"
-        only_under_name = Only(
-            f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}{root.replace('/', '.')}",
-            f"Another driver runs on this machine in the same ROS domain {where} "
-            "({owner}); stop it, or give one of the two another --namespace.",
-        )
-        for only in (only_at_robot(settings), only_under_name):
+        for only in (*((_only_under_name(settings.ros.root),) if with_ros else ()), only_at_robot(settings)):
             only.claim()
             stack.callback(only.release)
         parts = make_parts(
             settings,
             controllers,
             on_event,
-            lambda step: ros.info(f"Bring-up: {step}"),
-            warn=lambda remark: ros.warn(f"Bring-up: {remark}"),
+            lambda step: log(logging.INFO, f"Bring-up: {step}"),
+            warn=lambda remark: log(logging.WARNING, f"Bring-up: {remark}"),
         )
         stack.enter_context(_ending_in_time(parts.client, parts.manager, is_over))
         stack.callback(parts.client.close)
         check = partial(parts.bringup.check_controller, parts.plan.addresses)
         connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
         connection.check()
-        grippers = GripperParts(parts.grippers, parts.signals, settings.gripper)
-        open_ros(ros_arguments)
-        stack.callback(close_ros)
-        control, manager, plan = parts.control, parts.manager, parts.plan
-        ros = RosDriver(control, plan.controllers, manager, grippers, settings, clock, plan.limits)
-        stack.callback(ros.stop)
-        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, ros.info)
+        control, manager = parts.control, parts.manager
+        front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
+        stack.callback(front.stop)
+        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info)
         stack.callback(records.close)
         if record:
             sources: dict[str, Source] = {STATE: manager.monitor.state}
             sources |= {f"{side.value}/gripper": partial(parts.signals.state, side) for side in Side}
             records.record_all(record, time.time() - clock.now(), clock, sources)
-        manager.monitor.log.report = ros.log
+
+        motions = MotionRegistry(is_script=False)
+        endpoint = _endpoint_of(parts, settings, motions, front)
+        manager.monitor.log.report = log
         control.start()
         stack.callback(control.stop)
         stack.callback(connection.disconnect)
-        stack.callback(_end_motion, manager, control, connection, ros.info)
+        stack.callback(_end_motion, manager, control, connection, front.info)
         connected = connection.connect()
-        ros.start()
-        ros.info(connected)
-        ros.info(control.started_as)
-        ros.info(f"{manager.speed} Change it with yumi_robot_manager/set_speed_scale or the setting robot.speed_scale.")
-        reason = ros.bring_up(is_reading_only=not settings.ros.bringup)
+        front.start()
+        endpoint.start()
+        stack.callback(endpoint.stop)
+        log(logging.INFO, connected)
+        log(logging.INFO, control.started_as)
+        how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
+        log(logging.INFO, f"{manager.speed} Change it with {how} or the setting robot.speed_scale.")
+        reason = front.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready(reason)
         is_over.wait()
+
+
+def _only_under_name(root: str) -> Only:
+    where = f"in the namespace {root}" if root else "without a namespace"
+    return Only(
+        f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}{root.replace('/', '.')}",
+        f"Another driver runs on this machine in the same ROS domain {where} "
+        "({owner}); stop it, or give one of the two another --namespace.",
+    )
+
+
+def _with_ros(
+    stack: ExitStack, parts: DriverParts, settings: Settings, ros_arguments: Sequence[str] | None
+) -> RosDriver:
+    from yumi.ros.driver import RosDriver, close_ros, open_ros  # noqa: PLC0415 - yumi works without ROS
+    from yumi.ros.gripper import GripperParts  # noqa: PLC0415
+
+    open_ros(ros_arguments)
+    stack.callback(close_ros)
+    grippers, plan = GripperParts(parts.grippers, parts.signals, settings.gripper), parts.plan
+    return RosDriver(parts.control, plan.controllers, parts.manager, grippers, settings, SystemClock(), plan.limits)
+
+
+def _endpoint_of(
+    parts: DriverParts, settings: Settings, motions: MotionRegistry, front: RosDriver | DriverWithoutRos
+) -> EndpointServer:
+    """The driver's local endpoint, and what moves the arms for it."""
+    control, manager, buffers = parts.control, parts.manager, parts.control.buffers
+    motions.explain = manager.monitor.explain
+    mover = MotionExecutor(
+        control,
+        {side: each.goals for side, each in buffers.items()},
+        motions,
+        tuple(Side),
+        parts.plan.limits,
+        SystemClock(),
+        {side: each.trajectory for side, each in buffers.items()},
+        lambda: manager.speed.in_force,
+    )
+    access = DriverAccess(
+        robot=f"{settings.robot.address}:{settings.robot.rws_port}",
+        manager=manager,
+        control=control,
+        datagram=lambda side: buffers[side].datagram.read(),
+        grippers=parts.grippers,
+        gripper_state=parts.signals.state,
+        force=settings.gripper.force,
+        mover=mover,
+        recover=lambda report, confirm: manager.recover(report, confirmed=confirm),
+        calibrate=lambda sides: manager.calibrate(*(parts.grippers[side] for side in sides)),
+        check_arms=front.check_arms,
+    )
+    return EndpointServer(access, front.log)
+
+
+class DriverWithoutRos:
+    """What a driver does beside its local endpoint where it serves no ROS: it logs, and calibrates the grippers.
+
+    Args:
+        parts: of the driver.
+        settings: of the driver.
+    """
+
+    def __init__(self, parts: DriverParts, settings: Settings) -> None:
+        manager, own = parts.manager, settings.gripper
+        self._parts = parts
+        self._is_tested = own.test_at_start
+        self._setup = GripperSetup(
+            parts.grippers,
+            manager.step,
+            partial(self.log, logging.ERROR),
+            is_allowed=own.calibrate is CalibrateWhen.AT_START,
+            is_confirmed=lambda: not manager.is_unattended,
+        )
+        self._is_over = Flag()
+        self._signals = SupervisedThread("grippers", self._keep_signals, self._is_over)
+        manager.when_ready(self._setup.run)
+
+    def start(self) -> None:
+        """Subscribe to the grippers' signals, again and again should the subscription be lost."""
+        self._signals.start()
+
+    def stop(self) -> None:
+        self._is_over.set()
+        self._signals.join()
+
+    def check_arms(self, sides: Sequence[Side]) -> None:
+        """No arm can be deactivated without ROS."""
+
+    def on_event(self, event: Event) -> None:
+        """Log an event of the control process, with its cause where EGM has ended."""
+
+        def report(cause: Cause = Cause()) -> None:  # noqa: B008 - it is frozen
+            self.log(logging.WARNING if is_fault(event) else logging.INFO, explained(event, cause))
+
+        if isinstance(event, ControllerReport):
+            return
+        if is_fault(event) and isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
+            self._parts.manager.monitor.explain(report)
+        else:
+            report()
+
+    def info(self, sentence: str) -> None:
+        self.log(logging.INFO, sentence)
+
+    def log(self, level: int, sentence: str) -> None:
+        _log.log(level, sentence)
+
+    def bring_up(self, *, is_reading_only: bool = False) -> str:
+        """Bring the robot to ready; returns why it is not ready, or nothing."""
+        return bring_up(
+            self._parts.manager,
+            self._setup,
+            self._parts.grippers,
+            self.log,
+            is_tested=self._is_tested,
+            is_reading_only=is_reading_only,
+        )
+
+    def _keep_signals(self) -> None:
+        while not self._is_over.wait(_SIGNALS):
+            with suppress(YumiError):  # while the controller does not answer, or where it has no gripper
+                self._parts.signals.keep_open()
 
 
 @contextmanager

@@ -156,6 +156,8 @@ _Numbers = tuple[Any, ...]
 _ATTEMPTS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _COUNTERS = Struct("qq")  # writes begun, finished: equal and not 0 when the value is whole
 _BEGUN, _FINISHED = Struct("q"), Struct("q")
+_LENGTH = Struct("q")
+_MESSAGE = _COUNTERS.size + _LENGTH.size  # where the bytes of a message begin
 _UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
@@ -264,6 +266,48 @@ class SharedBuffer(Generic[V]):
                 self._read_last = (finished, value)
                 break
         return self._read_last
+
+
+class SharedBytes:
+    """The newest of a series of short messages, between two processes; hand it to the child when it is spawned.
+
+    Args:
+        size: a longer message is left out [bytes].
+    """
+
+    def __init__(self, size: int) -> None:
+        with _from_the_system():
+            memory = RawArray(ctypes.c_char, _MESSAGE + size)
+        self.__setstate__(memory)
+
+    def __getstate__(self) -> Any:
+        return self._shared
+
+    def __setstate__(self, shared: Any) -> None:
+        self._shared = shared
+        self._memory = memoryview(shared).cast("B")
+
+    def write(self, message: bytes) -> None:
+        """Replace the message; one process only may write."""
+        memory, end = self._memory, _MESSAGE + len(message)
+        if end > len(memory):
+            return
+        number = _COUNTERS.unpack_from(memory)[1] + 1
+        _BEGUN.pack_into(memory, 0, number)
+        _LENGTH.pack_into(memory, _COUNTERS.size, len(message))
+        memory[_MESSAGE:end] = message
+        _FINISHED.pack_into(memory, _BEGUN.size, number)
+
+    def read(self) -> bytes:
+        """The newest message; empty while nothing was ever written, or where a writer has died in the middle."""
+        memory = self._memory
+        for _ in range(_ATTEMPTS):
+            before = _COUNTERS.unpack_from(memory)
+            (length,) = _LENGTH.unpack_from(memory, _COUNTERS.size)
+            message = bytes(memory[_MESSAGE : _MESSAGE + length])
+            if before[0] == before[1] and _COUNTERS.unpack_from(memory) == before:
+                return message
+        return b""
 
 
 class SharedHistory(Generic[V]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from yumi.control.cycle import WireCounters
@@ -76,11 +76,18 @@ class EgmArm:
         link: where its datagrams come from.
         session: its conversation.
         stages: what notes where a cycle's time goes.
+        keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
     """
 
     def __init__(
-        self, link: DatagramLink, session: SensorSession[JointReport], stages: StageClock | None = None
+        self,
+        link: DatagramLink,
+        session: SensorSession[JointReport],
+        stages: StageClock | None = None,
+        keep: Callable[[bytes], None] = lambda datagram: None,
     ) -> None:
+        self._keep = keep
+        self._datagram = b""
         self._link = link
         self._session = session
         self._stages = stages or StageClock()
@@ -94,6 +101,7 @@ class EgmArm:
         message = accept_from(self._link, session, datagrams, now)
         if message is None:
             return None
+        self._datagram = datagrams[-1]
         before = None if session.is_first or session.is_resumed else self._before
         self._before = message
         dt = period(before, message)
@@ -120,6 +128,7 @@ class EgmArm:
         self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
         self._stages.note(SEND)
         self._session.settle()
+        self._keep(self._datagram)
 
     def silence(self, now: float) -> float:
         return self._session.silence(now)

@@ -29,6 +29,7 @@ from yumi.control.shared_state import (
     Factor,
     JointStates,
     SharedBuffer,
+    SharedBytes,
     SharedHistory,
     Snapshot,
     TrajectoryFeedback,
@@ -53,6 +54,7 @@ STALE = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one is of a process that hangs [s]."""
 
 _REPORT_PERIOD = 10.0  # [s]
+_LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 _ANSWER_TIMEOUT = 5.0
 _ENDED = "The control process has ended; call recover, which starts another one."
@@ -87,6 +89,7 @@ class ArmBuffers:
         dual_trajectory: how it follows its part of one for both arms.
         speed_scale: the factor on its speeds.
         flight: memory of its flight recorder.
+        datagram: the robot's newest, for what the control loop does not read of it.
         cycle_done: released after every cycle.
     """
 
@@ -102,6 +105,7 @@ class ArmBuffers:
         self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
         self.flight = shared_numbers(FLIGHT_SIZE)
+        self.datagram = SharedBytes(_LONGEST_DATAGRAM)
         self.cycle_done = new_event()
 
 

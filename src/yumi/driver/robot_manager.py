@@ -9,13 +9,14 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from threading import Lock
 
 from yumi.clock import Clock
 from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
-from yumi.driver.bringup import STOP_PROGRAM, Bringup
+from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl, Watchdog, WatchdogSettings
-from yumi.driver.gripper import Gripper
+from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
 from yumi.driver.panel import RapidRoutines
 from yumi.driver.readiness import Mode, Report, RobotState
@@ -504,6 +505,46 @@ class RobotManager:
 
     def _log(self, level: int, sentence: str) -> None:
         self.monitor.log.report(level, sentence)
+
+
+def bring_up(
+    manager: RobotManager,
+    setup: GripperSetup,
+    grippers: Mapping[Side, Gripper],
+    log: Callable[[int, str], None],
+    *,
+    is_tested: bool = False,
+    is_reading_only: bool = False,
+) -> str:
+    """Bring the robot to ready, saying before what will be done to it.
+
+    Args:
+        manager: of the robot.
+        setup: of the grippers.
+        grippers: both.
+        log: takes a level of :mod:`logging` and a sentence.
+        is_tested: whether the grippers are closed once as a test.
+        is_reading_only: whether the robot is left as it is.
+
+    Returns:
+        Why it is not ready; empty when it is, or is left as it is.
+    """
+    try:
+        if is_reading_only:
+            manager.report_remarks()
+            log(logging.INFO, "The robot is left as it is until start_egm, set_mode or recover is called.")
+            return ""
+        steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
+        if steps:
+            log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
+        manager.make_ready()
+        if is_tested:
+            close_as_test(grippers, partial(log, logging.INFO), partial(log, logging.ERROR))
+        log(logging.INFO, "The robot is ready.")
+    except YumiError as error:
+        log(logging.ERROR, str(error))
+        return str(error)
+    return ""
 
 
 class RobotConnection:

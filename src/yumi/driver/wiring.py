@@ -6,7 +6,8 @@
                                    threads: answers (five), streams, timers, slow-timers-r and -l, signal-timers,
                                             joint-states-r, joint-states-l, grippers, robot-monitor, watchdog,
                                             control-events, automatic-recovery (recovery.automatic), all of
-                                            them supervised (process/supervision.py);
+                                            them supervised (process/supervision.py); endpoint, endpoint-work (16 at
+                                            most);
                                             web-socket (opened again by who listens), flight-records (when something
                                             stops), full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
@@ -262,7 +263,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
         start_controllers(manager, plan.controllers[side])
-        arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages)
+        arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other))
         recorder = FlightRecorder(own.flight)
         loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
@@ -353,7 +354,10 @@ def make_parts(
 def only_at_robot(settings: Settings) -> Only:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
     address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
-    refusal = f"The robot at {address} is driven by another program ({{owner}}); end it first."
+    refusal = (
+        f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
+        "robot: `yumi state` and the other commands, yumi.attach() in a script."
+    )
     return Only(f"yumi-drives-{address}", refusal)
 
 

@@ -10,12 +10,14 @@ from the robot's own motion configuration, speeds from ABB, accelerations and je
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import degrees, radians
 from operator import le
 from typing import NamedTuple
+
+from yumi.errors import CommandRefused
 
 Joints = tuple[float, float, float, float, float, float, float]
 """Seven joint values in chain order; [rad] or [rad/s] unless the name says otherwise."""
@@ -178,6 +180,27 @@ def home(side: Side) -> Joints:
     """The calibration pose (``cal_position`` of the controller): both arms folded in front of the body [rad]."""
     axis_7_deg = -135.0 if side is Side.RIGHT else 135.0
     return joints([radians(angle_deg) for angle_deg in (0.0, -130.0, axis_7_deg, 30.0, 0.0, 40.0, 0.0)])
+
+
+def _ready(side: Side) -> Joints:
+    """Both arms lifted from home and turned outwards, so that neither is in the other's way [rad]."""
+    sign = 1.0 if side is Side.RIGHT else -1.0
+    return joints([radians(angle_deg) for angle_deg in (sign * 20.0, -110.0, sign * -135.0, 30.0, 0.0, 40.0, 0.0)])
+
+
+POSES: Mapping[str, Callable[[Side], Joints]] = {"home": home, "calibration": home, "ready": _ready}
+"""Poses by name. ABB's calibration pose is where the arms are at home."""
+
+
+def named_pose(side: Side, name: str) -> Joints:
+    """A pose of :data:`POSES` [rad].
+
+    Raises:
+        CommandRefused: there is none of this name.
+    """
+    if name not in POSES:
+        raise CommandRefused(f"Goal refused: there is no pose {name[:60]!r}; there are {', '.join(POSES)}.")
+    return POSES[name](side)
 
 
 @dataclass(frozen=True, slots=True)

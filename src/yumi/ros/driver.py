@@ -38,12 +38,11 @@ from rclpy.signals import SignalHandlerOptions
 from yumi.clock import Clock
 from yumi.control.controller import State
 from yumi.control.events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
-from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.gripper import GripperSetup, close_as_test
-from yumi.driver.robot_manager import RobotManager
+from yumi.driver.gripper import GripperSetup
+from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
-from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.robot.description import robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.ros.controller_manager import ArmManager
@@ -170,8 +169,8 @@ class RosDriver:
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
-        self._services = RobotManagerServices(self._node, manager, self._check_arms, self._update_activity)
-        self._actions = RobotManagerActions(self._node, manager, self._check_arms, self._update_activity)
+        self._services = RobotManagerServices(self._node, manager, self.check_arms, self._update_activity)
+        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self._update_activity)
         self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
         signal_timers = TimerThread(clock, log_error, "signal-timers")
         self._signals = SignalsTopic(self._node, manager.signals, signal_timers)
@@ -271,26 +270,14 @@ class RosDriver:
         Returns:
             Why it is not ready; empty when it is, or is left as it is.
         """
-        log_error, settings = self._node.get_logger().error, self._gripper_parts.settings
-        try:
-            if is_reading_only:
-                self._manager.report_remarks()
-                self.info("The robot is left as it is until start_egm, set_mode or recover is called.")
-                return ""
-            steps = [
-                *self._manager.steps_to_ready(),
-                *self._gripper_setup.steps(is_tested=settings.test_at_start),
-            ]
-            if steps:
-                self.warn(f"{ANNOUNCEMENT}{', '.join(steps)}.")
-            self._manager.make_ready()
-            if settings.test_at_start:
-                close_as_test(self._gripper_parts.grippers, self.info, log_error)
-            self.info("The robot is ready.")
-        except YumiError as error:
-            log_error(str(error))
-            return str(error)
-        return ""
+        return bring_up(
+            self._manager,
+            self._gripper_setup,
+            self._gripper_parts.grippers,
+            self.log,
+            is_tested=self._gripper_parts.settings.test_at_start,
+            is_reading_only=is_reading_only,
+        )
 
     def _why_no_grip(self, _: Side) -> str | None:
         try:
@@ -299,7 +286,7 @@ class RosDriver:
             return str(error)
         return None
 
-    def _check_arms(self, sides: Iterable[Side]) -> None:
+    def check_arms(self, sides: Iterable[Side]) -> None:
         """Refuse what needs an arm whose hardware component a user has deactivated.
 
         Raises:

@@ -24,7 +24,7 @@ def test_package_lists_what_it_offers_before_anything_is_used() -> None:
         "import yumi; print(*dir(yumi)); yumi.errors.CommandRefused; print(all(getattr(yumi, n) for n in dir(yumi)))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    names = "EgmServer __version__ abb_degrees connect connect_async degrees errors in_degrees"
+    names = "EgmServer __version__ abb_degrees attach connect connect_async degrees errors in_degrees"
     assert done.stdout == f"{names}\nTrue\n"
 
 
@@ -32,9 +32,9 @@ def test_objects_of_a_script_say_what_they_are() -> None:
     robot = yumi.connect("127.0.0.1:1")
     twin = yumi.connect_async("127.0.0.1:1")
     assert [repr(each) for each in (robot.right, robot.left.gripper, twin, twin.left, twin.right.gripper)] == [
-        "<yumi.Arm right>",
-        "<yumi.Gripper left>",
+        "<yumi.Arm right, not connected>",
+        "<yumi.Gripper left, not connected>",
         "<yumi.AsyncRobot at 127.0.0.1:1, not connected>",
-        "<yumi.AsyncArm left>",
-        "<yumi.AsyncGripper right>",
+        "<yumi.AsyncArm left, not connected>",
+        "<yumi.AsyncGripper right, not connected>",
     ]

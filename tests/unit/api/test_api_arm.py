@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from fake_robot import FakeRobot
 
+from fake_robot import FakeRobot
 from yumi.api.gripper import Gripper
-from yumi.api.robot import Arm, ArmMode
+from yumi.api.robot import Arm
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.events import SessionLost
 from yumi.control.shared_state import Snapshot
+from yumi.driver.endpoint import ArmMode
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names
 from yumi.robot.kinematics import tool0_to_body
@@ -54,14 +55,14 @@ def test_arm_reports_what_is_measured(arm: Arm) -> None:
 )
 def test_arm_reports_what_it_does(robot: FakeRobot, arm: Arm, values: dict[str, object], mode: ArmMode) -> None:
     show(robot, **values)
-    assert arm.state is mode
+    assert arm.mode is mode
 
 
 def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot, arm: Arm) -> None:
     robot.motions.note(SessionLost(Side.RIGHT, 0.08, ("joint_goal_controller",)))
-    assert arm.state is ArmMode.FAULT
+    assert arm.mode is ArmMode.FAULT
     robot.motions.clear_faults()
-    assert arm.state is ArmMode.HOLDING
+    assert arm.mode is ArmMode.HOLDING
 
 
 @pytest.mark.parametrize("look", [lambda arm: arm.position, lambda arm: arm.velocity, lambda arm: arm.pose])

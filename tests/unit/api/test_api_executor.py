@@ -5,8 +5,8 @@ from dataclasses import replace
 from math import inf, nan
 
 import pytest
-from fake_robot import FakeRobot, Switch
 
+from fake_robot import FakeRobot, Switch
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
 from yumi.control.controller import UNKNOWN, Goal, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
@@ -57,7 +57,7 @@ def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
 
 def test_motion_says_what_it_is(robot: FakeRobot) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
-    assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: under way>"
+    assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: under way, 100%>"
     robot.end(robot.control.commands[0])
     assert repr(motion) == f"<yumi.Motion {motion.identity} of the right arm: ended>"
 
@@ -95,7 +95,7 @@ def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
         ((*RIGHT[:6], inf), "yumi_joint_6_r is inf; a position is a finite number of radians"),
         ((0.0, 1.0, *RIGHT[2:]), r"yumi_joint_2_r is 57\.3°; its range is -143\.5° to 43\.5°"),
         (RIGHT[:3], "it has 3 positions; an arm has 7 joints: yumi_joint_1_r, yumi_joint_2_r, yumi_joint_7_r"),
-        ("home", "expected seven angles in radians, got 'home'"),
+        ("nowhere", "there is no pose 'nowhere'; there are home, calibration, ready"),
         (1.0, r"expected seven angles in radians, got 1\.0"),
         (
             (0, -130, -135, 30, 0, 40, 0),

@@ -106,9 +106,9 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
     monkeypatch: pytest.MonkeyPatch, reason: str, line: str
 ) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
-    monkeypatch.setattr("yumi.cli.up.run_driver", lambda settings, chosen, is_over, on_ready, *_: on_ready(reason))
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *given, with_ros: given[3](reason))
     result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
     assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.clock import ManualClock
-from yumi.control.controller import ControllerInfo, MemoryBuffer, State
-from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, StopMotion
+from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
+from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
 from yumi.control.events import (
     ControllerReport,
 )
@@ -49,6 +49,8 @@ class FakeControl:
     def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
         if command is Commands.list_controllers:
             return tuple(self._info(name, *args) for name in NAMES)
+        if command is Commands.list_parameters:
+            return tuple(ParameterInfo(it, it.default) for it in JointGoalController(MemoryBuffer()).parameters(()))
         if command is Commands.switch_controllers:
             self._switch(*args)
         if command is Commands.send_commands:

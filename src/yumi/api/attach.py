@@ -1,0 +1,189 @@
+"""A second program beside a running driver: it looks and asks over the driver's local endpoint, and drives nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import TracebackType
+from typing import TypeVar
+
+from yumi.api.motion import Position, checked_goal
+from yumi.driver import endpoint as wire
+from yumi.driver.endpoint import (
+    ControllerReport,
+    DriverState,
+    EndpointClient,
+    GripReport,
+    MotionReport,
+    Request,
+    find_driver,
+)
+from yumi.robot.joints import Side, home
+
+T = TypeVar("T")
+Arms = wire.Arm | Sequence[wire.Arm]
+
+
+def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:
+    """The driver that runs on this machine, of ``yumi up`` or of a script's ``yumi.connect``.
+
+    ::
+
+        with yumi.attach() as driver:
+            print(driver.state.arms["right"].position)
+            driver.move_to(right="home")
+
+    Args:
+        robot: its robot's address or its namespace, where several drivers run.
+        on_step: given each step of what the driver does for this program.
+
+    Raises:
+        RobotNotReady: no driver runs, or several do; the message says what to do.
+    """
+    return RunningDriver(EndpointClient(find_driver(robot)), on_step)
+
+
+class RunningDriver:
+    """A running driver as another program sees it; one request at a time.
+
+    Every method returns when it is done, and raises what the driver raised: a YumiError with its sentence.
+
+    Args:
+        client: the connection to it.
+        on_step: given each step of what it does.
+    """
+
+    def __init__(self, client: EndpointClient, on_step: Callable[[str], None] = lambda step: None) -> None:
+        self._client = client
+        self._on_step = on_step
+
+    def __enter__(self) -> RunningDriver:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<yumi.RunningDriver {self._client.path.stem}>"
+
+    def close(self) -> None:
+        """Disconnect; a motion that this program has asked for is stopped."""
+        self._client.close()
+
+    @property
+    def state(self) -> DriverState:
+        """All that the driver knows: robot, arms, controllers, grippers, the newest events."""
+        return self._client.ask(wire.GetState(), DriverState)
+
+    def watch(self, rate: float = 30.0) -> Iterator[DriverState]:
+        """The state ``rate`` times a second (0.1 to 60), with the events since the one before.
+
+        A connection that watches asks for nothing else: attach once more for that.
+        """
+        return self._client.watch(rate)
+
+    @property
+    def controllers(self) -> Mapping[str, tuple[ControllerReport, ...]]:
+        """The controllers of each arm."""
+        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerReport, ...]])
+
+    @property
+    def speed_scale(self) -> float:
+        """The factor on the speed of every controller; it can be set, 0.01 to 1."""
+        return self.state.speed_scale
+
+    @speed_scale.setter
+    def speed_scale(self, value: float) -> None:
+        self._ask(wire.SetSpeedScale(speed_scale=float(value)), str)
+
+    def start_egm(self, arms: Arms = ()) -> str:
+        """Start EGM on ``"right"``, ``"left"`` or the arms that are configured, with the controllers on top."""
+        return self._ask(wire.StartEgm(arms=_several(arms)), str)
+
+    def stop_egm(self) -> str:
+        """Bring the arms to rest and end EGM; waits for nothing else that the driver does."""
+        return self._ask(wire.StopEgm(), str)
+
+    def set_mode(self, mode: wire.ModeName) -> str:
+        """Bring the robot to ``motors_off``, ``ready``, ``egm_left``, ``egm_right`` or ``egm_both``."""
+        return self._ask(wire.SetMode(mode=mode), str)
+
+    def recover(self, confirm: str = "") -> str:
+        """Bring the robot back after a stop; ``confirm`` is ``state.stop``, after a person has looked at the robot."""
+        return self._ask(wire.Recover(confirm=confirm), str)
+
+    def calibrate(self, arms: Arms = ("right", "left")) -> str:
+        """Close the fingers of grippers and call that zero."""
+        return self._ask(wire.Calibrate(arms=_several(arms)), str)
+
+    def open_gripper(self, arm: wire.Arm, width: float | None = None) -> GripReport:
+        """Open a gripper to ``width`` [m], or as far as it goes."""
+        return self._ask(wire.Grip(arm=arm, action="open", width=width), GripReport)
+
+    def close_gripper(self, arm: wire.Arm, force: float | None = None) -> GripReport:
+        """Close a gripper and hold what is there with ``force`` [N]."""
+        return self._ask(wire.Grip(arm=arm, action="close", force=force), GripReport)
+
+    def switch(self, arm: wire.Arm, activate: Sequence[str] = (), deactivate: Sequence[str] = ()) -> str:
+        """Activate and deactivate controllers of one arm in one step."""
+        return self._ask(wire.SwitchControllers(arm=arm, activate=tuple(activate), deactivate=tuple(deactivate)), str)
+
+    def move_to(
+        self,
+        *,
+        right: Position | None = None,
+        left: Position | None = None,
+        speed: float | None = None,
+        acceleration: float | None = None,
+        timeout: float | None = None,
+        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
+    ) -> str:
+        """Move arms, and return when they stand at their goals; the controllers that commanded them do so again then.
+
+        A program that ends meanwhile, also by Ctrl-C, stops them.
+
+        Args:
+            right: joint positions [rad], (7,) in chain order; the name of a pose; or some joints by name, the others
+                stay.
+            left: the same of the left arm.
+            speed: fraction of the joints' highest speeds, above 0 up to 1; None takes the controller's.
+            acceleration: the same for accelerations and jerks.
+            timeout: arms that take longer are stopped [s].
+            on_motion: given how far the motions are, ten times a second.
+
+        Raises:
+            CommandRefused: a position is impossible, an arm moves already, or another program moves it.
+            RobotNotReady: EGM does not run on the arm.
+            GoalNotReached: a motion ended elsewhere.
+        """
+        goals = {
+            side: _position(side, position)
+            for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
+            if position is not None
+        }
+        request = wire.Move(
+            right=goals.get(Side.RIGHT),
+            left=goals.get(Side.LEFT),
+            speed=speed,
+            acceleration=acceleration,
+            timeout=timeout,
+        )
+        return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
+
+    def _ask(self, request: Request, result: type[T]) -> T:
+        return self._client.ask(request, result, self._on_step, timeout=None)
+
+
+def _several(arms: Arms) -> tuple[wire.Arm, ...]:
+    return (arms,) if isinstance(arms, str) else tuple(arms)
+
+
+def _position(side: Side, position: Position) -> wire.Position:
+    """As it is sent: what is impossible is refused here already, with the sentence that a script gets."""
+    checked = checked_goal(side, position, home(side))
+    if isinstance(position, str):
+        return position
+    if isinstance(position, Mapping):
+        return {name: float(value) for name, value in position.items()}
+    return checked

@@ -1,0 +1,433 @@
+"""Commands for a running driver, over its local endpoint: what its robot does, and what it is asked to do."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from math import degrees, radians
+from typing import Any, cast
+
+import click
+import msgspec
+from click.shell_completion import CompletionItem
+
+from yumi.api.attach import RunningDriver, attach
+from yumi.cli.options import SCALE, Measure
+from yumi.driver.endpoint import Arm, ArmReport, DriverState, MotionReport
+from yumi.errors import SettingsError, YumiError
+from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
+from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
+
+ARM = click.Choice(["right", "left"])
+ARMS = click.Choice(["right", "left", "both"])
+MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
+
+Command = Callable[..., Any]
+
+
+def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the driver that runs, and print what it returns: a sentence, or JSON with ``--json``."""
+
+    @click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
+    @click.option("--json", "is_json", is_flag=True, help="Print JSON.")
+    @wraps(command)
+    def with_driver(*args: Any, robot: str, is_json: bool, **options: Any) -> None:
+        def report(step: str) -> None:
+            click.echo(step, err=True)
+
+        try:
+            with attach(robot, on_step=report) as driver:
+                result = command(driver, *args, **options)
+        except YumiError as error:
+            raise type_for_shell(error) from error
+        if is_json:
+            click.echo(msgspec.json.encode(result))
+        else:
+            click.echo(result if isinstance(result, str) else in_words(result))
+
+    return with_driver
+
+
+def type_for_shell(error: YumiError) -> YumiError:
+    """The same refusal, with the commands of the shell in place of services and methods."""
+    text = str(error)
+    for service, shell in (
+        ("robot.recover()", "yumi recover"),
+        ("call recover", "run `yumi recover`"),
+        ("(recover)", "(yumi recover)"),
+        ("Call start_egm", "Run `yumi start`"),
+        ("call start_egm", "run `yumi start`"),
+        ("stop_egm, then start_egm", "yumi stop, then yumi start"),
+    ):
+        text = text.replace(service, shell)
+    error.args = (text, *error.args[1:])
+    return error
+
+
+def _arms(word: str) -> tuple[Arm, ...]:
+    return ("right", "left") if word == "both" else (cast("Arm", word),)
+
+
+# ---- looking
+
+
+@click.command()
+@click.option("--watch", is_flag=True, help="Print it again and again, until Ctrl-C.")
+@click.option("--rate", type=Measure("rate", 0.1, 60.0, is_open=False), default=1.0, help="So often a second.")
+@click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
+@click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
+def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
+    """What the robot of the running driver does, why it does not move, and what stopped it.
+
+    \b
+    Examples:
+      yumi state
+      yumi state --json | python -m json.tool
+      yumi state --watch --rate 5 --json      a line of JSON five times a second, with new events
+    """
+    with attach(robot) as driver:
+        states = driver.watch(rate) if watch else iter((driver.state,))
+        for each in states:
+            if is_json:
+                click.echo(msgspec.json.encode(each))
+            else:
+                if watch and sys.stdout.isatty():
+                    click.clear()
+                click.echo(in_words(each))
+
+
+def in_words(result: object) -> str:
+    """A result for a person."""
+    if isinstance(result, DriverState):
+        return "\n".join(_state_lines(result))
+    return str(result)
+
+
+def _state_lines(state: DriverState) -> list[str]:
+    lines = [f"robot {state.robot}, driver process {state.process}"]
+    if state.is_connected:
+        lines.append(
+            f"mode {state.mode}, {state.motors}, RAPID {state.program}, speed_scale {state.speed_scale:g}, speed ratio "
+            f"{state.speed_ratio} %"
+        )
+    lines.append(f"cannot move: {state.reason}" if state.reason else "can move")
+    if state.cause and state.cause not in state.reason:
+        lines.append(f"stopped by: {state.cause}")
+    if state.stop:
+        lines.append(f"waits for a person to confirm the stop {state.stop}: yumi recover")
+    for word, arm in state.arms.items():
+        lines += _arm_lines(word, arm, state)
+    for word, gripper in state.grippers.items():
+        if gripper is None:
+            lines.append(f"{word} gripper: unknown")
+            continue
+        parts = [gripper.state, f"{gripper.width * 1e3:.1f} mm"]
+        parts += ["holding"] if gripper.is_holding else []
+        parts += [] if gripper.is_calibrated else ["not calibrated"]
+        parts += [f"error {gripper.error}"] if gripper.error else []
+        lines.append(f"{word} gripper: {', '.join(parts)}")
+    return lines + [f"{event.level}: {event.sentence}" for event in state.events[-5:]]
+
+
+def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
+    commanding = [each.name for each in state.controllers[word] if each.commands]
+    parts = [f"EGM {state.egm[word]}", arm.mode.value]
+    parts += [f"commanded by {', '.join(commanding)}"] if commanding else []
+    if arm.egm is not None and arm.egm.utilization is not None:
+        parts.append(f"utilization {arm.egm.utilization:.0%}")
+    if arm.cycles is not None and arm.cycles.answered:
+        parts.append(f"{arm.cycles.answered} cycles, {arm.cycles.missed} missed")
+    lines = [f"{word} arm: {', '.join(parts)}"]
+    if arm.problem:
+        lines.append(f"  {arm.problem}")
+    if arm.position is not None:
+        axes, axis_7 = abb_from_chain(arm.position)
+        angles = "  ".join(f"j{axis} {degrees(angle):7.2f}" for axis, angle in enumerate((*axes, axis_7), 1))
+        lines.append(f"  {angles}  [°]")
+    return lines
+
+
+@click.command()
+@of_driver
+def controllers(driver: RunningDriver) -> object:
+    """The controllers of both arms, their states, and which of them command.
+
+    \b
+    Examples:
+      yumi controllers
+    """
+    found = driver.controllers
+    return _Table(
+        {side: list(each) for side, each in found.items()},
+        [
+            f"{side:<6}{each.name:<36}{each.state:<13}{'commands ' if each.commands else '':<10}{each.type}"
+            for side, reports in found.items()
+            for each in reports
+        ],
+    )
+
+
+class _Table(dict[str, Any]):
+    """A mapping that is shown as lines."""
+
+    def __init__(self, values: Mapping[str, Any], lines: Sequence[str]) -> None:
+        super().__init__(values)
+        self._lines = lines
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines)
+
+
+# ---- asking
+
+
+@click.command()
+@click.argument("name", type=MODES, required=False)
+@of_driver
+def mode(driver: RunningDriver, name: str | None) -> object:
+    """Show the robot's mode, or bring it to NAME.
+
+    \b
+    Examples:
+      yumi mode                 in a sentence
+      yumi mode egm_both        motors on, program running, EGM on both arms
+      yumi mode motors_off
+    """
+    if name is not None:
+        return driver.set_mode(name)  # type: ignore[arg-type]
+    now = driver.state
+    egm = ", ".join(f"{word} arm EGM {each}" for word, each in now.egm.items())
+    return f"mode {now.mode}, {now.motors}, RAPID {now.program}, {egm}"
+
+
+@click.command()
+@click.argument("arms", type=ARMS, required=False)
+@of_driver
+def start(driver: RunningDriver, arms: str | None) -> object:
+    """Start EGM on ARMS, or on those that are configured; makes the robot ready first if need be.
+
+    \b
+    Examples:
+      yumi start
+      yumi start right
+    """
+    return driver.start_egm(_arms(arms) if arms else ())
+
+
+@click.command()
+@of_driver
+def stop(driver: RunningDriver) -> object:
+    """Bring the arms to rest and end EGM; waits for nothing else.
+
+    \b
+    Examples:
+      yumi stop
+    """
+    return driver.stop_egm()
+
+
+def _is_at_a_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+@click.command()
+@click.option("--confirm", default="", help="Id of the stop that you have looked at, as `yumi state` shows it.")
+@of_driver
+def recover(driver: RunningDriver, confirm: str) -> object:
+    """Bring the robot back after a stop; says what had stopped it.
+
+    After an emergency stop, a guard stop or a collision a person has to look at the robot first: on a terminal the
+    command asks for it, elsewhere --confirm names the stop.
+
+    \b
+    Examples:
+      yumi recover
+    """
+    now = driver.state
+    if now.stop and not confirm:
+        if not _is_at_a_terminal():
+            raise SettingsError(
+                f"{now.cause.rstrip('.')}. Look at the robot; when no person is near it and nothing is in its way, "
+                f"confirm this stop: yumi recover --confirm {now.stop}"
+            )
+        click.echo(f"{now.cause.rstrip('.')}.", err=True)
+        question = f"Is no person near the robot, and nothing in its way? Type yes to confirm the stop {now.stop}"
+        if click.prompt(question, default="no", err=True).strip() != "yes":
+            raise SettingsError("Not confirmed; nothing was changed.")
+        confirm = now.stop
+    return driver.recover(confirm)
+
+
+@click.command()
+@click.argument("arms", type=ARMS, default="both")
+@of_driver
+def calibrate(driver: RunningDriver, arms: str) -> object:
+    """Close the fingers of the grippers of ARMS (both) and call that zero; EGM must not run.
+
+    \b
+    Examples:
+      yumi calibrate right
+    """
+    return driver.calibrate(_arms(arms))
+
+
+@click.command()
+@click.argument("arm", type=ARM)
+@click.argument("action", type=click.Choice(["open", "close"]))
+@click.option(
+    "--width", type=Measure("width", 0.0, 2.0 * TRAVEL, is_open=True), help="Open so far [m]; else all the way."
+)
+@click.option("--force", type=Measure("force", 0.0, MAX_FORCE, is_open=True), help="Hold with this force [N].")
+@of_driver
+def grip(driver: RunningDriver, arm: Arm, action: str, width: float | None, force: float | None) -> object:
+    """Open or close the gripper of ARM; says what it holds.
+
+    \b
+    Examples:
+      yumi grip right open --width 0.03
+      yumi grip right close --force 8
+    """
+    if (action == "open" and force is not None) or (action == "close" and width is not None):
+        raise SettingsError("--width is for open, --force for close.")
+    done = driver.open_gripper(arm, width) if action == "open" else driver.close_gripper(arm, force)
+    held = f"something {done.width * 1e3:.1f} mm wide" if done.outcome is Outcome.HOLDING else ""
+    words = {"arm": arm, "outcome": done.outcome.value, "width": done.width}
+    return _Table(words, [f"The {arm} gripper is {done.outcome.value}{f' {held}' if held else ''}."])
+
+
+def _complete_goal(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    words = [*POSES, *(f"j{axis}=" for axis in range(1, JOINT_COUNT + 1))]
+    return [CompletionItem(word) for word in words if word.startswith(incomplete)]
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("arm", type=ARMS)
+@click.argument("goal", nargs=-1, required=True, shell_complete=_complete_goal)
+@click.option("--degrees", "in_degrees", is_flag=True, help="Angles are degrees; without, radians.")
+@click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
+@click.option("--speed", type=SCALE, help="Share of the joints' highest speeds.")
+@click.option("--timeout", type=Measure("time", 0.0, 3600.0, is_open=True), help="Stop arms that take longer [s].")
+@of_driver
+def move(
+    driver: RunningDriver,
+    arm: str,
+    goal: tuple[str, ...],
+    in_degrees: bool,
+    abb: bool,
+    speed: float | None,
+    timeout: float | None,
+) -> object:
+    """Move ARM to GOAL and wait until it stands there; Ctrl-C stops it. EGM must run: yumi start.
+
+    GOAL is a pose (home, ready, calibration), some joints as NAME=ANGLE (the others stay), or seven angles in chain
+    order, axes 1 2 7 3 4 5 6.
+
+    \b
+    Examples:
+      yumi move both home
+      yumi move right j1=20 j7=-135 --degrees
+      yumi move right 0 -130 30 0 40 0 -135 --abb --degrees
+    """
+    position = goal_of(goal, in_degrees=in_degrees, abb=abb)
+    if arm == "both" and not isinstance(position, str):
+        raise SettingsError("Both arms take a pose only; their joints are mirrored. Move one after the other.")
+    is_shown = sys.stderr.isatty()
+
+    def show(motions: dict[str, MotionReport]) -> None:
+        parts = [
+            f"{word} {it.progress:4.0%}{'' if it.remaining is None else f', {it.remaining:.1f} s left'}"
+            for word, it in motions.items()
+        ]
+        click.echo(f"\r{'   '.join(parts):<60}", nl=False, err=True)
+
+    try:
+        return driver.move_to(
+            right=position if arm != "left" else None,
+            left=position if arm != "right" else None,
+            speed=speed,
+            timeout=timeout,
+            on_motion=show if is_shown else lambda motions: None,
+        )
+    finally:
+        if is_shown:
+            click.echo(err=True)
+
+
+def goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:
+    """The position that words of the command line name: a pose, joints by name, or seven angles.
+
+    Raises:
+        SettingsError: they are none of these.
+    """
+    factor = radians(1.0) if in_degrees else 1.0
+
+    def number(text: str) -> float:
+        try:
+            return float(text) * factor
+        except ValueError:
+            raise SettingsError(
+                f"{text!r} is not an angle; give a pose ({', '.join(POSES)}), joints such as j1=20, or seven angles."
+            ) from None
+
+    if len(words) == 1 and words[0] in POSES:
+        return words[0]
+    if all("=" in word for word in words):
+        if abb:
+            raise SettingsError("--abb is for seven angles in a row; joints by name have no order.")
+        pairs = [word.split("=", 1) for word in words]
+        named = {name: number(text) for name, text in pairs}
+        if len(named) != len(pairs):
+            raise SettingsError("A joint is named twice; name each once.")
+        return named
+    angles = [number(word) for word in words]
+    if len(angles) != JOINT_COUNT:
+        raise SettingsError(f"{len(angles)} angles are given; an arm has {JOINT_COUNT} joints.")
+    return chain_from_abb(angles[:6], angles[6]) if abb else joints(angles)
+
+
+def _complete_controller(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The controllers that the running driver has; none where there is none."""
+    try:
+        with attach(str(context.params.get("robot") or "")) as driver:
+            names = {each.name for reports in driver.controllers.values() for each in reports}
+    except YumiError:
+        return []
+    return [CompletionItem(name) for name in sorted(names) if name.startswith(incomplete)]
+
+
+@click.command()
+@click.argument("arm", type=ARM)
+@click.argument("activate", nargs=-1, shell_complete=_complete_controller)
+@click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
+@of_driver
+def switch(driver: RunningDriver, arm: Arm, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
+    """Activate controllers of ARM, in one step; what commands its joints until then is deactivated.
+
+    \b
+    Examples:
+      yumi switch right joint_trajectory_controller
+      yumi switch left --deactivate joint_position_controller
+    """
+    before = [each.name for each in driver.controllers[arm] if each.commands and each.name not in activate]
+    if activate:
+        deactivate = tuple(dict.fromkeys((*deactivate, *before)))
+    return driver.switch(arm, activate, deactivate)
+
+
+@click.command("speed-scale")
+@click.argument("value", type=SCALE, required=False)
+@of_driver
+def speed_scale(driver: RunningDriver, value: float | None) -> object:
+    """Show the factor on the speed of every controller, or set it.
+
+    \b
+    Examples:
+      yumi speed-scale 0.3
+    """
+    if value is not None:
+        driver.speed_scale = value
+    return f"speed_scale is {driver.speed_scale:g}"
+
+
+COMMANDS = (state, controllers, mode, start, stop, recover, calibrate, grip, move, switch, speed_scale)

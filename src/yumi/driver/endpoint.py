@@ -1,0 +1,667 @@
+"""The local endpoint of a running driver: what is said over it, where its socket is, and the client's end of it.
+
+A driver listens on a Unix socket that only its own user may open. A client writes one JSON document a line: a request
+with an ``id`` of its choice and a ``method``. It gets documents of the same ``id`` back: ``step`` and ``motions`` while
+the request is carried out, then ``result`` or ``error``. After ``subscribe`` it gets the state at the rate it asked
+for, with the events since the last one. Everything is in SI units; joints are in chain order.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import stat
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import msgspec
+
+from yumi import errors
+from yumi.control.motion import STANDING
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.egm.codec import SensorCodec
+from yumi.errors import ProtocolError, RobotNotReady, YumiError
+from yumi.process.single_instance import lock_folder
+from yumi.robot.gripper import Outcome
+from yumi.robot.joints import Joints, Pose, Side
+from yumi.robot.kinematics import tool0_to_body
+
+MAX_REQUEST = 1 << 16
+"""A request is no longer than this [bytes]."""
+
+ANSWER = 10.0
+"""What needs no motion is answered within this time [s]."""
+
+Arm = Literal["right", "left"]
+ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
+Position = tuple[float, float, float, float, float, float, float] | dict[str, float] | str
+"""Joint positions [rad]: all seven in chain order, some by name (the others stay), or the name of a pose."""
+
+Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+
+
+# ---- requests
+
+
+class Request(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    tag_field="method",
+    tag=lambda name: re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(),  # GetState: get_state
+):
+    """What a client asks for; ``id`` comes back with each answer."""
+
+    id: int = 0
+
+
+class GetState(Request, frozen=True):
+    """All that is known: a :class:`DriverState`."""
+
+
+class Subscribe(Request, frozen=True):
+    """The same again and again, ``rate`` times a second."""
+
+    rate: Annotated[float, msgspec.Meta(ge=0.1, le=60.0)] = 30.0
+
+
+class GetControllers(Request, frozen=True):
+    """The controllers of each arm: :class:`ControllerReport`."""
+
+
+class StartEgm(Request, frozen=True):
+    """Start EGM on ``arms``, or on those that are configured; makes the robot ready first if need be."""
+
+    arms: tuple[Arm, ...] = ()
+
+
+class StopEgm(Request, frozen=True):
+    """Bring the arms to rest and end EGM; waits for nothing else."""
+
+
+class SetMode(Request, frozen=True):
+    """Bring the robot to a mode."""
+
+    mode: ModeName
+
+
+class Recover(Request, frozen=True):
+    """Bring the robot back after a stop; ``confirm`` is the id of the stop that a person has confirmed."""
+
+    confirm: str = ""
+
+
+class Calibrate(Request, frozen=True):
+    """Close the fingers of the grippers of ``arms`` and call that zero."""
+
+    arms: tuple[Arm, ...] = ("right", "left")
+
+
+class Grip(Request, frozen=True):
+    """Open a gripper to ``width`` [m], or as far as it goes; or close it, and hold what is there with ``force`` [N]."""
+
+    arm: Arm
+    action: Literal["open", "close"]
+    width: float | None = None
+    force: float | None = None
+
+
+class Move(Request, frozen=True):
+    """Move arms to positions; the answer comes when they stand there.
+
+    A client that goes away meanwhile stops them, as does ``timeout`` [s].
+    """
+
+    right: Position | None = None
+    left: Position | None = None
+    speed: Scale | None = None
+    acceleration: Scale | None = None
+    timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
+
+
+class SwitchControllers(Request, frozen=True):
+    """Activate and deactivate controllers of one arm in one step."""
+
+    arm: Arm
+    activate: tuple[str, ...] = ()
+    deactivate: tuple[str, ...] = ()
+
+
+class SetSpeedScale(Request, frozen=True):
+    """Set the factor on the speed of every controller."""
+
+    speed_scale: float
+
+
+AnyRequest = (
+    GetState
+    | Subscribe
+    | GetControllers
+    | StartEgm
+    | StopEgm
+    | SetMode
+    | Recover
+    | Calibrate
+    | Grip
+    | Move
+    | SwitchControllers
+    | SetSpeedScale
+)
+"""All that a driver may be asked for; anything else is refused."""
+
+
+# ---- answers
+
+
+class ArmMode(Enum):
+    """What an arm does."""
+
+    SILENT = "silent"
+    """The robot sends no datagrams for it: EGM is not running."""
+
+    IDLE = "idle"
+    """The robot sends where it is, but does not follow: motors off, or RAPID stopped."""
+
+    HOLDING = "holding"
+    """It follows, and stands."""
+
+    MOVING = "moving"
+    """It follows, and moves."""
+
+    FAULT = "fault"
+    """Something stopped it; recovering brings it back."""
+
+
+class CycleCounts(msgspec.Struct, frozen=True, kw_only=True):
+    """The datagrams of an arm.
+
+    Attributes:
+        answered: by a reply of their own.
+        missed: that got none.
+        lost: that never arrived.
+        late: that waited together with a newer one.
+        refused: commands that were no finite numbers.
+        position_limited: commands cut at a joint's range.
+        slowed: commands that would have exceeded a speed, acceleration or jerk.
+        interruptions: how often feedback stayed away for more than five cycles.
+        period: mean time between two datagrams that the robot sent [s].
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest one [s].
+    """
+
+    answered: int
+    missed: int
+    lost: int
+    late: int
+    refused: int
+    position_limited: int
+    slowed: int
+    interruptions: int
+    period: float
+    jitter: float
+    worst_jitter: float
+
+
+class EgmReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot says in its newest datagram beside where the arm is.
+
+    Attributes:
+        time: the controller's clock when the joints were measured, of unknown epoch [s].
+        planned_time: when the robot will be where it plans to be, same clock [s]; None when it does not say.
+        motors: of the robot: on, off or undefined.
+        motion: state of its motion correction interface: running, stopped, error or undefined.
+        rapid: its program: running, stopped or undefined.
+        is_converged: whether it is within its convergence band.
+        utilization: share of its performance in use, 1.0 is full; None when it does not say.
+        torque: torque references of the motors in ABB's order and unit; None when it does not say.
+        force: measured forces [N] and torques [Nm], (6,); None without a force sensor.
+        is_collision: whether its supervision sees a collision; None before RobotWare 7.6.
+    """
+
+    time: float
+    planned_time: float | None
+    motors: str
+    motion: str
+    rapid: str
+    is_converged: bool
+    utilization: float | None = None
+    torque: tuple[float, ...] | None = None
+    force: tuple[float, ...] | None = None
+    is_collision: bool | None = None
+
+
+class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
+    """One arm now. What is measured is None while the robot sends no datagrams for it.
+
+    Attributes:
+        mode: what it does.
+        time: when it was measured, UNIX time [s].
+        session: EGM session, from 1; 0 before the first.
+        position: measured [rad], (7,) in chain order.
+        velocity: measured [rad/s], (7,).
+        planned: where the robot plans to be [rad], (7,).
+        sent: the position sent to it last [rad], (7,).
+        goal: where the active controller is going [rad], (7,); None when none commands the arm.
+        pose: of tool0 in the frame of the body [m], quaternion w first.
+        egm: what else the robot reports.
+        problem: why it holds whatever it is commanded to do; empty when nothing is wrong.
+        cycles: its datagrams.
+    """
+
+    mode: ArmMode
+    time: float | None = None
+    session: int = 0
+    position: Joints | None = None
+    velocity: Joints | None = None
+    planned: Joints | None = None
+    sent: Joints | None = None
+    goal: Joints | None = None
+    pose: Pose | None = None
+    egm: EgmReport | None = None
+    problem: str = ""
+    cycles: CycleCounts | None = None
+
+
+class ControllerReport(msgspec.Struct, frozen=True):
+    """A controller of an arm: its name, ros2_control's type, its lifecycle state, and whether it commands the arm."""
+
+    name: str
+    type: str
+    state: str
+    commands: bool
+
+
+class GripperReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A gripper as its own signals show it.
+
+    Attributes:
+        state: what it is doing, in the gripper's words.
+        is_calibrated: whether its position means anything.
+        is_holding: whether its fingers press on something.
+        width: between the fingers [m].
+        force: what it holds an object with [N].
+        error: its own error number; 0 is none.
+    """
+
+    state: str
+    is_calibrated: bool
+    is_holding: bool
+    width: float
+    force: float
+    error: int
+
+
+class EventReport(msgspec.Struct, frozen=True):
+    """A line of the driver's log: its number from 1, UNIX time [s], level (info, warning, error) and sentence."""
+
+    number: int
+    time: float
+    level: str
+    sentence: str
+
+
+class DriverState(msgspec.Struct, frozen=True, kw_only=True):
+    """A driver with its robot, now. What is unknown is None.
+
+    Attributes:
+        time: UNIX time [s].
+        robot: its address.
+        process: number of the driver's process.
+        is_connected: whether the controller answers.
+        mode: the mode switch: AUTO, MANR or MANF.
+        motors: of the controller: motoron, motoroff, or the stop that keeps them off.
+        program: whether RAPID runs.
+        machines: the state machine of each arm.
+        egm: off, streaming or running, of each arm.
+        speed_scale: factor on the speed of every controller.
+        speed_ratio: override of the speeds of RAPID motions [%].
+        reason: why EGM can neither be started nor runs, with what to do; empty when it can or does.
+        cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
+        stop: id of the stop that a person must confirm before anything moves; empty where there is none.
+        arms: both.
+        controllers: of each arm.
+        grippers: both; None while one is unknown.
+        events: the newest lines of the driver's log.
+    """
+
+    time: float
+    robot: str
+    process: int
+    is_connected: bool
+    mode: str | None
+    motors: str | None
+    program: str | None
+    machines: dict[str, str | None]
+    egm: dict[str, str]
+    speed_scale: float
+    speed_ratio: int | None
+    reason: str
+    cause: str
+    stop: str
+    arms: dict[str, ArmReport]
+    controllers: dict[str, tuple[ControllerReport, ...]]
+    grippers: dict[str, GripperReport | None]
+    events: tuple[EventReport, ...] = ()
+
+
+class GripReport(msgspec.Struct, frozen=True):
+    """How a grip ended, and the distance between the fingers then [m]."""
+
+    outcome: Outcome
+    width: float
+
+
+class MotionReport(msgspec.Struct, frozen=True):
+    """How far a motion is: from 0 to 1, and the time it still takes [s], as far as that is known."""
+
+    progress: float
+    remaining: float | None
+
+
+class Failure(msgspec.Struct, frozen=True):
+    """Why a request was refused or failed: the class in :mod:`yumi.errors`, the sentence, and the stop to confirm."""
+
+    kind: str
+    message: str
+    stop: str = ""
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of a driver."""
+
+    id: int = 0
+    result: msgspec.Raw = msgspec.Raw()
+    error: Failure | None = None
+    step: str = ""
+    motions: dict[str, MotionReport] = {}
+    state: msgspec.Raw = msgspec.Raw()
+    events: tuple[EventReport, ...] = ()
+
+
+def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_fault: bool = False) -> ArmReport:
+    """An arm as its control loop's ``snapshot`` and its robot's newest ``datagram`` show it."""
+    it = snapshot
+    counts = CycleCounts(
+        answered=it.cycles,
+        missed=it.missed,
+        lost=it.lost,
+        late=it.late,
+        refused=it.refused,
+        position_limited=it.position_limited,
+        slowed=it.slowed,
+        interruptions=it.interruptions,
+        period=it.cycle_time,
+        jitter=it.jitter,
+        worst_jitter=it.worst_jitter,
+    )
+    if not it.is_streaming:
+        mode = ArmMode.FAULT if is_fault else ArmMode.SILENT
+        return ArmReport(mode=mode, session=it.session, cycles=counts)
+    if is_fault or it.problem is not Problem.NONE:
+        mode = ArmMode.FAULT
+    elif not it.is_running:
+        mode = ArmMode.IDLE
+    else:
+        mode = ArmMode.MOVING if max(map(abs, it.velocity)) > STANDING else ArmMode.HOLDING
+    planned, egm = None, None
+    with suppress(ProtocolError):  # none has come yet
+        message = SensorCodec(axes=7).decode(datagram)
+        planned = message.planned
+        egm = EgmReport(
+            time=message.measured_time,
+            planned_time=message.planned_time,
+            motors=message.motors.name.lower(),
+            motion=message.mci.name.lower(),
+            rapid=message.rapid.name.lower(),
+            is_converged=message.is_converged,
+            utilization=message.utilization,
+            torque=message.torque,
+            force=message.force,
+            is_collision=None if message.collision is None else message.collision.is_triggered,
+        )
+    return ArmReport(
+        mode=mode,
+        time=it.time + time.time() - time.monotonic(),
+        session=it.session,
+        position=it.position,
+        velocity=it.velocity,
+        planned=planned,  # type: ignore[arg-type]
+        sent=it.sent,
+        goal=it.reference,
+        pose=tool0_to_body(side, it.position),
+        egm=egm,
+        problem=CAUSES.get(it.problem, ""),
+        cycles=counts,
+    )
+
+
+# ---- where it is
+
+_SUFFIX = ".sock"
+_NO_FILE_NAME = re.compile(r"[^\w.:@-]")
+_LONGEST_PATH = 107  # of a Unix socket [bytes]
+
+
+def endpoint_folder() -> Path:
+    """The folder of the sockets, which only this user may enter.
+
+    Raises:
+        RobotNotReady: it cannot be made, or others may enter it.
+    """
+    folder = lock_folder() / "yumi"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise RobotNotReady(f"No local endpoint can be made in {folder}: {error.strerror}.") from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise RobotNotReady(f"{folder} is not this user's own folder, or open to others; remove it.")
+    return folder
+
+
+def endpoint_path(robot: str, namespace: str = "") -> Path:
+    """The socket of the driver of ``robot`` (``host:port``), in a ROS namespace if it has one.
+
+    Raises:
+        RobotNotReady: there is no folder for it, or its path is too long.
+    """
+    name = f"{namespace.strip('/')}@{robot}" if namespace.strip("/") else robot
+    path = endpoint_folder() / f"{_NO_FILE_NAME.sub('_', name)}{_SUFFIX}"
+    if len(os.fsencode(path)) > _LONGEST_PATH:
+        raise RobotNotReady(
+            f"The path of the local endpoint is too long: {path}; set XDG_RUNTIME_DIR to a shorter one."
+        )
+    return path
+
+
+HOW_TO_START = (
+    "No driver runs on this machine for this user; start one with: yumi up --robot <address> (a virtual robot first: "
+    "yumi controller, then yumi up --robot 127.0.0.1 --rws-port 8080)."
+)
+
+
+def find_driver(robot: str = "") -> Path:
+    """The socket of the one driver that runs, or of the one named by its robot's address or its namespace.
+
+    Raises:
+        RobotNotReady: there is none, or more than one; the message says what to do.
+    """
+    drivers = {path.name.removesuffix(_SUFFIX): path for path in sorted(endpoint_folder().glob(f"*{_SUFFIX}"))}
+    if len(drivers) > 1:
+        drivers = {name: path for name, path in drivers.items() if _is_alive(path)}
+    if not drivers:
+        raise RobotNotReady(HOW_TO_START)
+    names = {name: {name, *name.split("@"), name.rpartition("@")[2].partition(":")[0]} for name in drivers}
+    chosen = [path for name, path in drivers.items() if not robot or robot.strip("/") in names[name]]
+    if len(chosen) == 1:
+        return chosen[0]
+    if not chosen:
+        raise RobotNotReady(f"No driver of {robot!r} runs on this machine; there is one of {', '.join(drivers)}.")
+    raise RobotNotReady(f"Several drivers run on this machine: {', '.join(drivers)}; name one with --robot.")
+
+
+def _is_alive(path: Path) -> bool:
+    try:
+        _connect(path).close()
+    except OSError:
+        return False
+    return True
+
+
+def _connect(path: Path) -> socket.socket:
+    """Raises OSError where no driver listens any more; what a driver that was killed has left is removed."""
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        connection.settimeout(ANSWER)
+        connection.connect(os.fspath(path))
+    except BaseException as error:
+        connection.close()
+        if isinstance(error, ConnectionRefusedError):
+            path.unlink(missing_ok=True)
+        raise
+    return connection
+
+
+# ---- the client
+
+_T = TypeVar("_T")
+
+
+class EndpointClient:
+    """A connection to a running driver; one request at a time, from one thread.
+
+    Args:
+        path: of its socket, see :func:`find_driver`.
+
+    Raises:
+        RobotNotReady: the driver has ended, or takes no further client.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._socket = _connect(path)
+        except (ConnectionRefusedError, FileNotFoundError) as error:
+            raise RobotNotReady(HOW_TO_START) from error
+        except OSError as error:
+            raise RobotNotReady(f"The driver behind {path} does not answer: {error}.") from error
+        self._received = b""
+        self._number = 0
+
+    def __enter__(self) -> EndpointClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Disconnect; a motion that was asked for is stopped."""
+        self._socket.close()
+
+    def ask(
+        self,
+        request: Request,
+        result: type[_T],
+        on_step: Callable[[str], None] = lambda step: None,
+        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
+        timeout: float | None = ANSWER,
+    ) -> _T:
+        """Send a request and wait for its answer.
+
+        Args:
+            request: what is asked for.
+            result: the type of the answer.
+            on_step: given each step of what is done.
+            on_motion: given how far motions are.
+            timeout: longest wait for the next line of the driver [s]; None waits for as long as it runs.
+
+        Raises:
+            YumiError: the driver refuses, or has failed to do it: the class and the sentence are the driver's.
+        """
+        self._number += 1
+        self._send(msgspec.structs.replace(request, id=self._number), timeout)
+        while True:
+            answer = self._receive()
+            if answer.id not in (0, self._number):
+                continue
+            if answer.error is not None:
+                raise error_of(answer.error)
+            if answer.step:
+                on_step(answer.step)
+            if answer.motions:
+                on_motion(answer.motions)
+            if answer.result:
+                return self._decode(answer.result, result)
+
+    def watch(self, rate: float) -> Iterator[DriverState]:
+        """The state ``rate`` times a second, with the events since the one before; raises as :meth:`ask`."""
+        self._number += 1
+        self._send(Subscribe(id=self._number, rate=rate), ANSWER + 1.0 / rate)
+        while True:
+            answer = self._receive()
+            if answer.error is not None:
+                raise error_of(answer.error)
+            if answer.state:
+                state = self._decode(answer.state, DriverState)
+                yield msgspec.structs.replace(state, events=answer.events)
+
+    def _send(self, request: Request, timeout: float | None) -> None:
+        self._socket.settimeout(timeout)
+        try:
+            self._socket.sendall(msgspec.json.encode(request) + b"\n")
+        except (BrokenPipeError, ConnectionResetError):
+            return  # why it closed the connection may be there to be read
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def _receive(self) -> Answer:
+        while b"\n" not in self._received:
+            try:
+                data = self._socket.recv(1 << 16)
+            except OSError as error:
+                raise self._lost(error) from error
+            if not data:
+                raise self._lost("it closed the connection")
+            self._received += data
+        line, _, self._received = self._received.partition(b"\n")
+        return self._decode(line, Answer)
+
+    def _decode(self, data: bytes | msgspec.Raw, kind: type[_T]) -> _T:
+        try:
+            return msgspec.json.decode(data, type=kind)
+        except msgspec.DecodeError as error:
+            raise ProtocolError(
+                f"The driver's answer cannot be read ({error}); driver and client must be of the same version."
+            ) from error
+
+    def _lost(self, reason: object) -> RobotNotReady:
+        return RobotNotReady(f"The connection to the driver behind {self.path.name} is lost: {reason}.")
+
+
+def error_of(failure: Failure) -> YumiError:
+    """The exception that a driver's failure stands for."""
+    kind: Any = getattr(errors, failure.kind, RobotNotReady)
+    if issubclass(kind, errors.RobotNotReady | errors.GoalNotReached):
+        error: YumiError = kind(failure.message, failure.stop)
+        return error
+    return (
+        errors.CommandRefused(failure.message)
+        if issubclass(kind, errors.CommandRefused)
+        else YumiError(failure.message)
+    )
+
+
+def failure_of(error: YumiError) -> Failure:
+    """What a client gets of an exception."""
+    return Failure(type(error).__name__, str(error), getattr(error, "stop", ""))
+
+
+def sides_of(arms: Sequence[Arm]) -> tuple[Side, ...]:
+    """The arms, in our order."""
+    return tuple(side for side in Side if side.word in arms)

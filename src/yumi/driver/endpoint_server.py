@@ -1,0 +1,613 @@
+"""The local endpoint's server: one thread that talks to all clients, and workers that carry out what they ask for.
+
+Nothing here runs in the control process. The state is made from what the driver knows already: shared memory, the
+monitor, subscribed signals. A client that reads too slowly, sends too much or breaks the protocol is disconnected.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for_futures
+from contextlib import suppress
+from threading import Event as Flag
+from threading import Lock
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+
+from yumi.control import events as control_events
+from yumi.control.events import Event, is_fault
+from yumi.control.loop import CommandPort, Commands
+from yumi.control.motion import STANDING
+from yumi.control.shared_state import Snapshot
+from yumi.driver.endpoint import (
+    MAX_REQUEST,
+    Answer,
+    AnyRequest,
+    ArmReport,
+    Calibrate,
+    ControllerReport,
+    DriverState,
+    EventReport,
+    Failure,
+    GetControllers,
+    GetState,
+    Grip,
+    GripperReport,
+    GripReport,
+    MotionReport,
+    Move,
+    Position,
+    Recover,
+    Request,
+    SetMode,
+    SetSpeedScale,
+    StartEgm,
+    StopEgm,
+    Subscribe,
+    SwitchControllers,
+    arm_report,
+    endpoint_path,
+    failure_of,
+    sides_of,
+)
+from yumi.driver.gripper import Gripper
+from yumi.driver.readiness import Mode, Report
+from yumi.driver.robot_manager import RobotManager
+from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
+from yumi.process.supervision import SupervisedThread
+from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip
+from yumi.robot.joints import Side
+
+MAX_CLIENTS = 16
+"""So many clients are served at once."""
+
+MAX_WORK = 8
+"""So many requests that change something are carried out at once, or wait for their turn; then they are refused."""
+
+MAX_PENDING = 8
+"""So many requests of one client may wait for their answers."""
+
+MAX_BACKLOG = 1 << 20
+"""A client for which so much waits does not read, and is disconnected [bytes]."""
+
+EVENTS = 100
+"""So many lines of the driver's log are kept."""
+
+_RECENT = 20  # events in a state that is asked for once
+_FRESH = 0.010  # [s] a state that was made for one client serves another one for so long
+_LOOK = 0.1  # [s] between two polls of what is waited for
+_CREDENTIALS = struct.Struct("3i")
+_LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
+
+
+class RunningMotion(Protocol):
+    """A motion of an arm."""
+
+    side: Side
+    future: Future[None]
+
+    @property
+    def progress(self) -> float: ...
+
+    @property
+    def remaining(self) -> float | None: ...
+
+
+class Mover(Protocol):
+    """Sends arms to positions."""
+
+    def move(
+        self,
+        goals: Mapping[Side, Position],
+        speed: float | None,
+        acceleration: float | None,
+        *,
+        others_stay: bool = False,
+    ) -> Sequence[RunningMotion]: ...
+
+    def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
+
+    def fault(self, side: Side) -> str | None: ...
+
+    def commanding(self, side: Side) -> tuple[str, ...]: ...
+
+
+class Control(CommandPort, Protocol):
+    """What is needed of the control process."""
+
+    def snapshot(self, side: Side) -> Snapshot: ...
+
+
+class DriverAccess(NamedTuple):
+    """What a driver lets its clients see and ask for.
+
+    Attributes:
+        robot: its address, ``host:port``.
+        manager: the robot's state and modes.
+        control: the control process.
+        datagram: the newest datagram of an arm's robot.
+        grippers: both.
+        gripper_state: what is known of a gripper without asking the controller.
+        force: of a grip where a request names none [N].
+        mover: moves the arms.
+        recover: recovers, with a report of each step and the stop that was confirmed; returns what was done.
+        calibrate: calibrates grippers.
+        check_arms: refuses what needs an arm that a user has deactivated.
+        namespace: of its ROS nodes.
+    """
+
+    robot: str
+    manager: RobotManager
+    control: Control
+    datagram: Callable[[Side], bytes]
+    grippers: Mapping[Side, Gripper]
+    gripper_state: Callable[[Side], GripperState | None]
+    force: float
+    mover: Mover
+    recover: Callable[[Report, str], str]
+    calibrate: Callable[[Sequence[Side]], None]
+    check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
+    namespace: str = ""
+
+
+class Caller(NamedTuple):
+    """Who has asked: what takes the steps of a request, and whether the client is still there."""
+
+    report: Callable[[str], None]
+    report_motions: Callable[[dict[str, MotionReport]], None]
+    is_gone: Callable[[], bool]
+
+
+class Handlers:
+    """Carries out requests, on the threads of those who call it; each request has one method, see ``HANDLERS``."""
+
+    def __init__(self, access: DriverAccess) -> None:
+        self._access = access
+        self._moving = Lock()  # one motion of the arms at a time
+        self._gripping = {side: Lock() for side in Side}
+        self._controllers: dict[Side, tuple[int, tuple[ControllerReport, ...]]] = {}
+        self._events: deque[EventReport] = deque(maxlen=EVENTS)
+        self._count = 0
+        self._lock = Lock()
+
+    def note(self, level: int, sentence: str) -> None:
+        """Keep a line of the driver's log, with a level of :mod:`logging`."""
+        with self._lock:
+            self._count += 1
+            word = _LEVELS.get(level, "info")
+            self._events.append(EventReport(self._count, time.time(), word, sentence))
+
+    def events_since(self, number: int) -> tuple[EventReport, ...]:
+        """The lines after ``number`` that are still there."""
+        with self._lock:
+            return tuple(event for event in self._events if event.number > number)
+
+    @property
+    def event_count(self) -> int:
+        """The number of the newest line."""
+        return self._count
+
+    def handle(self, request: Request, caller: Caller) -> object:
+        """Carry out a request; returns what JSON can be made of.
+
+        Raises:
+            YumiError: it is refused, or has failed.
+        """
+        return HANDLERS[type(request)](self, request, caller)
+
+    # What only looks
+
+    def state(self) -> DriverState:
+        """All that is known of the driver, without its events."""
+        access, robot = self._access, self._access.manager.state()
+        return DriverState(
+            time=time.time(),
+            robot=access.robot,
+            process=os.getpid(),
+            is_connected=robot.is_connected,
+            mode=robot.mode.value if robot.mode else None,
+            motors=robot.controller_state.value if robot.controller_state else None,
+            program=robot.execution.value if robot.execution else None,
+            machines={side.word: machine.name if machine else None for side, machine in robot.machines.items()},
+            egm={side.word: egm for side, egm in robot.egm.items()},
+            speed_scale=robot.speed_scale,
+            speed_ratio=robot.speed_ratio,
+            reason=robot.reason,
+            cause=robot.cause,
+            stop=robot.stop,
+            arms={side.word: self._arm(side) for side in Side},
+            controllers=self.controllers(),
+            grippers={side.word: self._gripper(side) for side in Side},
+        )
+
+    def controllers(self) -> dict[str, tuple[ControllerReport, ...]]:
+        """Asked for again only when an arm's snapshot says that they have changed."""
+        control = self._access.control
+        for side in Side:
+            activity = control.snapshot(side).activity
+            if self._controllers.get(side, (-1, ()))[0] == activity:
+                continue
+            with suppress(RobotNotReady):  # the control process has ended: what was known last
+                infos = control.call(Commands.list_controllers, side)
+                reports = (ControllerReport(it.name, it.kind, it.state.value, bool(it.claimed)) for it in infos)
+                self._controllers[side] = activity, tuple(reports)
+        return {side.word: self._controllers.get(side, (0, ()))[1] for side in Side}
+
+    def _arm(self, side: Side) -> ArmReport:
+        access = self._access
+        is_fault = access.mover.fault(side) is not None
+        return arm_report(side, access.control.snapshot(side), access.datagram(side), is_fault=is_fault)
+
+    def _gripper(self, side: Side) -> GripperReport | None:
+        try:
+            state = self._access.gripper_state(side)
+        except ProtocolError:
+            return None
+        if state is None:
+            return None
+        return GripperReport(
+            state=state.state.name.lower().replace("_", " "),
+            is_calibrated=state.is_calibrated,
+            is_holding=state.is_holding,
+            width=2.0 * state.position,
+            force=state.force,
+            error=state.error,
+        )
+
+    # What changes something
+
+    def start_egm(self, request: StartEgm, caller: Caller) -> str:
+        arms = sides_of(request.arms)
+        self._access.check_arms(arms or tuple(Side))
+        return self._access.manager.start_egm(arms or None)
+
+    def set_mode(self, request: SetMode, caller: Caller) -> str:
+        mode = Mode(request.mode)
+        self._access.check_arms(mode.arms)
+        return self._access.manager.go_to(mode, caller.report)
+
+    def recover(self, request: Recover, caller: Caller) -> str:
+        self._access.check_arms(self._access.manager.egm_arms)
+        return self._access.recover(caller.report, request.confirm)
+
+    def calibrate(self, request: Calibrate, caller: Caller) -> str:
+        sides = sides_of(request.arms)
+        if not sides:
+            raise CommandRefused("No gripper is named; name right, left or both.")
+        self._access.calibrate(sides)
+        words = " and ".join(side.word for side in sides)
+        return f"The {words} gripper{'s are' if len(sides) > 1 else ' is'} calibrated"
+
+    def grip(self, request: Grip, caller: Caller) -> GripReport:
+        (side,) = sides_of((request.arm,))
+        access, opens = self._access, request.action == "open"
+        if opens and request.force is not None:
+            raise CommandRefused("A gripper opens without a force; name one only to close it.")
+        if not opens and request.width is not None:
+            raise CommandRefused("A gripper closes on whatever is there; name a width only to open it.")
+        if opens:
+            goal = go_to(TRAVEL if request.width is None else request.width / 2.0)
+        else:
+            goal = grip(Direction.INWARDS, access.force if request.force is None else request.force)
+        access.manager.check_not_stopped()
+        if not self._gripping[side].acquire(blocking=False):
+            raise CommandRefused(f"The {side.word} gripper carries out another command; wait for its end.")
+        try:
+            gripper = access.grippers[side]
+            gripper.begin(goal)
+            outcome = gripper.wait(goal, is_cancelled=caller.is_gone)
+        finally:
+            self._gripping[side].release()
+        if outcome is None:
+            raise GoalNotReached(f"The {side.word} gripper was stopped: who asked for it is gone.")
+        return GripReport(outcome, 2.0 * gripper.last_position)
+
+    def switch(self, request: SwitchControllers, caller: Caller) -> str:
+        (side,) = sides_of((request.arm,))
+        if not request.activate and not request.deactivate:
+            raise CommandRefused("No controller is named; name what to activate or to deactivate.")
+        self._access.check_arms((side,))
+        done = self._access.control.call(Commands.switch_controllers, side, request.activate, request.deactivate)
+        return done or f"The controllers of the {side.word} arm are switched"
+
+    def move(self, request: Move, caller: Caller) -> str:
+        """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
+        access = self._access
+        goals = {
+            side: goal for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)) if goal is not None
+        }
+        if not goals:
+            raise CommandRefused("No arm has a goal; name right, left or both.")
+        access.check_arms(tuple(goals))
+        if not self._moving.acquire(blocking=False):
+            raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
+        try:
+            before = {side: access.mover.commanding(side) for side in goals}
+            for side, names in before.items():
+                if max(map(abs, access.control.snapshot(side).velocity)) > STANDING:
+                    raise CommandRefused(
+                        f"The {side.word} arm moves, commanded by {', '.join(names) or 'no controller'}; wait until "
+                        "it stands."
+                    )
+            motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
+            try:
+                self._wait(motions, request.timeout, caller)
+            except BaseException:
+                with suppress(YumiError):  # what ended the wait is what a person must read
+                    access.mover.stop([motion.side for motion in motions if not motion.future.done()])
+                raise
+            for side, names in before.items():
+                now = access.mover.commanding(side)
+                if names and names != now and access.control.snapshot(side).is_running:
+                    access.control.call(Commands.switch_controllers, side, names, now)
+        finally:
+            self._moving.release()
+        return (
+            f"The {' and the '.join(side.word for side in goals)} arm stand{'' if len(goals) > 1 else 's'} at the goal"
+        )
+
+    def _wait(self, motions: Sequence[RunningMotion], timeout: float | None, caller: Caller) -> None:
+        """Until all arms stand at their goals; raises GoalNotReached when one ends elsewhere."""
+        deadline = None if timeout is None else time.monotonic() + timeout
+        futures = [motion.future for motion in motions]
+        while not all(future.done() for future in futures):
+            done, _ = wait_for_futures(futures, _LOOK, FIRST_EXCEPTION)
+            if any(future.exception() for future in done):
+                break
+            caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
+            if caller.is_gone():
+                raise GoalNotReached("The motion was stopped: who asked for it is gone.")
+            if deadline is not None and time.monotonic() > deadline:
+                raise GoalNotReached(f"The motion was stopped: it took longer than {timeout:g} s.")
+        for future in futures:
+            if future.done():
+                future.result()
+
+
+HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
+    GetState: lambda it, request, caller: msgspec.structs.replace(
+        it.state(), events=it.events_since(it.event_count - _RECENT)
+    ),
+    GetControllers: lambda it, request, caller: it.controllers(),
+    StopEgm: lambda it, request, caller: it._access.manager.stop_egm(),
+    SetSpeedScale: lambda it, request, caller: it._access.manager.speed.set(request.speed_scale),
+    StartEgm: Handlers.start_egm,
+    SetMode: Handlers.set_mode,
+    Recover: Handlers.recover,
+    Calibrate: Handlers.calibrate,
+    Grip: Handlers.grip,
+    Move: Handlers.move,
+    SwitchControllers: Handlers.switch,
+}
+"""What may be asked for; nothing else is called for a client."""
+
+_AT_ONCE = (GetState, GetControllers, StopEgm, SetSpeedScale)  # these wait for nothing that others have asked for
+
+_requests = msgspec.json.Decoder(AnyRequest)
+_log = logging.getLogger(__name__)
+
+
+class _Client:
+    """One connection, on the server's event loop."""
+
+    def __init__(self, writer: asyncio.StreamWriter, loop: asyncio.AbstractEventLoop) -> None:
+        self.writer = writer
+        self.is_gone = False
+        self.pending = 0
+        self.subscription: asyncio.Task[None] | None = None
+        self._loop = loop
+
+    def send(self, answer: Answer) -> None:
+        """From the loop's thread."""
+        if self.is_gone:
+            return
+        self.writer.write(msgspec.json.encode(answer) + b"\n")
+        if self.writer.transport.get_write_buffer_size() > MAX_BACKLOG:
+            self.is_gone = True
+            self.writer.transport.abort()
+
+    def send_soon(self, answer: Answer) -> None:
+        """From any thread."""
+        with suppress(RuntimeError):  # the loop has ended meanwhile
+            self._loop.call_soon_threadsafe(self.send, answer)
+
+
+class EndpointServer:
+    """Serves the local endpoint of a driver, from :meth:`start` to :meth:`stop`.
+
+    Args:
+        access: what the driver lets its clients see and ask for.
+        log: takes a level of :mod:`logging` and a sentence.
+
+    Attributes:
+        path: of its socket.
+
+    Raises:
+        RobotNotReady: there is no place for its socket.
+    """
+
+    def __init__(self, access: DriverAccess, log: Callable[[int, str], None] = lambda level, sentence: None) -> None:
+        self.path = endpoint_path(access.robot, access.namespace)
+        self._handlers = Handlers(access)
+        self._interrupt = access.manager.interrupt
+        self._log = log
+        self._clients: set[_Client] = set()
+        self._work = 0
+        self._made = (0.0, msgspec.Raw())
+        self._making = Lock()
+        self._is_over = Flag()
+        self._is_listening = Flag()
+        self._end: Callable[[], None] = lambda: None
+        self._thread = SupervisedThread("endpoint", self._run, self._is_over)
+        self._workers = ThreadPoolExecutor(MAX_CLIENTS, "endpoint-work")
+
+    def note(self, level: int, sentence: str) -> None:
+        """Keep a line of the driver's log for the clients, with a level of :mod:`logging`; from any thread."""
+        self._handlers.note(level, sentence)
+
+    def note_event(self, event: Event) -> None:
+        """Keep an event of the control process, unless it is a controller's own."""
+        if not isinstance(event, control_events.ControllerReport):
+            self._handlers.note(logging.WARNING if is_fault(event) else logging.INFO, str(event))
+
+    @property
+    def client_count(self) -> int:
+        """How many clients are connected."""
+        return len(self._clients)
+
+    def start(self) -> None:
+        """Serve from now on; the socket is there when this returns."""
+        self._thread.start()
+        if not self._is_listening.wait(5.0):
+            self._log(
+                logging.ERROR, f"The local endpoint {self.path} does not listen; the commands do not find the driver."
+            )
+
+    def stop(self) -> None:
+        """Disconnect all clients, end what they have asked for at its next step, and remove the socket."""
+        self._is_over.set()
+        self._interrupt()
+        self._end()
+        self._thread.join()
+        self._workers.shutdown()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        loop, is_over = asyncio.get_running_loop(), asyncio.Event()
+
+        def end() -> None:
+            with suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(is_over.set)
+
+        server = await asyncio.start_unix_server(self._connect, self.path, limit=MAX_REQUEST)
+        try:
+            self.path.chmod(0o600)
+            self._end = end
+            self._is_listening.set()
+            if not self._is_over.is_set():
+                await is_over.wait()
+        finally:
+            self.path.unlink(missing_ok=True)
+            # The server last: asyncio would leave a connection open that it has accepted and not handed over yet.
+            while others := asyncio.all_tasks() - {asyncio.current_task()}:
+                for client in tuple(self._clients):
+                    client.is_gone = True
+                    client.writer.transport.abort()
+                await asyncio.wait(others, timeout=_LOOK)
+            server.close()
+
+    async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        client = _Client(writer, asyncio.get_running_loop())
+        peer: socket.socket = writer.get_extra_info("socket")
+        _, user, _ = _CREDENTIALS.unpack(peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+        try:
+            if user != os.getuid() or self._is_over.is_set():
+                writer.transport.abort()
+            elif len(self._clients) >= MAX_CLIENTS:
+                client.send(_refused(0, f"The driver serves {MAX_CLIENTS} clients already; disconnect one."))
+            else:
+                self._clients.add(client)
+                await self._read(reader, client)
+        except ConnectionError:
+            return  # the client has gone
+        finally:
+            client.is_gone = True
+            self._clients.discard(client)
+            if client.subscription is not None:
+                client.subscription.cancel()
+            writer.close()
+            with suppress(ConnectionError):
+                await writer.wait_closed()
+
+    async def _read(self, reader: asyncio.StreamReader, client: _Client) -> None:
+        while True:
+            try:
+                line = await reader.readline()
+            except ValueError:
+                client.send(_refused(0, f"A request is longer than {MAX_REQUEST} bytes; the connection is closed."))
+                return
+            if not line.endswith(b"\n"):
+                return
+            try:
+                request = _requests.decode(line)
+            except msgspec.DecodeError as error:  # also of a document that is no request
+                client.send(_refused(_id_of(line), f"Request refused: {error}."))
+                continue
+            if isinstance(request, Subscribe):
+                if client.subscription is not None:
+                    client.subscription.cancel()
+                client.subscription = asyncio.create_task(self._publish(client, request))
+                continue
+            is_work = not isinstance(request, _AT_ONCE)
+            if client.pending >= MAX_PENDING or (is_work and self._work >= MAX_WORK):
+                sentence = "The driver carries out too many requests already; wait for their answers."
+                client.send(_refused(request.id, sentence))
+                continue
+            client.pending += 1
+            self._work += is_work
+
+            def end(_: object, is_work: bool = is_work) -> None:
+                client.pending -= 1
+                self._work -= is_work
+
+            loop = asyncio.get_running_loop()
+            loop.run_in_executor(self._workers, self._answer, client, request).add_done_callback(end)
+
+    def _answer(self, client: _Client, request: Request) -> None:
+        """On a worker's thread."""
+        caller = Caller(
+            lambda step: client.send_soon(Answer(id=request.id, step=step)),
+            lambda motions: client.send_soon(Answer(id=request.id, motions=motions)),
+            lambda: client.is_gone or self._is_over.is_set(),
+        )
+        try:
+            result = msgspec.Raw(msgspec.json.encode(self._handlers.handle(request, caller)))
+            answer = Answer(id=request.id, result=result)
+        except YumiError as error:
+            answer = Answer(id=request.id, error=failure_of(error))
+        except Exception as error:  # a fault of ours: the client must not wait for ever
+            _log.exception("A request of the local endpoint failed: %s", request)
+            answer = _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
+        client.send_soon(answer)
+
+    async def _publish(self, client: _Client, request: Subscribe) -> None:
+        loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
+        while not client.is_gone:
+            begun = loop.time()
+            state = await loop.run_in_executor(self._workers, self._state)
+            events = self._handlers.events_since(known)
+            known = events[-1].number if events else known
+            client.send(Answer(id=request.id, state=state, events=events))
+            await asyncio.sleep(max(0.0, begun + 1.0 / request.rate - loop.time()))
+
+    def _state(self) -> msgspec.Raw:
+        """The state as JSON, made once for all who want it at the same time."""
+        with self._making:
+            now = time.monotonic()
+            if now - self._made[0] > _FRESH:
+                self._made = now, msgspec.Raw(msgspec.json.encode(self._handlers.state()))
+            return self._made[1]
+
+
+def _refused(number: int, sentence: str) -> Answer:
+    return Answer(id=number, error=Failure("CommandRefused", sentence))
+
+
+def _id_of(line: bytes) -> int:
+    """The number of a request that was not understood, so that its client knows which one it was."""
+    try:
+        number = msgspec.json.decode(line)["id"]
+    except (msgspec.DecodeError, KeyError, TypeError):
+        return 0
+    return number if isinstance(number, int) else 0

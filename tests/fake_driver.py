@@ -1,0 +1,111 @@
+"""A driver with its local endpoint and a robot that notes what it is asked."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from fake_robot import FakeRobot
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.state_machine import SpeedSetting
+from yumi.errors import RobotNotReady, StopNotConfirmed
+from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
+from yumi.robot.joints import Side, home
+from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+
+ROBOT = "192.168.125.1:80"
+WAIT = 10.0
+
+
+class FakeManager:
+    """A robot that is ready; notes what it is asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[object] = []
+        self.egm_arms = tuple(Side)
+        self.speed = SpeedSetting()
+        self.is_interrupted = False
+        self.blocks: threading.Event | None = None
+        self.robot = RobotState(
+            True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING, reason="", speed_ratio=100
+        )
+
+    def state(self) -> RobotState:
+        return replace(self.robot, speed_scale=self.speed.value)
+
+    def start_egm(self, arms: Sequence[Side] | None) -> str:
+        self.asked.append(arms)
+        if self.blocks is not None:
+            assert self.blocks.wait(WAIT)
+        return "EGM runs"
+
+    def stop_egm(self) -> str:
+        self.asked.append("stop")
+        return "EGM has ended"
+
+    def go_to(self, mode: Mode, report: Callable[[str], None]) -> str:
+        report("motors off")
+        self.asked.append(mode)
+        return "The motors are off"
+
+    def check_not_stopped(self) -> None:
+        if self.robot.stop:
+            raise RobotNotReady("A stop waits.", self.robot.stop)
+
+    def interrupt(self) -> None:
+        self.is_interrupted = True
+
+
+class FakeGripper:
+    """Fingers that are where they are sent at once."""
+
+    def __init__(self) -> None:
+        self.goals: list[GripperGoal] = []
+        self.last_position = 0.0
+
+    def begin(self, goal: GripperGoal) -> None:
+        self.goals.append(goal)
+        self.last_position = goal.position
+
+    def wait(self, goal: GripperGoal, is_cancelled: Callable[[], bool]) -> Outcome | None:
+        return None if is_cancelled() else Outcome.HOLDING if goal.direction else Outcome.OPEN
+
+
+class FakeDriver:
+    """A driver with its endpoint."""
+
+    def __init__(self) -> None:
+        self.robot = FakeRobot()
+        self.manager = FakeManager()
+        self.grippers = {side: FakeGripper() for side in Side}
+        self.recovered: list[str] = []
+        self.calibrated: list[Sequence[Side]] = []
+        self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
+        for side in Side:
+            self.robot.control.snapshots[side] = replace(self.robot.control.snapshots[side], sent=home(side))
+        access = DriverAccess(
+            robot=ROBOT,
+            manager=self.manager,  # type: ignore[arg-type]
+            control=self.robot.control,
+            datagram=lambda side: b"",
+            grippers=self.grippers,  # type: ignore[arg-type]
+            gripper_state=lambda side: self.fingers,
+            force=10.0,
+            mover=self.robot.executor,
+            recover=self.recover,
+            calibrate=self.calibrated.append,
+        )
+        self.server = EndpointServer(access)
+
+    def recover(self, report: Callable[[str], None], confirm: str) -> str:
+        if self.manager.robot.stop != confirm:
+            raise StopNotConfirmed("A person must confirm it.", self.manager.robot.stop)
+        report("motors on")
+        self.recovered.append(confirm)
+        return "The robot is ready"
+
+    def arrive(self, count: int = 1) -> None:
+        """The motions that were asked for end at their goals, as soon as they have begun."""
+        self.robot.control.on_command = self.robot.end

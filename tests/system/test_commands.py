@@ -1,0 +1,157 @@
+"""The commands for a running driver, against ``yumi up`` and a virtual robot, each in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from script_bench import TIMEOUT, VirtualRobot
+
+import yumi
+from yumi.cli.main import main
+from yumi.errors import RobotNotReady
+from yumi.process.supervision import Command
+from yumi.robot.joints import Side, named_pose
+from yumi.virtual.controller.fault_names import Fault
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualRobot]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setenv("ROS_DOMAIN_ID", "97")
+    robot = VirtualRobot(tmp_path)
+    robot.start()
+    yield robot
+    robot.stop()
+
+
+@pytest.fixture
+def driver(robot: VirtualRobot, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+    host, _, port = robot.address.partition(":")
+    options = {key: value for key, value in robot.options.items() if key != "address"}
+    arguments = ["up", "--robot", host, "--rws-port", port]
+    arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
+    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], tmp_path / "driver.log") as driver:
+        driver.wait_until_ready(TIMEOUT)
+        yield driver
+
+
+def run(*arguments: str) -> str:
+    """What a command prints; it succeeds."""
+    result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, f"{arguments}: {result.output}"
+    return result.stdout
+
+
+def refusal(*arguments: str) -> str:
+    """Why a command is refused."""
+    result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert result.exit_code != 0, f"{arguments}: {result.output}"
+    return result.stderr
+
+
+def state() -> Mapping[str, Any]:
+    found: Mapping[str, Any] = json.loads(run("state", "--json"))
+    return found
+
+
+def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRobot) -> None:
+    assert "can move" in run("state")
+    assert "yumi recover" in refusal("move", "right", "home")
+    assert "EGM runs on both arms" in run("start")
+    before = state()
+    assert before["robot"] == robot.address
+    assert before["arms"]["right"]["egm"]["motors"] == "on"
+    assert "stands at the goal" in run("move", "right", "ready")
+    moved = state()["arms"]["right"]["position"]
+    assert moved == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.003)
+    run("move", "right", "j1=0", "--degrees")
+    assert state()["arms"]["right"]["position"][0] == pytest.approx(0.0, abs=0.003)
+    assert "its range is" in refusal("move", "left", "j2=4")
+    assert json.loads(run("grip", "left", "close", "--json")) == {
+        "arm": "left",
+        "outcome": "holding",
+        "width": pytest.approx(0.02, abs=0.001),
+    }
+    assert "joint_trajectory_controller" in run("controllers")
+    run("switch", "right", "joint_trajectory_controller")
+    commanding = [it["name"] for it in json.loads(run("controllers", "--json"))["right"] if it["commands"]]
+    assert commanding == ["joint_trajectory_controller"]
+    assert "speed_scale is 0.5" in run("speed-scale", "0.5")
+    assert "EGM" in refusal("calibrate", "right")
+    run("stop")
+    run("calibrate", "right")
+    run("mode", "motors_off")
+    assert state()["motors"] == "motoroff"
+    assert "motoroff" in run("mode")
+    with (
+        pytest.raises(RobotNotReady, match=r"driven by another program .* yumi\.attach"),
+        yumi.connect(**robot.options),
+    ):
+        pytest.fail("there are two drivers")
+
+
+def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> None:
+    run("start")
+    robot.happen(Fault.COLLISION)
+    with yumi.attach() as attached:
+        states = attached.watch(20.0)
+        stopped = next(each for each in states if each.stop)
+    assert "collision" in stopped.cause
+    assert f"yumi recover --confirm {stopped.stop}" in refusal("recover")
+    assert stopped.stop in refusal("start")
+    assert "collision" in run("recover", "--confirm", stopped.stop)
+    assert state()["arms"]["right"]["mode"] == "holding"
+    events = [event["sentence"] for event in state()["events"]]
+    assert any("collision" in event.lower() for event in events)
+
+
+def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
+    steps: list[str] = []
+    with yumi.connect(**robot.options, on_step=steps.append) as connected:
+        assert "right arm: EGM running, holding" in run("state")
+        motion = connected.right.move_to("ready", wait=False)
+        shown = (motion.progress, motion.remaining)
+        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
+        motion.wait(TIMEOUT)
+        assert "stands at the goal" in run("move", "right", "home")
+        report = connected.right.state
+        connected.right.move_to("ready")
+    assert any("motors" in step for step in steps)
+    assert 0.0 <= shown[0] < 1.0
+    assert shown[1] is not None
+    assert shown[1] > 0.0
+    assert motion.progress == 1.0
+    assert motion.remaining == 0.0
+    assert report.egm is not None
+    assert report.planned is not None
+    assert (report.egm.motion, report.egm.rapid) == ("running", "running")
+    assert "No driver runs" in refusal("state")
+
+
+@pytest.mark.ros
+@pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
+@pytest.mark.parametrize("driver", [[]], indirect=True)
+def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    assert "EGM runs" in run("start")
+    assert "stands at the goal" in run("move", "left", "ready", "--speed", "1")
+    assert "/r/joint_states" in run("topics")
+    message = json.loads(run("echo", "r/joint_states", "--json"))
+    assert message["name"][0] == "yumi_joint_1_r"
+    assert json.loads(run("call", "yumi_robot_manager/robot_is_ready", "--json"))["success"] is True
+    assert "no service /r/nothing" in refusal("call", "r/nothing")
+    assert "There is no field 'percents'" in refusal("call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}")
+    assert json.loads(run("param", "r/joint_position_controller", "p", "1.3", "--json")) == {"p": 1.3}
+    assert "was not set" in refusal("param", "r/joint_position_controller", "p", "7.5")

@@ -1,0 +1,427 @@
+"""A second program at a driver's local endpoint: over a real socket, with a robot that notes what it is asked."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import socket
+import stat
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import yumi
+from fake_driver import ROBOT, WAIT, FakeDriver
+from yumi.api.attach import RunningDriver, attach
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.control.events import SessionLost
+from yumi.driver import endpoint_server
+from yumi.driver.endpoint import ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
+from yumi.driver.endpoint_server import MAX_CLIENTS
+from yumi.driver.readiness import Mode
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from yumi.robot.gripper import Outcome
+from yumi.robot.joints import Side, home, named_pose
+
+
+@pytest.fixture(autouse=True)
+def _a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@pytest.fixture
+def driver() -> Iterator[FakeDriver]:
+    driver = FakeDriver()
+    driver.server.start()
+    yield driver
+    driver.server.stop()
+
+
+@pytest.fixture
+def attached(driver: FakeDriver) -> Iterator[RunningDriver]:
+    with attach() as attached:
+        yield attached
+
+
+def raw() -> tuple[socket.socket, Any]:
+    """A client that speaks the protocol by hand."""
+    connection = socket.socket(socket.AF_UNIX)
+    connection.settimeout(WAIT)
+    connection.connect(str(find_driver()))
+    return connection, connection.makefile("rwb")
+
+
+def answer_to(line: bytes) -> dict[str, Any]:
+    connection, file = raw()
+    with connection, file:
+        file.write(line + b"\n")
+        file.flush()
+        answer: dict[str, Any] = json.loads(file.readline())
+    return answer
+
+
+def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.server.note(logging.WARNING, "Motors off: an emergency stop.")
+    state = attached.state
+    right = state.arms["right"]
+    assert (state.robot, state.process, state.mode, state.motors) == (ROBOT, os.getpid(), "AUTO", "motoron")
+    assert (right.mode, right.position, right.session) == (ArmMode.HOLDING, home(Side.RIGHT), 1)
+    assert right.pose is not None
+    assert right.cycles is not None
+    assert [each.name for each in state.controllers["left"] if each.commands] == [GOAL_CONTROLLER]
+    gripper = state.grippers["left"]
+    assert gripper is not None
+    assert (gripper.width, gripper.is_holding, gripper.state) == (0.02, True, "keep object")
+    assert [(event.level, event.sentence) for event in state.events] == [("warning", "Motors off: an emergency stop.")]
+
+
+def test_state_says_what_stopped_the_robot(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.manager.robot = replace(driver.manager.robot, reason="not ready", cause="a collision", stop="50204-1")
+    driver.robot.motions.note(SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,)))
+    state = attached.state
+    assert (state.reason, state.cause, state.stop) == ("not ready", "a collision", "50204-1")
+    assert (state.arms["right"].mode, state.arms["left"].mode) == (ArmMode.FAULT, ArmMode.HOLDING)
+
+
+def test_controllers_are_read_again_only_when_they_have_changed(driver: FakeDriver, attached: RunningDriver) -> None:
+    attached.state  # noqa: B018
+    control = driver.robot.control
+    control.call = lambda *args: pytest.fail("the control process was asked again")  # type: ignore[method-assign,assignment]
+    assert attached.controllers["right"][0].name == GOAL_CONTROLLER
+
+
+def test_watched_state_comes_again_and_again_with_new_events(driver: FakeDriver, attached: RunningDriver) -> None:
+    states = attached.watch(60.0)
+    assert next(states).events == ()
+    driver.server.note(logging.INFO, "Motors on.")
+    events = next(state.events for state in states if state.events)
+    assert [event.sentence for event in events] == ["Motors on."]
+    assert next(states).events == ()
+
+
+def test_requests_reach_the_robot_manager(driver: FakeDriver) -> None:
+    steps: list[str] = []
+    with attach(ROBOT, on_step=steps.append) as attached:
+        assert attached.start_egm("right") == "EGM runs"
+        attached.start_egm()
+        attached.set_mode("motors_off")
+        attached.stop_egm()
+        attached.speed_scale = 0.3
+        assert attached.speed_scale == 0.3
+        attached.calibrate("left")
+    assert driver.manager.asked == [(Side.RIGHT,), None, Mode.MOTORS_OFF, "stop"]
+    assert driver.calibrated == [(Side.LEFT,)]
+    assert steps == ["motors off"]
+
+
+def test_stop_has_to_be_confirmed_by_its_id(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
+    with pytest.raises(StopNotConfirmed, match="A person must confirm it") as refusal:
+        attached.recover()
+    assert refusal.value.stop == "50204-1"
+    assert attached.recover(refusal.value.stop) == "The robot is ready"
+
+
+def test_gripper_opens_and_closes(driver: FakeDriver, attached: RunningDriver) -> None:
+    assert attached.open_gripper("right", 0.03).width == 0.03
+    assert attached.close_gripper("right", 5.0).outcome is Outcome.HOLDING
+    assert [(goal.position, goal.force) for goal in driver.grippers[Side.RIGHT].goals] == [(0.015, 0.0), (0.0, 5.0)]
+
+
+def test_gripper_does_not_move_while_a_stop_waits(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
+    with pytest.raises(RobotNotReady, match="A stop waits"):
+        attached.open_gripper("left")
+    assert driver.grippers[Side.LEFT].goals == []
+
+
+@pytest.mark.parametrize(
+    ("position", "goal"),
+    [
+        ("ready", named_pose(Side.RIGHT, "ready")),
+        (home(Side.RIGHT), home(Side.RIGHT)),
+        ({"j1": 0.2}, (0.2, *home(Side.RIGHT)[1:])),
+        ({"yumi_joint_6_r": 0.2}, (*home(Side.RIGHT)[:6], 0.2)),
+    ],
+)
+def test_arm_moves_to_a_position_a_pose_or_some_joints(
+    driver: FakeDriver, attached: RunningDriver, position: Any, goal: Any
+) -> None:
+    driver.arrive()
+    assert "stands at the goal" in attached.move_to(right=position, speed=0.2)
+    message = driver.robot.control.commands[0].message
+    assert isinstance(message, JointGoal)
+    assert (message.position, message.speed_scale) == (goal, 0.2)
+
+
+def test_both_arms_move_at_once(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.arrive()
+    attached.move_to(right="home", left="ready")
+    assert {command.side for command in driver.robot.control.commands} == set(Side)
+
+
+def test_controller_that_commanded_the_arm_does_so_again(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    driver.arrive()
+    attached.move_to(right="home")
+    assert driver.robot.executor.commanding(Side.RIGHT) == (STREAM_CONTROLLER,)
+
+
+@pytest.mark.parametrize(
+    ("position", "sentence"),
+    [
+        ({"j1": nan}, "yumi_joint_1_r is nan"),
+        ({"j2": 4.0}, "-143.5° to 43.5°"),
+        ({"j8": 0.0}, "'j8' is not a joint"),
+        ("nowhere", "there is no pose 'nowhere'; there are home, calibration, ready"),
+        ([0.0] * 6, "it has 6 positions"),
+    ],
+)
+def test_impossible_position_is_refused_and_changes_nothing(
+    driver: FakeDriver, attached: RunningDriver, position: Any, sentence: str
+) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        attached.move_to(right=position)
+    assert driver.robot.control.commands == []
+
+
+def test_arm_that_moves_is_left_to_who_moves_it(driver: FakeDriver, attached: RunningDriver) -> None:
+    control = driver.robot.control
+    control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], velocity=(0.1,) * 7)
+    with pytest.raises(CommandRefused, match=f"The right arm moves, commanded by {GOAL_CONTROLLER}; wait"):
+        attached.move_to(right="home")
+    assert control.commands == []
+
+
+def test_motion_that_ends_elsewhere_says_why(driver: FakeDriver, attached: RunningDriver) -> None:
+    robot = driver.robot
+    robot.control.on_command = lambda command: robot.end(command, GoalOutcome.ABORTED, "it was held back")
+    with pytest.raises(GoalNotReached, match="held back"):
+        attached.move_to(left="home")
+
+
+def test_motion_is_stopped_when_its_time_is_up(driver: FakeDriver, attached: RunningDriver) -> None:
+    with pytest.raises(GoalNotReached, match=r"it took longer than 0\.05 s"):
+        attached.move_to(left="home", timeout=0.05)
+    assert isinstance(driver.robot.control.commands[-1].message, StopMotion)
+
+
+def test_motion_of_a_client_that_goes_away_is_stopped(driver: FakeDriver) -> None:
+    stopped = threading.Event()
+
+    def note(command: Any) -> None:
+        if isinstance(command.message, StopMotion):
+            stopped.set()
+
+    driver.robot.control.on_command = note
+    connection, file = raw()
+    with connection, file:
+        file.write(b'{"id": 1, "method": "move", "right": "home"}\n')
+        file.flush()
+        assert "motions" in json.loads(file.readline())
+    assert stopped.wait(WAIT)
+
+
+def test_second_move_is_refused_while_one_is_under_way(driver: FakeDriver) -> None:
+    is_moving = threading.Event()
+    driver.robot.control.on_command = lambda command: is_moving.set()
+    with attach() as first, attach() as second, ThreadPoolExecutor(1) as other:
+        moving = other.submit(lambda: first.move_to(right="home"))
+        assert is_moving.wait(WAIT)
+        with pytest.raises(CommandRefused, match="Another move is being carried out"):
+            second.move_to(left="home")
+        driver.robot.end(driver.robot.control.commands[0])
+        moving.result(WAIT)
+
+
+def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -> None:
+    driver.manager.blocks = threading.Event()
+    with ThreadPoolExecutor(MAX_CLIENTS) as others, attach() as attached:
+
+        def start() -> str:
+            with attach() as one:
+                return one.start_egm()
+
+        starts = [others.submit(start) for _ in range(endpoint_server.MAX_WORK)]
+        assert attached.stop_egm() == "EGM has ended"
+        driver.manager.blocks.set()
+        assert {each.result(WAIT) for each in starts} == {"EGM runs"}
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        (b"nonsense", "JSON is malformed"),
+        (b"[]", "Expected `object`, got `array`"),
+        (b'{"id": 7, "method": "shut_down"}', "Invalid value 'shut_down'"),
+        (b'{"id": 7, "method": "move", "arm": "right"}', "unknown field `arm`"),
+        (b'{"id": 7, "method": "move"}', "No arm has a goal"),
+        (b'{"id": 7, "method": "move", "right": [0, 0, 0, 0, 0, 0, NaN]}', "JSON is malformed"),
+        (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "Expected `array` of length 7"),
+        (b'{"id": 7, "method": "move", "right": "home", "speed": 2}', "Expected `float` <= 1.0"),
+        (b'{"id": 7, "method": "subscribe", "rate": 1000}', "Expected `float` <= 60.0"),
+        (b'{"id": 7, "method": "set_mode", "mode": "fast"}', "Invalid enum value 'fast'"),
+        (b'{"id": 7, "method": "grip", "arm": "right", "action": "open", "width": 0.2}', "out of range"),
+        (b'{"id": 7, "method": "grip", "arm": "right", "action": "close", "force": 50}', "out of range"),
+        (b'{"id": 7, "method": "set_speed_scale", "speed_scale": 3}', "allowed"),
+        (b'{"id": 7, "method": "switch_controllers", "arm": "right"}', "No controller is named"),
+    ],
+)
+def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, line: bytes, sentence: str) -> None:
+    answer = answer_to(line)
+    assert sentence in answer["error"]["message"]
+    assert answer.get("id", 0) == (7 if b'"id": 7' in line and b"NaN" not in line else 0)
+    assert driver.robot.control.commands == []
+    assert driver.manager.asked == []
+
+
+def test_fault_of_ours_is_answered_too(driver: FakeDriver, caplog: pytest.LogCaptureFixture) -> None:
+    driver.manager.stop_egm = lambda: {}["gone"]  # type: ignore[method-assign]
+    assert "failed with KeyError: 'gone'" in answer_to(b'{"method": "stop_egm"}')["error"]["message"]
+    assert "A request of the local endpoint failed" in caplog.text
+
+
+def test_client_that_sends_too_long_a_line_is_disconnected(driver: FakeDriver) -> None:
+    connection, file = raw()
+    with connection, file:
+        connection.sendall(b"x" * (1 << 17))
+        assert "longer than 65536 bytes" in json.loads(file.readline())["error"]["message"]
+        poll_until(lambda: not driver.server.client_count)
+    with attach() as attached:
+        assert attached.state.is_connected
+
+
+def test_client_that_does_not_read_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(endpoint_server, "MAX_BACKLOG", 1 << 14)
+    connection, file = raw()
+    with connection, file:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.sendall(b'{"method": "subscribe", "rate": 60}\n')
+        poll_until(lambda: not driver.server.client_count)
+    with attach() as attached:
+        assert attached.state.is_connected
+
+
+def poll_until(condition: Callable[[], bool]) -> None:
+    deadline = threading.Event()
+    for _ in range(1000):
+        if condition():
+            return
+        deadline.wait(0.01)
+    raise AssertionError("the condition did not come true")
+
+
+def test_one_client_too_many_is_refused(driver: FakeDriver) -> None:
+    clients = [attach() for _ in range(MAX_CLIENTS)]
+    assert all(client.state.is_connected for client in clients)  # each is served
+    with attach() as one_more, pytest.raises(CommandRefused, match="16 clients already"):
+        one_more.state  # noqa: B018
+    clients.pop().close()
+    poll_until(lambda: driver.server.client_count < MAX_CLIENTS)
+    with attach() as one_more:
+        assert one_more.state.is_connected
+    for client in clients:
+        client.close()
+
+
+def test_other_user_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = os.getuid()
+    monkeypatch.setattr(endpoint_server, "_CREDENTIALS", _CredentialsOf(real + 1))
+    with attach() as attached, pytest.raises(RobotNotReady, match="lost"):
+        attached.state  # noqa: B018
+
+
+class _CredentialsOf:
+    """Another user's, in place of those that the kernel gives."""
+
+    size = struct.calcsize("3i")
+
+    def __init__(self, user: int) -> None:
+        self._user = user
+
+    def unpack(self, data: bytes) -> tuple[int, int, int]:
+        process, _, group = struct.unpack("3i", data)
+        return process, self._user, group
+
+
+def test_socket_can_be_opened_by_its_user_only(driver: FakeDriver) -> None:
+    assert stat.S_IMODE(driver.server.path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(endpoint_folder().stat().st_mode) == 0o700
+
+
+def test_folder_that_others_may_enter_is_refused(tmp_path: Path) -> None:
+    endpoint_folder().chmod(0o755)
+    with pytest.raises(RobotNotReady, match="open to others"):
+        EndpointClient(find_driver())
+
+
+def test_socket_goes_with_the_driver_and_clients_learn_it() -> None:
+    driver = FakeDriver()
+    driver.server.start()
+    with attach() as attached:
+        driver.server.stop()
+        with pytest.raises(RobotNotReady, match="lost"):
+            attached.state  # noqa: B018
+    assert not driver.server.path.exists()
+    assert driver.manager.is_interrupted
+
+
+def test_socket_of_a_driver_that_was_killed_is_removed(driver: FakeDriver) -> None:
+    stale = endpoint_path("10.0.0.1:80")
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(stale))
+        dead.listen()
+    assert find_driver() == driver.server.path
+    assert not stale.exists()
+
+
+def test_only_socket_of_a_driver_that_was_killed_is_removed() -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(endpoint_path(ROBOT)))
+    with pytest.raises(RobotNotReady, match="No driver runs"):
+        attach()
+    assert not endpoint_path(ROBOT).exists()
+
+
+def test_socket_of_a_driver_that_was_killed_makes_room_for_the_next_one() -> None:
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(endpoint_path(ROBOT)))
+    driver = FakeDriver()
+    driver.server.start()
+    with attach("192.168.125.1") as attached:
+        assert attached.state.robot == ROBOT
+    driver.server.stop()
+
+
+def test_without_a_driver_the_way_to_start_one_is_named() -> None:
+    with pytest.raises(RobotNotReady, match="No driver runs on this machine for this user; start one with: yumi up"):
+        yumi.attach()
+
+
+def test_one_of_several_drivers_has_to_be_named(driver: FakeDriver) -> None:
+    other = endpoint_path("127.0.0.1:8080", "/cell2")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(other))
+        listening.listen()
+        with pytest.raises(RobotNotReady, match=r"Several drivers run .* cell2@127\.0\.0\.1:8080"):
+            find_driver()
+        assert {find_driver(name) for name in ("cell2", "/cell2", "127.0.0.1", "127.0.0.1:8080")} == {other}
+        with pytest.raises(RobotNotReady, match="No driver of 'cell3' runs"):
+            find_driver("cell3")
+
+
+def test_path_that_is_too_long_for_a_socket_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = tmp_path / ("x" * 100)
+    folder.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+    with pytest.raises(RobotNotReady, match=r"too long: .*; set XDG_RUNTIME_DIR"):
+        endpoint_path(ROBOT)

@@ -1,0 +1,239 @@
+"""The commands for a running driver, against one whose robot notes what it is asked."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi, radians
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from fake_driver import ROBOT, FakeDriver
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.cli import robot as commands
+from yumi.cli import shell
+from yumi.cli.main import main
+from yumi.control.controllers.joint_goal import JointGoal
+from yumi.driver.readiness import Mode
+from yumi.errors import SettingsError
+from yumi.robot.joints import Side, chain_from_abb, home, named_pose
+
+
+@pytest.fixture(autouse=True)
+def _a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@pytest.fixture
+def driver() -> Iterator[FakeDriver]:
+    driver = FakeDriver()
+    driver.server.start()
+    yield driver
+    driver.server.stop()
+
+
+def run(*arguments: str) -> str:
+    result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def refusal(*arguments: str, code: int = 1) -> str:
+    result = CliRunner().invoke(main, arguments, catch_exceptions=False)
+    assert result.exit_code == code, result.output
+    return result.stderr
+
+
+def goals(driver: FakeDriver) -> list[JointGoal]:
+    return [command.message for command in driver.robot.control.commands if isinstance(command.message, JointGoal)]
+
+
+def test_state_is_shown_for_a_person(driver: FakeDriver) -> None:
+    shown = run("state")
+    for words in (
+        f"robot {ROBOT}",
+        "mode AUTO, motoron, RAPID running, speed_scale 1",
+        "can move",
+        f"right arm: EGM off, holding, commanded by {GOAL_CONTROLLER}",
+        "j7 -135.00",
+        "left gripper: keep object, 20.0 mm, holding",
+    ):
+        assert words in shown
+
+
+def test_state_is_printed_as_json(driver: FakeDriver) -> None:
+    shown = json.loads(run("state", "--json"))
+    assert shown["arms"]["right"]["position"] == list(home(Side.RIGHT))
+    assert shown["arms"]["right"]["mode"] == "holding"
+    assert shown["controllers"]["left"][0]["name"] == GOAL_CONTROLLER
+
+
+def test_state_says_why_nothing_moves_and_what_to_do(driver: FakeDriver) -> None:
+    driver.manager.robot = replace(driver.manager.robot, reason="no EGM", cause="a collision", stop="50204-1")
+    shown = run("state")
+    assert "cannot move: no EGM\nstopped by: a collision\nwaits for a person to confirm the stop 50204-1" in shown
+
+
+def test_controllers_are_listed(driver: FakeDriver) -> None:
+    assert "commands" in next(line for line in run("controllers").splitlines() if GOAL_CONTROLLER in line)
+    assert json.loads(run("controllers", "--json"))["right"][0]["state"] == "active"
+
+
+def test_commands_reach_the_driver(driver: FakeDriver) -> None:
+    assert run("start") == "EGM runs\n"
+    run("start", "right")
+    run("mode", "ready")
+    assert "mode AUTO" in run("mode")
+    assert json.loads(run("stop", "--json")) == "EGM has ended"
+    run("calibrate")
+    assert run("speed-scale", "0.3") == "speed_scale is 0.3\n"
+    assert driver.manager.asked == [None, (Side.RIGHT,), Mode.READY, "stop"]
+    assert driver.calibrated == [tuple(Side)]
+
+
+def test_gripper_says_what_it_holds(driver: FakeDriver) -> None:
+    assert run("grip", "right", "close", "--force", "5") == "The right gripper is holding something 0.0 mm wide.\n"
+    assert json.loads(run("grip", "left", "open", "--width", "0.03", "--json")) == {
+        "arm": "left",
+        "outcome": "open",
+        "width": 0.03,
+    }
+    assert "--width is for open" in refusal("grip", "right", "close", "--width", "0.01", code=2)
+    assert "not in the range" in refusal("grip", "right", "open", "--width", "0.2", code=2)
+
+
+@pytest.mark.parametrize(
+    ("words", "goal"),
+    [
+        (("ready",), named_pose(Side.RIGHT, "ready")),
+        (("j1=0.2",), (0.2, *home(Side.RIGHT)[1:])),
+        (("j1=20", "joint_2=-110", "--degrees"), (radians(20), radians(-110), *home(Side.RIGHT)[2:])),
+        (("0.1", "-2", "-2", "0.5", "0", "0.7", "0"), (0.1, -2.0, -2.0, 0.5, 0.0, 0.7, 0.0)),
+        (
+            ("0", "-130", "30", "0", "40", "0", "-135", "--abb", "--degrees"),
+            chain_from_abb([radians(each) for each in (0, -130, 30, 0, 40, 0)], radians(-135)),
+        ),
+    ],
+)
+def test_arm_is_moved_to_a_pose_joints_or_angles(
+    driver: FakeDriver, words: tuple[str, ...], goal: tuple[float, ...]
+) -> None:
+    driver.arrive()
+    assert run("move", "right", *words, "--speed", "0.2") == "The right arm stands at the goal\n"
+    (sent,) = goals(driver)
+    assert sent.position == pytest.approx(goal)
+    assert sent.speed_scale == 0.2
+
+
+def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
+    driver.arrive()
+    run("move", "both", "home")
+    assert [goal.position for goal in goals(driver)] == [home(Side.RIGHT), home(Side.LEFT)]
+    assert "Both arms take a pose only" in refusal("move", "both", "j1=0", code=2)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence", "code"),
+    [
+        (("right", "nan", *["0"] * 6), "yumi_joint_1_r is nan", 1),
+        (("right", "j2=4"), "yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°", 1),
+        (("right", "j8=1"), "'j8' is not a joint of the right arm", 1),
+        (("right", "0", "1"), "2 angles are given; an arm has 7 joints", 2),
+        (("right", "hoem"), "'hoem' is not an angle; give a pose (home, calibration, ready)", 2),
+        (("right", "j1=1", "j1=2"), "A joint is named twice", 2),
+        (("right", "j1=1", "--abb"), "--abb is for seven angles", 2),
+        (("right", "home", "--speed", "2"), "not in the range", 2),
+    ],
+)
+def test_impossible_goal_is_refused_and_changes_nothing(
+    driver: FakeDriver, words: tuple[str, ...], sentence: str, code: int
+) -> None:
+    assert sentence in refusal("move", *words, code=code)
+    assert driver.robot.control.commands == []
+
+
+def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
+    control = driver.robot.control
+    control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], is_running=False)
+    sentence = refusal("move", "right", "home")
+    assert "yumi recover" in sentence
+    assert "robot.recover()" not in sentence
+
+
+def test_switch_deactivates_what_commands_the_arm(driver: FakeDriver) -> None:
+    run("switch", "right", STREAM_CONTROLLER)
+    (switch,) = driver.robot.control.switches
+    assert (switch.activate, switch.deactivate) == ((STREAM_CONTROLLER,), (GOAL_CONTROLLER,))
+
+
+def test_stop_is_not_confirmed_without_a_person(driver: FakeDriver) -> None:
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", cause="A collision.")
+    assert "A collision. Look at the robot;" in refusal("recover", code=2)
+    assert driver.recovered == []
+    assert run("recover", "--confirm", "50204-1") == "The robot is ready\n"
+
+
+@pytest.mark.parametrize(("answer", "confirmed"), [("yes", ["50204-1"]), ("no", []), ("", [])])
+def test_person_confirms_a_stop_at_the_terminal(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, answer: str, confirmed: list[str]
+) -> None:
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", cause="A collision.")
+    monkeypatch.setattr(commands, "_is_at_a_terminal", lambda: True)
+    result = CliRunner().invoke(main, ["recover"], input=f"{answer}\n")
+    assert "A collision." in result.stderr
+    assert "confirm the stop 50204-1" in result.stderr
+    assert driver.recovered == confirmed
+    assert result.exit_code == (0 if confirmed else 2)
+
+
+@pytest.mark.parametrize("command", [["state"], ["start"], ["move", "right", "home"], ["shell"], ["controllers"]])
+def test_without_a_driver_a_sentence_says_how_to_start_one(command: list[str]) -> None:
+    assert "No driver runs on this machine for this user; start one with: yumi up" in refusal(*command)
+
+
+def test_angles_are_radians_unless_they_are_called_degrees() -> None:
+    assert commands.goal_of(["j1=180"], in_degrees=True, abb=False) == {"j1": pytest.approx(pi)}
+    with pytest.raises(SettingsError, match="'x' is not an angle"):
+        commands.goal_of(["j1=x"], in_degrees=False, abb=False)
+
+
+@pytest.mark.parametrize("name", ["bash", "zsh", "fish"])
+def test_completion_is_printed_for_a_shell(name: str) -> None:
+    assert "_YUMI_COMPLETE" in run("completion", name)
+
+
+def completions(words: str, incomplete: str) -> list[str]:
+    code = "from yumi.__main__ import main; main(prog_name='yumi')"
+    arguments = [*words.split(), incomplete]
+    environment = {"_YUMI_COMPLETE": "bash_complete", "COMP_WORDS": " ".join(arguments), "COMP_CWORD": "99"}
+    environment["COMP_CWORD"] = str(len(arguments) - 1)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+    return [line.partition(",")[2] for line in done.stdout.splitlines()]
+
+
+def test_shell_completes_commands_poses_and_controllers(driver: FakeDriver) -> None:
+    assert completions("yumi", "co") == ["completion", "controller", "controllers"]
+    assert completions("yumi move right", "r") == ["ready"]
+    assert completions("yumi switch right", "joint_g") == [GOAL_CONTROLLER]
+
+
+def test_prompt_is_connected_to_the_driver(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, object] = {}
+    monkeypatch.setattr(shell.code, "interact", lambda banner, local, exitmsg: seen.update(local, banner=banner))
+    monkeypatch.setattr(shell, "HISTORY", Path("/nowhere/history"))
+    run("shell")
+    assert repr(seen["driver"]) == f"<yumi.RunningDriver {ROBOT}>"
+    assert "driver.move_to" in str(seen["banner"])
+    assert "need --robot" in refusal("shell", "--user", "x", code=2)
