@@ -7,6 +7,8 @@ MAKEFLAGS += --no-print-directory
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
 export ROS_LOG_DIR ?= $(CURDIR)/build/ros
 export MPLCONFIGDIR ?= $(CURDIR)/build/matplotlib
+# Tests start hundreds of Pythons, and each would compile all modules again.
+unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo 'make setup         everything the project needs, into .venv; make demo and make test do it first'

@@ -1,4 +1,4 @@
-"""Controllers are switched a thousand times in mid-motion, at random moments: the admitted command never jumps."""
+"""Controllers are switched again and again in mid-motion, at random moments: the admitted command never jumps."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from egm_loop import EgmLoop
+from soak import long, short
 from trajectories import planned
 from yumi.control.controller import Buffer, Controller, MemoryBuffer, State, write_goal, write_speeds
 from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
@@ -21,9 +22,9 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
 from yumi.settings import Values
 
-pytestmark = pytest.mark.timeout(180)  # a thousand switches take their time
+SWITCHES = 300
+"""Ten times as many with ``make soak``."""
 
-SWITCHES = 1000
 TRAJECTORY = "trajectory"
 MAKERS: Mapping[str, tuple[Callable[[Buffer, Buffer], Controller], Values]] = {
     "gentle": (lambda goals, speeds: JointPositionController(goals), {"p": 0.6}),
@@ -78,9 +79,9 @@ class SwitchedLoop(EgmLoop):
         self.followed += 1
 
 
-def speeds_at_switches(loop: SwitchedLoop, random: Random) -> Iterator[float]:
+def speeds_at_switches(loop: SwitchedLoop, random: Random, count: int) -> Iterator[float]:
     """Switch, let some cycles pass, give a new goal, let some cycles pass; the fastest joint's speed at each switch."""
-    for _ in range(SWITCHES):
+    for _ in range(count):
         assert loop.line.state is not None
         yield max(map(abs, loop.line.state.velocity))
         loop.switch(random.choice([None, *MAKERS]))
@@ -103,14 +104,14 @@ def assert_step(before: Joints, after: Joints, dt: float) -> None:
     assert all(abs(new - old) <= speed * dt * 1.001 + 1e-9 for old, new, speed in steps)
 
 
-@pytest.fixture(scope="module")
-def loop() -> SwitchedLoop:
-    """After a thousand switches."""
+@pytest.fixture(scope="module", params=[short(SWITCHES), long(10 * SWITCHES, 600.0)])
+def loop(request: pytest.FixtureRequest) -> SwitchedLoop:
+    """After many switches."""
     loop = SwitchedLoop()
     loop.begin()
     loop.deactivate()
-    speeds = list(speeds_at_switches(loop, Random(4)))
-    assert sum(speed > 0.1 for speed in speeds) > SWITCHES / 2  # in mid-motion
+    speeds = list(speeds_at_switches(loop, Random(4), request.param))
+    assert sum(speed > 0.1 for speed in speeds) > request.param / 2  # in mid-motion
     assert loop.followed > 10
     return loop
 

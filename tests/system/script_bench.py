@@ -21,10 +21,16 @@ TIMEOUT = 60.0
 
 
 class VirtualRobot:
-    """A virtual controller; can be killed and started again at the same address."""
+    """A virtual controller; can be killed and started again at the same address.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: for logs and scripts.
+        are_calibrated: whether its grippers are when it starts, so that no bring-up takes seconds for that.
+    """
+
+    def __init__(self, folder: Path, *, are_calibrated: bool = True) -> None:
         self._folder = folder
+        self._options = ["--left-object", "0.02", *(["--calibrated"] if are_calibrated else [])]
         self._rws_port = 0
         self._ports = {"left_egm_port": free_port(), "right_egm_port": free_port()}
         self._command: Command | None = None
@@ -40,7 +46,7 @@ class VirtualRobot:
 
     def start(self) -> None:
         ports = [text for name, port in self._ports.items() for text in (f"--{name.replace('_', '-')}", str(port))]
-        arguments = ["controller", "--rws-port", str(self._rws_port), "--left-object", "0.02", *ports]
+        arguments = ["controller", "--rws-port", str(self._rws_port), *self._options, *ports]
         self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
         self._rws_port = int(self._command.wait_until_ready(TIMEOUT).rpartition(":")[2])
 

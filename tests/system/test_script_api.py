@@ -61,7 +61,7 @@ def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
 
 
 def test_script_is_told_what_bringup_will_do_before_it_is_done(tmp_path: Path) -> None:
-    fresh = VirtualRobot(tmp_path)
+    fresh = VirtualRobot(tmp_path, are_calibrated=False)
     fresh.start()
     try:
         script = fresh.script("import yumi\nwith yumi.connect(**OPTIONS):\n    print('connected', flush=True)\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from math import radians
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -134,3 +135,9 @@ def test_hand_weighs_what_it_is_made_of(modules: GripperModules, mass_with_finge
 def test_inertia_of_every_hand_belongs_to_a_body_that_can_exist(modules: GripperModules) -> None:
     xx, _, _, yy, _, zz = GRIPPER_MASSES[modules].inertia
     assert max(xx, yy, zz) < xx + yy + zz - max(xx, yy, zz)
+
+
+def test_joints_can_be_slowed_down_together() -> None:
+    slow = YUMI_LIMITS.slowed_to(radians(200.0))
+    assert slow.velocity == (*YUMI_LIMITS.velocity[:4], *(radians(200.0),) * 3)
+    assert slow.acceleration == YUMI_LIMITS.acceleration

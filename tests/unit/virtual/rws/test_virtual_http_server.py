@@ -1,6 +1,13 @@
+"""The HTTP server that carries Robot Web Services: what reaches the handler, its port, and its WebSockets."""
+
 from __future__ import annotations
 
 import socket
+import tracemalloc
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import ExitStack, closing
+from http.client import HTTPConnection
 from select import select
 
 import httpx
@@ -13,18 +20,148 @@ from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
 
 
+def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:
+    """What the handler gets when a client sends this."""
+    requests: list[HttpRequest] = []
+
+    def handle(request: HttpRequest) -> HttpReply:
+        requests.append(request)
+        return HttpReply(204)
+
+    with HttpServer(handle, port=0) as server:
+        connection = HTTPConnection(server.address, timeout=5.0)
+        connection.request(method, target, body=body, headers={"X-Twice": "a"})
+        assert connection.getresponse().status == 204
+        connection.close()
+    return requests[0]
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "/rw/rapid/symbol/data/RAPID/T/M/S%7B1%7D?action=set",
+        "/fileservice/$home/a%2Fb;state?x=%20&y",
+        "//rw//panel",
+        "/rw/x{1}",
+    ],
+)
+def test_target_arrives_as_it_was_sent(target: str) -> None:
+    assert heard(target).target == target
+
+
+def test_body_arrives_as_it_was_sent() -> None:
+    body = b'value=[[1,2,3],"a+b%"]\r\n\x00\xff'
+    assert heard("/", body).body == body
+
+
+def test_body_may_be_as_long_as_a_program() -> None:
+    assert len(heard("/", b"x" * 5_000_000, method="PUT").body) == 5_000_000
+
+
+def test_body_that_is_too_long_is_refused_unread() -> None:
+    with HttpServer(lambda _: HttpReply(204), port=0, body_limit=lambda _: 1000) as server:
+        assert answered(server, b"x" * 1000) == 204
+        assert answered(server, b"x" * 1001) == 413
+        assert answered(server, iter([b"x" * 600] * 2)) == 413  # in chunks, its length untold
+
+
+def answered(server: HttpServer, body: bytes | Iterator[bytes]) -> int:
+    with closing(HTTPConnection(server.address, timeout=5.0)) as connection:
+        connection.request("PUT", "/", body=body)
+        return connection.getresponse().status
+
+
+def test_client_without_login_is_answered_before_the_body_has_come() -> None:
+    bodies: list[bytes] = []
+
+    def handle(request: HttpRequest) -> HttpReply:
+        bodies.append(request.body)
+        return HttpReply(401)
+
+    with (
+        HttpServer(handle, port=0, body_limit=lambda _: 0) as server,
+        socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as end,
+    ):
+        end.sendall(b"PUT / HTTP/1.1\r\nHost: x\r\nContent-Length: 60000000\r\n\r\n" + b"x" * 100_000)
+        assert end.recv(100).startswith(b"HTTP/1.1 401 ")
+    assert bodies == [b""]
+
+
+def test_unfinished_bodies_without_login_take_no_memory() -> None:
+    head = b"PUT / HTTP/1.1\r\nHost: x\r\nContent-Length: 60000000\r\n\r\n"
+    with HttpServer(lambda _: HttpReply(401), port=0, body_limit=lambda _: 0) as server, ExitStack() as stack:
+        tracemalloc.start()
+        for _ in range(5):
+            end = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=5.0))
+            end.sendall(head + b"x" * 10_000_000)
+            assert end.recv(100).startswith(b"HTTP/1.1 401 ")
+        used, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert used < 20_000_000  # of 50 that were sent, and 10 of them are the test's
+
+
+def test_answer_waits_for_its_preparation_while_others_are_answered() -> None:
+    pending: Future[object] = Future()
+    with (
+        HttpServer(
+            lambda request: HttpReply(204),
+            port=0,
+            prepare=lambda request: pending if request.target == "/long" else None,
+        ) as server,
+        closing(HTTPConnection(server.address, timeout=5.0)) as slow,
+    ):
+        slow.request("POST", "/long")
+        assert answered(server, b"") == 204
+        pending.set_result(None)
+        assert slow.getresponse().status == 204
+
+
+def test_header_is_found_in_any_case() -> None:
+    request = heard("/")
+    assert request.header("x-twice") == "a"
+    assert request.header("X-Missing") is None
+
+
+def test_reply_keeps_repeated_headers_in_order() -> None:
+    reply = HttpReply(200, (("Set-Cookie", "a=1"), ("Set-Cookie", "b=2"), ("Content-Type", "text/html")), b"hi")
+    with HttpServer(lambda request: reply, port=0) as server:
+        connection = HTTPConnection(server.address, timeout=5.0)
+        connection.request("GET", "/")
+        response = connection.getresponse()
+        assert response.headers.get_all("Set-Cookie") == ["a=1", "b=2"]
+        assert response.headers["Content-Type"] == "text/html"
+        assert response.read() == b"hi"
+        connection.close()
+
+
+def test_port_that_is_taken_is_refused_with_a_sentence() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(SettingsError, match=rf"Port {port} on 127\.0\.0\.1 cannot be opened .*; choose another"):
+            HttpServer(lambda request: HttpReply(204), port).start()
+
+
+def test_port_is_free_again_after_the_stop() -> None:
+    with HttpServer(lambda request: HttpReply(204), port=0) as server:
+        port = server.port
+    with HttpServer(lambda request: HttpReply(204), port) as server:
+        assert server.address == f"127.0.0.1:{port}"
+
+
+def test_stop_does_not_wait_for_clients_that_stay_connected() -> None:
+    with HttpServer(lambda request: HttpReply(204), port=0) as server:
+        idle = HTTPConnection(server.address, timeout=5.0)
+        idle.request("GET", "/")
+        assert idle.getresponse().status == 204
+    assert idle.sock.recv(1) == b""
+    idle.close()
+
+
 @pytest.mark.parametrize(("port", "host"), [(99999, "127.0.0.1"), (0, "no-such-host.invalid")])
 def test_server_that_cannot_listen_says_so(port: int, host: str) -> None:
     server = HttpServer(lambda _: HttpReply(200), port, host)
     with pytest.raises(SettingsError, match=f"Port {port} on {host} cannot be opened .*; choose another port"):
         server.start()
-
-
-def test_taken_port_is_refused() -> None:
-    with HttpServer(lambda _: HttpReply(200), 0) as first:
-        second = HttpServer(lambda _: HttpReply(200), first.port)
-        with pytest.raises(SettingsError, match=f"Port {first.port} on 127.0.0.1 cannot be opened"):
-            second.start()
 
 
 def test_request_without_an_answer_ends_the_connection() -> None:
