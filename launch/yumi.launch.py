@@ -5,8 +5,10 @@
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1
     ros2 launch yumi_ros2 yumi.launch.py virtual:=true
     ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 bringup:=false       # touch nothing until it is asked
+    ros2 launch yumi_ros2 yumi.launch.py robot:=192.168.125.1 namespace:=cell1     # one of several robots
 
-The password of a robot is read from the environment variable YUMI_PASSWORD.
+The password of a robot is read from the environment variable YUMI_PASSWORD, or from a file. Included in a group with
+``PushRosNamespace``, everything is in that namespace, too; give either that or ``namespace``.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ READY = b"Virtual controller ready"
 ARGUMENTS = (
     ("robot", "192.168.125.1", "Address of the controller."),
     ("rws_port", "", "HTTP port of its Robot Web Services; empty: as in the settings, or 8080 of a virtual one."),
+    ("left_egm_port", "", "UDP port where the left arm's datagrams arrive; empty: as in the settings."),
+    ("right_egm_port", "", "UDP port where the right arm's datagrams arrive; empty: as in the settings."),
+    ("user", "", "User name on the controller; empty: as in the settings."),
+    ("password_file", "", "File with the password of the user; empty: YUMI_PASSWORD, or as in the settings."),
     ("speed_scale", "", "Factor on all speeds; empty: as in the settings, 1 on this machine and 0.1 elsewhere."),
     ("config", "", "Settings instead of the delivered yumi.yaml."),
     ("controllers", "", "Controllers instead of the delivered controllers.yaml."),
@@ -35,11 +41,19 @@ ARGUMENTS = (
     ),
     ("record", "", "Record every cycle of both arms to this MCAP file."),
     ("bringup", "true", "Whether the driver brings the robot to ready at start; else it only reads until it is asked."),
+    ("namespace", "", "Of this robot among several in one ROS graph, such as cell1; all its nodes are under it."),
+    ("prefix", "", "What stands before the names of all joints and links, such as a_."),
+    ("frame_prefix", "", "What stands before the names of frames on /tf; empty: the namespace and a slash."),
     ("network", "false", "Whether all machines of the subnet find the driver's ROS 2 nodes."),
     ("virtual", "false", "Whether to start a virtual controller, and drive that."),
     ("log_level", "info", "Of the driver: debug, info, warn or error."),
 )
-PASSED_ON = ("robot", "rws_port", "speed_scale", "config", "controllers", "initial_joint_controller", "record")
+EGM_PORTS = ("left_egm_port", "right_egm_port")
+PASSED_ON = (
+    *("robot", "rws_port", *EGM_PORTS, "user", "password_file", "speed_scale", "config", "controllers", "record"),
+    "initial_joint_controller",
+    *("namespace", "prefix", "frame_prefix"),
+)
 VIRTUAL = {"robot": "127.0.0.1", "rws_port": "8080"}
 
 
@@ -54,7 +68,7 @@ def _start(context: Any) -> list[Any]:
     if given["virtual"].lower() != "true":
         return [_driver(given)]
     given["robot"], given["rws_port"] = VIRTUAL["robot"], given["rws_port"] or VIRTUAL["rws_port"]
-    controller = _command("controller", ["--rws-port", given["rws_port"]])
+    controller = _command("controller", ["--rws-port", given["rws_port"], *_options(given, EGM_PORTS)])
     waiting = [_driver(given)]
 
     def start_driver(event: Any) -> list[Any] | None:
@@ -64,11 +78,15 @@ def _start(context: Any) -> list[Any]:
 
 
 def _driver(given: dict[str, str]) -> Node:
-    options = [part for name in PASSED_ON if given[name] for part in (f"--{name.replace('_', '-')}", given[name])]
+    options = _options(given, PASSED_ON)
     options.append("--bringup" if given["bringup"].lower() == "true" else "--no-bringup")
     if given["network"].lower() == "true":
         options.append("--network")
     return _command("up", options, ["--log-level", given["log_level"]])
+
+
+def _options(given: dict[str, str], names: tuple[str, ...]) -> list[str]:
+    return [part for name in names if given[name] for part in (f"--{name.replace('_', '-')}", given[name])]
 
 
 def _command(name: str, options: list[str], ros_arguments: list[str] | None = None) -> Node:

@@ -72,6 +72,23 @@ def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_
     assert options["config"] == tmp_path
 
 
+def test_every_option_of_the_driver_is_an_argument(launch_file: dict[str, Any]) -> None:
+    options = {parameter.name for parameter in cli.main.commands["up"].params if parameter.name != "help"}
+    without_a_terminal = options - {"ask_password", "until_stdin_closes"}
+    assert without_a_terminal <= {name for name, _, _ in launch_file["ARGUMENTS"]}
+
+
+def test_names_and_ports_reach_driver_and_virtual_robot(launch_file: dict[str, Any]) -> None:
+    given = {"namespace": "cell1", "prefix": "a_", "left_egm_port": "7001", "right_egm_port": "7002"}
+    handler, controller = start(launch_file, virtual="true", **given)
+    ports = {"left_egm_port": 7001, "right_egm_port": 7002}
+    assert {name: parse(controller)[name] for name in ports} == ports
+    (driver,) = handler.values[0].on_stdout(SimpleNamespace(text=b"Virtual controller ready: x"))
+    options = parse(driver)
+    assert {name: options[name] for name in ports} == ports
+    assert (options["namespace"], options["prefix"]) == ("cell1", "a_")
+
+
 def test_driver_brings_up_on_this_machine_alone_unless_told_otherwise(launch_file: dict[str, Any]) -> None:
     (driver,) = start(launch_file)
     assert [parse(driver)[name] for name in ("bringup", "network")] == [True, False]

@@ -47,6 +47,8 @@ class _Commands(click.Group):
             own += ["--namespace", names[0]]
             places = [index for index, argument in enumerate(ros) if argument.startswith(_NAMESPACE)]
             ros = [argument for index, argument in enumerate(ros) if not {index, index + 1} & {*places}]
+        elif own[:1] == ["controller"]:  # a launch file gives its namespace to every program; this one has no nodes
+            ros = []
         context = super().make_context(info_name, own, *rest, **extra)
         context.meta[ROS_ARGUMENTS] = ros
         return context

@@ -74,6 +74,14 @@ def test_namespace_of_ros_is_that_of_the_robot_and_not_left_to_rcl(monkeypatch: 
     assert ros_arguments == ["--ros-args", "-r", "joint_states:=all", "-p", "x:=1"]
 
 
+def test_virtual_controller_takes_the_namespace_that_a_launch_file_gives_to_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    result = CliRunner().invoke(main, ["controller", "--rws-port", "-1", "--ros-args", "-r", "__ns:=/cell1"])
+    assert "merge both arms" not in result.output
+    assert "'--rws-port'" in result.output  # it came to its own options
+
+
 def test_two_namespaces_are_refused() -> None:
     result = CliRunner().invoke(main, ["up", "--namespace", "a", "--ros-args", "-r", "__ns:=/b"])
     assert result.exit_code == 2

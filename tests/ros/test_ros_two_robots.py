@@ -1,0 +1,270 @@
+"""Two virtual YuMis in one ROS graph: each name moves its own robot, and their frames are another's nowhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from control_msgs.action import FollowJointTrajectory, GripperCommand
+from controller_manager_msgs.srv import ListHardwareComponents, SwitchController
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_bench import TIMEOUT, Client, Robot
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from urdf_kinematics import links_to_root, matrix
+from yumi.process.supervision import Command
+from yumi.robot.joints import CHAIN_AXES, Side, home
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+FOUND = 1.0  # [s] from the driver's ready line until a client of another process has its services
+MOVED = 0.05  # [rad]
+PREFIXES = {"cell1": "", "cell2": "b_"}
+ARMS = {prefix: [f"{prefix}yumi_joint_{axis}_{side}" for side in "rl" for axis in CHAIN_AXES] for prefix in ("", "b_")}
+FINGERS = {
+    prefix: [f"{prefix}gripper_{side}_joint{end}" for side in "rl" for end in ("", "_m")] for prefix in ("", "b_")
+}
+
+
+@dataclass
+class Heard:
+    """What came on the topics of one robot.
+
+    Attributes:
+        joints: newest position of each joint by name [rad] or [m].
+        complete: when a complete message of joint states came, and how old its stamp was [s].
+        poses: newest tool pose of each arm.
+    """
+
+    joints: dict[str, float] = field(default_factory=dict)
+    complete: list[tuple[float, float]] = field(default_factory=list)
+    poses: dict[str, Any] = field(default_factory=dict)
+
+
+class Cells:
+    """Both robots as a client of another process sees them."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.heard = {cell: Heard() for cell in PREFIXES}
+        self.frames: dict[str, Any] = {}
+        node = client.node
+        for cell, prefix in PREFIXES.items():
+            node.create_subscription(JointState, f"/{cell}/joint_states", self._taking(cell, prefix), 10)
+            for side in "rl":
+                poses = self.heard[cell].poses
+                take = self._keeping(poses, side)
+                node.create_subscription(PoseStamped, f"/{cell}/{side}/tcp_pose", take, 10)
+        node.create_subscription(TFMessage, "/tf", self._take_frames, 100)
+        node.create_subscription(
+            TFMessage, "/tf_static", self._take_frames, QoSProfile(depth=10, durability=LATCHED.durability)
+        )
+
+    def wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        self.client.until(lambda: time.monotonic() >= end, seconds + 5.0)
+
+    def call(self, name: str, kind: Any = Trigger, **fields: Any) -> Any:
+        return self.client.call(kind, name, kind.Request(**fields))
+
+    def goal(self, kind: Any, name: str, goal: Any) -> Any:
+        """The result of an action's goal."""
+        action = ActionClient(self.client.node, kind, name)
+        self.client.until(action.server_is_ready)
+        sent = action.send_goal_async(goal)
+        self.client.until(sent.done)
+        assert sent.result().accepted
+        ended = sent.result().get_result_async()
+        self.client.until(ended.done)
+        action.destroy()
+        return ended.result().result
+
+    def moved(self, change: Callable[[], object]) -> set[str]:
+        """The joints of both robots that are elsewhere after ``change``, with their robot."""
+        before = {cell: dict(heard.joints) for cell, heard in self.heard.items()}
+        change()
+        self.wait(1.0)
+        return {
+            f"{cell}/{name}"
+            for cell, heard in self.heard.items()
+            for name, position in heard.joints.items()
+            if abs(position - before[cell][name]) > (MOVED if "yumi" in name else 0.005)
+        }
+
+    def frame(self, name: str, root: str) -> Any:
+        """``name_to_root`` from what was heard on /tf and /tf_static, (4, 4)."""
+        pose = np.eye(4)
+        while name != root:
+            transform = self.frames[name]
+            place, turn = transform.transform.translation, transform.transform.rotation
+            pose = matrix((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)) @ pose
+            name = transform.header.frame_id
+        return pose
+
+    def check_joint_states(self, cell: str, longest_gap: float = 0.5, oldest: float = 1.0) -> None:
+        """Complete messages have come all the time since the last check, none of them with an old stamp."""
+        complete, self.heard[cell].complete = self.heard[cell].complete, []
+        assert len(complete) > 10
+        gaps = [after[0] - before[0] for before, after in pairwise(complete)]
+        assert max(gaps) < longest_gap
+        assert max(age for _, age in complete) < oldest
+
+    def _taking(self, cell: str, prefix: str) -> Callable[[Any], None]:
+        heard, names = self.heard[cell], [*ARMS[prefix], *FINGERS[prefix]]
+
+        def take(message: Any) -> None:
+            assert message.header.frame_id == f"{cell}/{prefix}yumi_base_link"
+            heard.joints.update(zip(message.name, message.position, strict=True))
+            if list(message.name) == names:
+                stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+                heard.complete.append((time.monotonic(), time.time() - stamp))
+
+        return take
+
+    def _keeping(self, poses: dict[str, Any], side: str) -> Callable[[Any], None]:
+        return lambda message: poses.update({side: message})
+
+    def _take_frames(self, message: Any) -> None:
+        self.frames.update({each.child_frame_id: each for each in message.transforms})
+
+
+@pytest.fixture(scope="module")
+def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells]:
+    folder = tmp_path_factory.mktemp("cells")
+    with ExitStack() as stack:
+        robots = {cell: Robot(_made(folder / f"robot-{cell}")) for cell in PREFIXES}
+        for robot in robots.values():
+            robot.start()
+            stack.callback(robot.stop)
+        names = {"cell1": ["--ros-args", "-r", "__ns:=/cell1"], "cell2": ["--namespace", "cell2", "--prefix", "b_"]}
+        for cell, robot in robots.items():
+            address = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
+            ours, rcl = (names[cell], []) if cell == "cell2" else ([], ["--", *names[cell]])
+            driver = Command(f"driver {cell}", ["up", *address, *ours, *rcl], folder / f"{cell}.log")
+            stack.enter_context(driver).wait_until_ready(2 * TIMEOUT)
+        client = Client()
+        stack.callback(client.close)
+        yield Cells(client)
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def test_services_are_found_within_a_second_and_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:
+    begin = time.monotonic()
+    for cell in PREFIXES:
+        assert "EGM off" in cells.call(f"/{cell}/yumi_robot_manager/get_state").message
+    assert time.monotonic() - begin < FOUND
+    cells.wait(1.5)
+    nodes = [f"{space}/{name}".replace("//", "/") for name, space in cells.client.node.get_node_names_and_namespaces()]
+    ours = [name for name in nodes if not name.startswith(("/test_client", "/rosout"))]
+    assert len(set(ours)) == len(ours)
+    for cell in PREFIXES:
+        assert {f"/{cell}/{side}/{node}" for side in "rl" for node in ("controller_manager", "gripper")} <= {*ours}
+        assert {f"/{cell}/yumi_robot_manager", f"/{cell}/robot_state_publisher"} <= {*ours}
+    assert [name for name in ours if not name.startswith(("/cell1/", "/cell2/"))] == []
+    for cell in PREFIXES:
+        for side, unit in (("r", "ROB_R"), ("l", "ROB_L")):
+            answer = cells.call(f"/{cell}/{side}/controller_manager/list_hardware_components", ListHardwareComponents)
+            assert [component.name for component in answer.component] == [unit]
+
+
+def test_joint_states_are_complete_and_fresh_before_during_and_after_egm(cells: Cells) -> None:
+    cells.client.until(lambda: all(len(heard.complete) > 10 for heard in cells.heard.values()), 5.0)
+    for heard in cells.heard.values():
+        heard.complete.clear()
+    cells.wait(1.5)
+    for cell in PREFIXES:
+        cells.check_joint_states(cell)
+    answer = cells.call("/cell1/yumi_robot_manager/start_egm")
+    assert answer.success, answer.message
+    cells.wait(1.0)
+    assert "EGM off" in cells.call("/cell2/yumi_robot_manager/get_state").message  # start_egm was for cell1 alone
+    answer = cells.call("/cell1/yumi_robot_manager/motors_off")
+    assert answer.success, answer.message
+    cells.wait(2.0)
+    for cell in PREFIXES:
+        cells.check_joint_states(cell)
+
+
+def test_each_topic_and_action_moves_its_own_robot_only(cells: Cells) -> None:
+    for cell in PREFIXES:
+        answer = cells.call(f"/{cell}/yumi_robot_manager/start_egm")
+        assert answer.success, answer.message
+    node, (joint_7,) = cells.client.node, [f"yumi_joint_{axis}_r" for axis in (4,)]
+    goals = node.create_publisher(JointState, "/cell1/r/joint_commands", 10)
+    cells.client.until(lambda: goals.get_subscription_count() == 1)
+    goal = JointState(name=[joint_7], position=[home(Side.RIGHT)[4] + 0.3])
+    assert cells.moved(lambda: goals.publish(goal)) == {f"cell1/{joint_7}"}
+
+    hand = GripperCommand.Goal()
+    hand.command.position = 0.02
+    is_for = "/cell2/l/gripper/gripper_cmd"
+    fingers = {f"cell2/b_gripper_l_joint{end}" for end in ("", "_m")}
+    assert cells.moved(lambda: cells.goal(GripperCommand, is_for, hand)) == fingers
+
+    answer = cells.call(
+        "/cell2/l/controller_manager/switch_controller",
+        SwitchController,
+        activate_controllers=["joint_trajectory_controller"],
+        deactivate_controllers=["joint_position_controller"],
+        strictness=SwitchController.Request.STRICT,
+    )
+    assert answer.ok, answer.message
+    names = [f"b_yumi_joint_{axis}_l" for axis in CHAIN_AXES]
+    target = [cells.heard["cell2"].joints[name] for name in names]
+    target[4] += 0.2
+    motion = FollowJointTrajectory.Goal()
+    motion.trajectory.joint_names = names
+    motion.trajectory.points = [JointTrajectoryPoint(positions=target)]
+    motion.trajectory.points[0].time_from_start.sec = 2
+    action = "/cell2/l/joint_trajectory_controller/follow_joint_trajectory"
+    assert cells.moved(lambda: cells.goal(FollowJointTrajectory, action, motion)) == {f"cell2/{names[4]}"}
+
+
+def test_frames_of_both_robots_are_apart_and_where_another_forward_kinematics_has_them(cells: Cells) -> None:
+    cells.wait(1.5)  # both stand
+    described: dict[str, str] = {}
+    for cell, prefix in PREFIXES.items():
+        value = cells.call(f"/{cell}/robot_state_publisher/get_parameters", GetParameters, names=["robot_description"])
+        urdf = value.values[0].string_value
+        topic = cells.client.node.create_subscription(
+            String,
+            f"/{cell}/robot_description",
+            lambda message, cell=cell: described.update({cell: message.data}),
+            LATCHED,
+        )
+        cells.client.until(lambda cell=cell: cell in described)
+        cells.client.node.destroy_subscription(topic)
+        assert described[cell] == urdf
+        links = links_to_root(urdf, cells.heard[cell].joints)
+        for link, pose in links.items():
+            found = cells.frame(f"{cell}/{link}", f"{cell}/{prefix}yumi_base_link")
+            assert found == pytest.approx(pose, abs=1e-6), link
+        for side in "rl":
+            message = cells.heard[cell].poses[side]
+            assert message.header.frame_id == f"{cell}/{prefix}yumi_base"
+            place, turn = message.pose.position, message.pose.orientation
+            pose = matrix((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z))
+            assert pose == pytest.approx(links[f"{prefix}yumi_tool0_{side}"], abs=1e-6)
+            assert pose == pytest.approx(
+                cells.frame(f"{cell}/{prefix}yumi_tcp_{side}", f"{cell}/{prefix}yumi_base_link"), abs=1e-6
+            )
+    assert all(name.startswith(("cell1/yumi", "cell1/gripper", "cell2/b_")) for name in cells.frames)
