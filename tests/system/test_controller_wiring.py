@@ -8,8 +8,9 @@ from controller_states import moved
 from yumi.control.controller import GoalKind, write_goal
 from yumi.control.limiter import SpeedScale
 from yumi.driver.control_process import ArmBuffers
-from yumi.driver.settings import read_controllers
-from yumi.driver.wiring import CONTROLLER_KINDS, Place
+from yumi.driver.settings import override, read_controllers, read_settings
+from yumi.driver.wiring import CONTROLLER_KINDS, Place, make_parts
+from yumi.errors import SettingsError
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
@@ -39,3 +40,22 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
     write_goal(getattr(buffers, box), 1, moved(start, 6, 0.3), moved(ZERO, 6, 0.3))
     arm.run(0.2)
     assert arm.robot.arm.planned[6] > start[6] + 0.02
+
+
+@pytest.mark.parametrize("name", ["joint_state_broadcaster", "joint_trajctory_controller"])
+def test_controller_that_cannot_command_an_arm_at_first_is_refused_with_those_that_can(name: str) -> None:
+    chosen = {"robot": {"address": "127.0.0.1"}, "ros": {"initial_joint_controller": name}}
+    settings = override(read_settings(), chosen, "x")
+    sentence = f"{name}', which does not command the right arm; choose from: joint_position_controller, joint_velocity_"
+    with pytest.raises(SettingsError, match=sentence):
+        make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore)
+
+
+def test_controller_that_commands_an_arm_at_first_may_be_chosen() -> None:
+    chosen = {"robot": {"address": "127.0.0.1"}, "ros": {"initial_joint_controller": "joint_trajectory_controller"}}
+    settings = override(read_settings(), chosen, "x")
+    make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore).client.close()
+
+
+def ignore(_: object) -> None:
+    """Takes events and steps of what does not run."""

@@ -83,7 +83,6 @@ class ControllerManagerServices:
         self._log = node.get_logger()
         self._controllers = controllers
         self._hardware = hardware
-        self._rate = rate
         self._on_change = on_change
         changes: Mapping[str, tuple[Any, Callable[[Any], None]]] = {
             "load_controller": (LoadController, lambda request: controllers.load(request.name)),
@@ -95,11 +94,26 @@ class ControllerManagerServices:
                 lambda request: controllers.reload(request.force_kill),
             ),
         }
-        lists: Mapping[str, tuple[Any, Callable[[Any], None]]] = {
-            "list_controllers": (ListControllers, self._list_controllers),
-            "list_controller_types": (ListControllerTypes, self._list_types),
-            "list_hardware_components": (ListHardwareComponents, self._list_components),
-            "list_hardware_interfaces": (ListHardwareInterfaces, self._list_interfaces),
+        lists: Mapping[str, tuple[Any, Callable[[], Mapping[str, object]]]] = {
+            "list_controllers": (
+                ListControllers,
+                lambda: {"controller": [controller_state(info, rate) for info in controllers.list()]},
+            ),
+            "list_controller_types": (
+                ListControllerTypes,
+                lambda: {"types": controllers.kinds(), "base_classes": [BASE_CLASS] * len(controllers.kinds())},
+            ),
+            "list_hardware_components": (
+                ListHardwareComponents,
+                lambda: {"component": [hardware_state(hardware.info(), rate)]},
+            ),
+            "list_hardware_interfaces": (
+                ListHardwareInterfaces,
+                lambda: {
+                    "command_interfaces": hardware_interfaces(hardware.info().command_interfaces),
+                    "state_interfaces": hardware_interfaces(hardware.info().state_interfaces),
+                },
+            ),
         }
         change_group = MutuallyExclusiveCallbackGroup()
         list_group = MutuallyExclusiveCallbackGroup()  # of their own: a list never waits for a slow change
@@ -112,8 +126,8 @@ class ControllerManagerServices:
                 serve(kind, name, self._changing(name, call), change_group)
         serve(SwitchController, "switch_controller", self._switch, change_group)
         serve(SetHardwareComponentState, "set_hardware_component_state", self._set_hardware, change_group)
-        for name, (kind, fill) in lists.items():
-            serve(kind, name, self._listing(name, fill), list_group)
+        for name, (kind, fields) in lists.items():
+            serve(kind, name, self._listing(name, fields), list_group)
 
     def _changing(self, name: str, call: Callable[[Any], None]) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
@@ -122,10 +136,10 @@ class ControllerManagerServices:
 
         return answer
 
-    def _listing(self, name: str, fill: Callable[[Any], None]) -> Callable[[Any, Any], Any]:
+    def _listing(self, name: str, fields: Callable[[], Mapping[str, object]]) -> Callable[[Any, Any], Any]:
         def answer(_: Any, response: Any) -> Any:
             try:
-                fill(response)
+                filled(response, **fields())
             except Exception as error:
                 self._log.error(f"{name}: {error}")
             return response
@@ -161,21 +175,6 @@ class ControllerManagerServices:
         response.ok = not self._why_failed("set_hardware_component_state", call)
         response.state = lifecycle_state(self._hardware.state)
         return response
-
-    def _list_controllers(self, response: Any) -> None:
-        response.controller = [controller_state(info, self._rate) for info in self._controllers.list()]
-
-    def _list_types(self, response: Any) -> None:
-        response.types = list(self._controllers.kinds())
-        response.base_classes = [BASE_CLASS] * len(response.types)
-
-    def _list_components(self, response: Any) -> None:
-        response.component = [hardware_state(self._hardware.info(), self._rate)]
-
-    def _list_interfaces(self, response: Any) -> None:
-        info = self._hardware.info()
-        response.command_interfaces = hardware_interfaces(info.command_interfaces)
-        response.state_interfaces = hardware_interfaces(info.state_interfaces)
 
 
 class ActivityTopic:

@@ -254,7 +254,16 @@ class ArmControllers:
             RobotNotReady: it took longer; the switch may still happen.
             YumiError: a rule forbids it; nothing was changed.
         """
-        chosen, timeout = self._strictness(strictness), timeout if timeout > 0.0 else _SWITCH_TIMEOUT
+        limit = timeout if timeout > 0.0 else _SWITCH_TIMEOUT
+        try:
+            chosen = Strictness(strictness) if strictness else self._parameters.strictness
+        except ValueError as error:
+            raise CommandRefused(
+                f"Strictness {strictness} is unknown; choose 1 (best effort) or 2 (strict)."
+            ) from error
+        if chosen in {Strictness.AUTO, Strictness.FORCE_AUTO}:
+            self._log.warning(f"Strictness {chosen.name} is treated as BEST_EFFORT, as ros2_control does.")
+            chosen = Strictness.BEST_EFFORT
         thread = ThreadPoolExecutor(1, f"switch-{self._side.value}")
         switch = partial(
             self._control.call, Commands.switch_controllers, self._side, tuple(activate), tuple(deactivate), chosen
@@ -262,9 +271,9 @@ class ArmControllers:
         waiting = thread.submit(switch)
         thread.shutdown(wait=False)  # it ends with the answer
         try:
-            return waiting.result(timeout)
+            return waiting.result(limit)
         except Overdue as error:
-            raise RobotNotReady(f"Switch controller timed out after {timeout:g} seconds!") from error
+            raise RobotNotReady(f"Switch controller timed out after {limit:g} seconds!") from error
 
     def reload(self, is_forced: bool) -> None:
         """Unload all controllers; there are no libraries to load again.
@@ -288,17 +297,6 @@ class ArmControllers:
                 return info
         loaded = ", ".join(info.name for info in controllers) or "none"
         raise CommandRefused(f"There is no controller {name!r}; loaded are: {loaded}.")
-
-    def _strictness(self, number: int) -> Strictness:
-        if number == 0:
-            return self._parameters.strictness
-        if number in {Strictness.AUTO, Strictness.FORCE_AUTO}:
-            self._log.warning(f"Strictness {Strictness(number).name} is treated as BEST_EFFORT, as ros2_control does.")
-            return Strictness.BEST_EFFORT
-        try:
-            return Strictness(number)
-        except ValueError as error:
-            raise CommandRefused(f"Strictness {number} is unknown; choose 1 (best effort) or 2 (strict).") from error
 
 
 class ArmHardware:

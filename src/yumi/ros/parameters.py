@@ -187,8 +187,38 @@ class ManagerParameters:
 
     def __init__(self, node: Any, rate: int) -> None:
         self._node = node
-        self._declare_own(rate)
-        node.add_on_set_parameters_callback(self._check)
+        fixed = {
+            "update_rate": (rate, "How often controllers are updated [Hz]: the robot's own rate."),
+            "enforce_command_limits": (True, "Whether commands are kept within the joints' limits: always."),
+            "handle_exceptions": (True, "Whether a controller that fails is deactivated: always."),
+            "defaults.allow_controller_activation_with_inactive_hardware": (False, "Never: EGM must run."),
+            "defaults.deactivate_controllers_on_hardware_self_deactivate": (True, "Always, when EGM ends."),
+        }
+        for name, (value, description) in fixed.items():
+            node.declare_parameter(name, value, ParameterDescriptor(description=description, read_only=True))
+        words = " or ".join(_STRICTNESSES)
+        rule = ParameterDescriptor(
+            description="Strictness of a switch that asks for 0.", additional_constraints=f"one of {words}"
+        )
+        node.declare_parameter(_STRICTNESS, "best_effort", rule)
+        # Upstream's own clock makes its rate; here the robot's datagrams do, however unevenly they arrive. A reply is
+        # in time within its cycle, so what counts is how many there are: half a cycle, and a whole one, may vary.
+        thresholds: list[tuple[str, float, float, str]] = [
+            *((f"{subject}.periodicity.mean_error", 5.0, 10.0, "Hz") for subject in _SUBJECTS),
+            *((f"{subject}.periodicity.standard_deviation", 0.5 * rate, 1.0 * rate, "Hz") for subject in _SUBJECTS),
+            *((f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs") for subject in _SUBJECTS[1:]),
+            *((f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs") for subject in _SUBJECTS[1:]),
+        ]
+        for name, warn, error, unit in thresholds:
+            for level, bound in (("warn", warn), ("error", error)):
+                described = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
+                node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", bound, described)
+
+        def check(parameters: list[Any]) -> SetParametersResult:
+            is_wrong = any(each.name == _STRICTNESS and each.value not in _STRICTNESSES for each in parameters)
+            return SetParametersResult(successful=not is_wrong, reason=f"{_STRICTNESS} is {words}." if is_wrong else "")
+
+        node.add_on_set_parameters_callback(check)
 
     def note_type(self, name: str, kind: str) -> None:
         """Declare the type of a controller that was loaded from the start, for tools that offer what can be loaded."""
@@ -241,38 +271,3 @@ class ManagerParameters:
         value = self._node.get_parameter(name).value if self._node.has_parameter(name) else None
         texts = [value] if isinstance(value, str) else value if isinstance(value, list) else []
         return tuple(text for text in texts if isinstance(text, str))
-
-    def _declare_own(self, rate: int) -> None:
-        fixed = {
-            "update_rate": (rate, "How often controllers are updated [Hz]: the robot's own rate."),
-            "enforce_command_limits": (True, "Whether commands are kept within the joints' limits: always."),
-            "handle_exceptions": (True, "Whether a controller that fails is deactivated: always."),
-            "defaults.allow_controller_activation_with_inactive_hardware": (False, "Never: EGM must run."),
-            "defaults.deactivate_controllers_on_hardware_self_deactivate": (True, "Always, when EGM ends."),
-        }
-        for name, (value, description) in fixed.items():
-            self._node.declare_parameter(name, value, ParameterDescriptor(description=description, read_only=True))
-        words = " or ".join(_STRICTNESSES)
-        rule = ParameterDescriptor(
-            description="Strictness of a switch that asks for 0.", additional_constraints=f"one of {words}"
-        )
-        self._node.declare_parameter(_STRICTNESS, "best_effort", rule)
-        # Upstream's own clock makes its rate; here the robot's datagrams do, however unevenly they arrive. A reply is
-        # in time within its cycle, so what counts is how many there are: half a cycle, and a whole one, may vary.
-        thresholds: list[tuple[str, float, float, str]] = [
-            *((f"{subject}.periodicity.mean_error", 5.0, 10.0, "Hz") for subject in _SUBJECTS),
-            *((f"{subject}.periodicity.standard_deviation", 0.5 * rate, 1.0 * rate, "Hz") for subject in _SUBJECTS),
-            *((f"{subject}.execution_time.mean_error", 1000.0, 2000.0, "µs") for subject in _SUBJECTS[1:]),
-            *((f"{subject}.execution_time.standard_deviation", 100.0, 200.0, "µs") for subject in _SUBJECTS[1:]),
-        ]
-        for name, warn, error, unit in thresholds:
-            for level, bound in (("warn", warn), ("error", error)):
-                described = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
-                self._node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", bound, described)
-
-    def _check(self, parameters: list[Any]) -> SetParametersResult:
-        for parameter in parameters:
-            if parameter.name == _STRICTNESS and parameter.value not in _STRICTNESSES:
-                words = " or ".join(_STRICTNESSES)
-                return SetParametersResult(successful=False, reason=f"{_STRICTNESS} is {words}.")
-        return SetParametersResult(successful=True)

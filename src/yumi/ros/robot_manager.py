@@ -93,52 +93,32 @@ class RobotManagerServices:
             "stop_rapid": (_Group.STOP, manager.stop_rapid),
             "pp_to_main": (_Group.CHANGE, manager.pp_to_main),
         }
-        for name, (group, call) in triggers.items():
-            self._serve(Trigger, name, group, partial(_without_request, call))
-        self._serve(SetSpeedRatio, "set_speed_ratio", _Group.CHANGE, lambda ask: manager.set_speed_ratio(ask.percent))
-        self._serve(
-            RunRoutine, "run_routine", _Group.CHANGE, lambda ask: manager.run_routine(side_of(ask.arm), ask.routine)
-        )
-        self._serve(
-            LoadModule,
-            "load_module",
-            _Group.CHANGE,
-            lambda ask: manager.load_module(side_of(ask.arm), ask.file_name, ask.text),
-        )
-        self._serve(
-            RunModule,
-            "run_module",
-            _Group.CHANGE,
-            lambda ask: manager.run_module(side_of(ask.arm), ask.file_name, ask.text, ask.routine),
-        )
-        self._serve(
-            SetTool,
-            "set_tool",
-            _Group.CHANGE,
-            lambda ask: manager.set_tool(side_of(ask.arm), pose_of(ask.tcp), mass_of(ask.load)),
-        )
-        self._serve(
-            SetPayload,
-            "set_payload",
-            _Group.CHANGE,
-            lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload)),
-        )
-        self._serve(WriteSignal, "write_signal", _Group.CHANGE, write_signal)
-        self._serve(WriteVariable, "write_variable", _Group.CHANGE, write_variable)
-        self._serve(
-            ReadSignal,
-            "read_signal",
-            _Group.READ,
-            lambda ask: manager.panel.read_signal(ask.name),
-            answer_field="value",
-        )
-        self._serve(
-            ReadVariable,
-            "read_variable",
-            _Group.READ,
-            lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name),
-            answer_field="value",
-        )
+        for name, (group, trigger) in triggers.items():
+            self._serve(Trigger, name, group, partial(_without_request, trigger))
+        changes: dict[str, tuple[Any, Callable[[Any], str]]] = {
+            "set_speed_ratio": (SetSpeedRatio, lambda ask: manager.set_speed_ratio(ask.percent)),
+            "run_routine": (RunRoutine, lambda ask: manager.run_routine(side_of(ask.arm), ask.routine)),
+            "load_module": (LoadModule, lambda ask: manager.load_module(side_of(ask.arm), ask.file_name, ask.text)),
+            "run_module": (
+                RunModule,
+                lambda ask: manager.run_module(side_of(ask.arm), ask.file_name, ask.text, ask.routine),
+            ),
+            "set_tool": (
+                SetTool,
+                lambda ask: manager.set_tool(side_of(ask.arm), pose_of(ask.tcp), mass_of(ask.load)),
+            ),
+            "set_payload": (SetPayload, lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload))),
+            "write_signal": (WriteSignal, write_signal),
+            "write_variable": (WriteVariable, write_variable),
+        }
+        reads: dict[str, tuple[Any, Callable[[Any], str]]] = {
+            "read_signal": (ReadSignal, lambda ask: manager.panel.read_signal(ask.name)),
+            "read_variable": (ReadVariable, lambda ask: manager.panel.read_variable(ask.task, ask.module, ask.name)),
+        }
+        for name, (kind, call) in changes.items():
+            self._serve(kind, name, _Group.CHANGE, call)
+        for name, (kind, call) in reads.items():
+            self._serve(kind, name, _Group.READ, call, answer_field="value")
 
     def _serve(
         self, kind: Any, name: str, group: _Group, call: Callable[[Any], str], answer_field: str = "message"
