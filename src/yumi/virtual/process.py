@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import httpx
 
@@ -68,7 +69,7 @@ class ControllerProcess:
         return int(self.address.rpartition(":")[2])
 
     @property
-    def connect_options(self) -> dict[str, object]:
+    def connect_options(self) -> dict[str, Any]:
         """What ``yumi.connect`` needs: ``yumi.connect(**controller.connect_options)``."""
         return {
             "address": self.address,

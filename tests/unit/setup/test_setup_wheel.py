@@ -32,25 +32,30 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(params=["wheel", "colcon"])
-def installed(request: pytest.FixtureRequest, source: Path, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel for every machine."""
+    return build_wheel(source, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(params=["wheel", "colcon"], scope="module")
+def installed(
+    request: pytest.FixtureRequest, source: Path, wheel: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """The folder where `yumi` would be found, as each of the two builders makes it."""
+    folder = tmp_path_factory.mktemp("installed")
     if request.param == "wheel":
-        with built_wheel(source, tmp_path) as archive:
-            archive.extractall(tmp_path / "lib")
+        with ZipFile(wheel) as archive:
+            archive.extractall(folder)
     else:
-        lib = ["--build-lib", str(tmp_path / "lib")]
-        run(
-            [sys.executable, "setup.py", "-q", "build", "-b", str(tmp_path), *lib],
-            source,
-        )
-    return tmp_path / "lib"
+        run([sys.executable, "setup.py", "-q", "build", "-b", f"{folder}-build", "--build-lib", str(folder)], source)
+    return folder
 
 
-def built_wheel(source: Path, folder: Path, **variables: str) -> ZipFile:
+def build_wheel(source: Path, folder: Path, **variables: str) -> Path:
     run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)], source, **variables)
     (wheel,) = folder.glob("*.whl")
-    return ZipFile(wheel)
+    return wheel
 
 
 def run(command: list[str], folder: Path, **variables: str) -> str:
@@ -91,8 +96,8 @@ IN_AMENT_INDEX = {
 }
 
 
-def test_wheel_brings_what_the_tools_of_ros_look_for(source: Path, tmp_path: Path) -> None:
-    with built_wheel(source, tmp_path) as archive:
+def test_wheel_brings_what_the_tools_of_ros_look_for(wheel: Path) -> None:
+    with ZipFile(wheel) as archive:
         data = {name.removeprefix(DATA): archive.getinfo(name) for name in archive.namelist() if name.startswith(DATA)}
     assert set(data) == IN_AMENT_INDEX
     assert data["lib/yumi_ros2/yumi"].external_attr >> 16 & 0o111  # pip keeps that it can be executed
@@ -107,9 +112,9 @@ print([path.name for path in Path(get_package_prefix("yumi_ros2"), "lib", "yumi_
 """
 
 
-def test_package_launch_file_and_command_are_found_through_the_ament_index(source: Path, tmp_path: Path) -> None:
+def test_package_launch_file_and_command_are_found_through_the_ament_index(wheel: Path, tmp_path: Path) -> None:
     pytest.importorskip("ament_index_python")
-    with built_wheel(source, tmp_path) as archive:
+    with ZipFile(wheel) as archive:
         archive.extractall(tmp_path)
     found = run([sys.executable, "-c", ASK_INDEX], tmp_path, AMENT_PREFIX_PATH=str(tmp_path / DATA))
     assert found == "['yumi.launch.py']\n['yumi']\n"
@@ -126,7 +131,7 @@ def test_command_for_ros_starts_the_one_of_its_environment(tmp_path: Path) -> No
 
 @pytest.mark.skipif(not RECORDS.exists(), reason="a sourced ROS 2 brings its own message packages")
 def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine(source: Path, tmp_path: Path) -> None:
-    with built_wheel(source, tmp_path, HATCH_BUILD_HOOK_ENABLE_CUSTOM="1") as archive:
+    with ZipFile(build_wheel(source, tmp_path, HATCH_BUILD_HOOK_ENABLE_CUSTOM="1")) as archive:
         names = set(archive.namelist())
         texts = {name: archive.read(name) for name in names if not name.endswith(".so")}
         tags = archive.read("yumi_ros2-0.1.0.dist-info/WHEEL").decode()
