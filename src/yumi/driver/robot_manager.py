@@ -386,6 +386,10 @@ class RobotManager:
             f"{tool.load.mass:.3f} kg, payload {tool.payload.mass:.3f} kg"
         )
 
+    def tcp(self, side: Side) -> Pose:
+        """The frame of an arm's tool in tool0 [m], by :meth:`set_tool` or the settings."""
+        return self._bringup.machines.tcp(side)
+
     def signals(self) -> Mapping[str, float]:
         """All I/O signals of the controller by name; raises YumiError."""
         return self._client.signals()

@@ -353,6 +353,11 @@ class StateMachines:
             )
         return self._tools[side]
 
+    def tcp(self, side: Side) -> Pose:
+        """The frame in tool0 of the tool that EGM starts with next, by :meth:`set_tool` or the settings [m]."""
+        tool = self._tools.get(side)
+        return tool.tcp if tool else self._motion.tool_to_tool0
+
     def set_tool(self, side: Side, tool: Tool) -> None:
         """Have the next EGM motion of an arm use ``tool`` and its payload; written now, and at each start of EGM.
 

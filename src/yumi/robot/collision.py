@@ -22,6 +22,7 @@ from yumi.robot.description import (
     FINGER_ORIGINS,
     FINGER_SHAPES,
     FINGER_TRAVEL,
+    FLANGE_ORIGIN,
     GRIPPER_SHAPES,
     JOINT_ORIGINS,
     LINK_SHAPES,
@@ -31,9 +32,8 @@ from yumi.robot.description import (
     joint_1_origin,
 )
 from yumi.robot.gripper import GripperModules
-from yumi.robot.inverse_kinematics import matrix
 from yumi.robot.joints import Joints, Pose, Side, Vector
-from yumi.robot.kinematics import quaternion_from_euler_zyx
+from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx
 
 Array = NDArray[np.float64]
 
@@ -193,7 +193,9 @@ class _ArmShapes:
         self.frames = np.array([part.frame for part in parts])
         self.radii = np.array([part.radius + padding for part in parts])
         self._starts, self._ends = np.array([part.start for part in parts]), np.array([part.end for part in parts])
-        self._origins = [_transform(origin) for origin in (joint_1_origin(side), *JOINT_ORIGINS, TOOL0_ORIGIN)]
+        (flange, offset), (turn, _) = _transform(FLANGE_ORIGIN), _transform(TOOL0_ORIGIN)
+        joints = [_transform(origin) for origin in (joint_1_origin(side), *JOINT_ORIGINS)]
+        self._origins = [*joints, (flange @ turn, offset)]
 
     def placed(self, position: Joints) -> tuple[Array, Array]:
         """Both ends of the axis of each part in the body frame, (n, 3) each."""

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import YumiError
-from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Quaternion, Side, joints
+from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
     FLANGE,
@@ -44,6 +44,7 @@ from yumi.robot.kinematics import (
     compose,
     foot_to_body,
     inverse,
+    matrix,
 )
 
 Array = NDArray[np.float64]
@@ -217,18 +218,6 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
             f"the pose needs {np.degrees(result[outside]):.1f}°. Choose another arm angle or configuration."
         )
     return result
-
-
-def matrix(orientation: Quaternion) -> Array:
-    """The rotation matrix of a unit quaternion, (3, 3)."""
-    w, x, y, z = orientation
-    return np.array(
-        [
-            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-        ]
-    )
 
 
 def _target(side: Side, tool0: Pose, angle: float) -> _Target:

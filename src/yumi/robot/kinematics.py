@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, pi, sin
 
+import numpy as np
+from numpy.typing import NDArray
+
 from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector
 
 # The arm in its all-zero pose, in the foot frame: x forward, z along axis 1 [m].
@@ -87,6 +90,32 @@ def upper_half(orientation: Quaternion) -> Quaternion:
     """Of the two quaternions of one rotation, the one with w ≥ 0, as RAPID writes them."""
     w, x, y, z = orientation
     return (w, x, y, z) if copysign(1.0, w) > 0.0 else (-w, -x, -y, -z)
+
+
+def matrix(orientation: Quaternion) -> NDArray[np.float64]:
+    """The rotation matrix of a unit quaternion, (3, 3)."""
+    w, x, y, z = orientation
+    return np.array(
+        [
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        ]
+    )
+
+
+def quaternion_from_matrix(rotation: NDArray[np.float64]) -> Quaternion:
+    """The unit quaternion with w ≥ 0 of a rotation matrix, (3, 3)."""
+    # The eigenvector of the largest eigenvalue of this matrix, whatever the angle (I. Bar-Itzhack, 2000).
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
+    outer = [
+        (xx - yy - zz, yx + xy, zx + xz, zy - yz),
+        (yx + xy, yy - xx - zz, zy + yz, xz - zx),
+        (zx + xz, zy + yz, zz - xx - yy, yx - xy),
+        (zy - yz, xz - zx, yx - xy, xx + yy + zz),
+    ]
+    x, y, z, w = np.linalg.eigh(outer)[1][:, 3].tolist()
+    return upper_half((w, x, y, z))
 
 
 def foot_to_body(side: Side) -> Pose:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, copysign, cos, hypot, isclose, isfinite, sin
+from math import hypot, isclose, isfinite
+
+import numpy as np
 
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Quaternion, Vector
-from yumi.robot.kinematics import multiply, rotate, upper_half
+from yumi.robot.kinematics import quaternion_from_matrix, rotate
 
 MOST_MASS = 0.5
 """What an arm carries, its gripper included [kg] (reference/yumi.md)."""
@@ -19,7 +21,6 @@ FARTHEST = 0.5
 _FLANGE = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 _LEAST_MASS = 0.001  # [kg] RAPID knows no tool without one; that of its tool0
 _NOTHING = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-_SWEEPS = 20  # Jacobi's method converges quadratically: three or four are needed
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,25 +95,9 @@ def inertia_of(axes: Quaternion, moments: Vector) -> tuple[float, float, float, 
 
 
 def principal_inertia(body: Mass) -> tuple[Quaternion, Vector]:
-    """The axes of a body's moments of inertia, as a rotation from the frame it is given in, and the moments [kg m²].
-
-    By Jacobi's method: in each step a rotation about one axis makes one product of inertia zero.
-    """
+    """The axes of a body's moments of inertia, as a rotation from the frame it is given in, and the moments [kg m²]."""
     xx, xy, xz, yy, yz, zz = body.inertia
-    tensor, axes = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], (1.0, 0.0, 0.0, 0.0)
-    for _ in range(_SWEEPS):
-        for row, column in ((0, 1), (1, 2), (2, 0)):
-            if tensor[row][column] == 0.0:
-                continue
-            difference = tensor[row][row] - tensor[column][column]
-            angle = 0.5 * atan2(copysign(2.0, difference) * tensor[row][column], abs(difference))  # the smaller one
-            c, s, other = cos(angle), sin(angle), 3 - row - column
-            half = [cos(0.5 * angle), 0.0, 0.0, 0.0]
-            half[1 + other] = sin(0.5 * angle)
-            axes = multiply(axes, (half[0], half[1], half[2], half[3]))
-            for line in tensor:
-                line[row], line[column] = c * line[row] + s * line[column], c * line[column] - s * line[row]
-            first, second = tensor[row], tensor[column]
-            tensor[row] = [c * one + s * two for one, two in zip(first, second, strict=True)]
-            tensor[column] = [c * two - s * one for one, two in zip(first, second, strict=True)]
-    return upper_half(axes), (tensor[0][0], tensor[1][1], tensor[2][2])
+    moments, axes = np.linalg.eigh([(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)])
+    axes[:, 2] *= np.sign(np.linalg.det(axes))  # axes of a body may point either way; a rotation keeps right-handed
+    first, second, third = moments.tolist()
+    return quaternion_from_matrix(axes), (first, second, third)

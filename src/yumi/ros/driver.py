@@ -205,7 +205,7 @@ class RosDriver:
             self._streams,
             robot_description(limits, {side: grippers.settings.modules(side) for side in Side}),
             settings.ros,
-            dict.fromkeys(Side, settings.egm_motion.tool_to_tool0),
+            manager.tcp,
             lambda side: newest_state(boxes_of[side], polled(side)),
             self._grippers.fingers,
             clock,

@@ -40,7 +40,7 @@ class FramePublisher:
         streams: a node for the topics of each arm.
         urdf: the robot's description.
         settings: rates, and what stands before the frames' names.
-        tools: the tool in use of each arm, ``tool_to_tool0``.
+        tcp: the tool in use of an arm, ``tool_to_tool0``.
         measured: the newest measured state of an arm.
         fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
         clock: the clock of the states' times.
@@ -53,14 +53,15 @@ class FramePublisher:
         streams: Mapping[Side, Any],
         urdf: str,
         settings: RosSettings,
-        tools: Mapping[Side, Pose],
+        tcp: Callable[[Side], Pose],
         measured: MeasuredState,
         fingers: Callable[[], Mapping[Side, tuple[float, float]]],
         clock: Clock,
         timers: TimerThread,
     ) -> None:
         self._settings = settings
-        self._tools = tools
+        self._tcp = tcp
+        self._tools = {side: tcp(side) for side in Side}
         self._measured = measured
         self._fingers = fingers
         self._clock = clock
@@ -90,20 +91,19 @@ class FramePublisher:
             arm, hand = frozenset(joint_names(side)), frozenset(finger_names(side))
             self._moving[side] = [(each, self._transform(each)) for each in frames if each.joint in arm]
             self._sliding[side] = [(each, self._transform(each)) for each in frames if each.joint in hand]
-        tcps = [
-            Frame(prefixed(f"yumi_tcp_{side.value}"), prefixed(f"yumi_tool0_{side.value}"), tool)
-            for side, tool in tools.items()
-        ]
-        fixed = [self._transform(each) for each in (*frames, *tcps) if not each.joint]
-        for transform in fixed:
-            transform.header.stamp = stamp(node.get_clock().now().nanoseconds)
+        self._fixed = [each for each in frames if not each.joint]
         self._tf: Any = node.create_publisher(TFMessage, "/tf", _TF)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        self._static.publish(TFMessage(transforms=fixed))
+        self._publish_fixed()
 
     def _publish(self) -> None:
         now, transforms = self._clock.now(), []
         fingers = self._fingers()
+        tools = {side: self._tcp(side) for side in Side}
+        if tools != self._tools:
+            self._tools = tools
+            if self._settings.publish_tf:
+                self._publish_fixed()
         for side in Side:
             state = self._measured(side)
             if state is None or now - state.time >= STALE or state.time <= self._published[side]:
@@ -131,6 +131,17 @@ class FramePublisher:
                 transforms.append(transform)
         if transforms:
             self._tf.publish(TFMessage(transforms=transforms))
+
+    def _publish_fixed(self) -> None:
+        """Frames that no joint moves, and those of the tools: again when a tool has changed."""
+        tools = [
+            Frame(prefixed(f"yumi_tcp_{side.value}"), prefixed(f"yumi_tool0_{side.value}"), tool)
+            for side, tool in self._tools.items()
+        ]
+        fixed = [self._transform(each) for each in (*self._fixed, *tools)]
+        for transform in fixed:
+            transform.header.stamp = stamp(self._stamps.at(self._clock.now()))
+        self._static.publish(TFMessage(transforms=fixed))
 
     def _transform(self, frame: Frame) -> TransformStamped:
         before, transform = self._settings.frames, TransformStamped(child_frame_id=self._settings.frames + frame.name)

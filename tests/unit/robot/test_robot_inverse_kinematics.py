@@ -15,12 +15,11 @@ from yumi.robot.inverse_kinematics import (
     arm_angle_from,
     configuration,
     jacobian,
-    matrix,
     nearest_posture,
     postures,
 )
 from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.kinematics import matrix, tool0_to_body
 
 # Arm angles of RobotStudio's poses, counted from z and from y of the single arm's base (reference/yumi.md §1.4) [deg].
 ARM_ANGLES = [

@@ -7,7 +7,14 @@ from math import degrees, radians
 import pytest
 
 from yumi.robot.joints import Joints, Pose, Side, home, joints
-from yumi.robot.kinematics import euler_zyx, foot_to_body, tool0_to_body, tool0_to_foot
+from yumi.robot.kinematics import (
+    euler_zyx,
+    foot_to_body,
+    matrix,
+    quaternion_from_matrix,
+    tool0_to_body,
+    tool0_to_foot,
+)
 
 STAND = 0.140  # RobotStudio's single arm stands on a base that raises its foot [m]
 
@@ -84,3 +91,13 @@ def test_tool_frame_is_carried_by_tool0():
     finger_tip = Pose((0.0, 0.0, 0.1142), (1.0, 0.0, 0.0, 0.0))
     x, y, z = tool0_to_foot((0.0,) * 7, finger_tip).position  # tool z is foot x in the all-zero pose
     assert (x, y, z) == pytest.approx((0.3415 + 0.1142, 0.0, 0.458))
+
+
+@pytest.mark.parametrize(
+    "orientation",
+    [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.6, 0.0, 0.8), (0.5, -0.5, 0.5, -0.5), (0.1, 0.7, 0.1, 0.7)],
+)
+def test_a_rotation_matrix_gives_its_quaternion_back(orientation):
+    found = quaternion_from_matrix(matrix(orientation))
+    assert abs(sum(a * b for a, b in zip(found, orientation, strict=True))) == pytest.approx(1.0)
+    assert found[0] >= 0.0
