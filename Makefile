@@ -39,7 +39,7 @@ check: setup
 
 # What runs in virtual time runs on two processes; what runs in real time has the machine to itself, one by one.
 test: check
-	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile -m 'not ros and not real_time and not soak' $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
 # The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.
