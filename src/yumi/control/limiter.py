@@ -590,7 +590,7 @@ class Limiter:
         as quickly as the robot may brake. So it comes to rest on its way, not where the lead points.
         """
         last, planned = self._positions.position, state.planned
-        if self.is_at_rest:
+        if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
             return ArmCommand(last, self._speeds.next(planned, last, ZERO, dt))
         # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is taken.
         kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
