@@ -335,6 +335,12 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # a command that turned round was taken for one that stands, and stopped at once
     script=[(18, for_a_while("is_silent", 7))], feeds_speed=True
 )
+@example(  # a copy of a datagram made a plan that moved look as if it stood, in a session that was none
+    script=[(0, for_a_while("is_shuffled", 2)), (0, not_running(1))], feeds_speed=False
+)
+@example(  # late datagrams of the session before were answered with its last command when the next had begun
+    script=[(0, restart), (0, old(50, 50))], feeds_speed=False
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)

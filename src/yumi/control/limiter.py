@@ -413,6 +413,7 @@ class Limiter:
         self._sent_at = -inf
         self._state: ArmState | None = None  # what was made of the newest state
         self._entering: ArmState | None = None  # of a new session that got no reply yet
+        self._has_stood = False  # whether its plan did not move from one state to the next
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
@@ -459,6 +460,11 @@ class Limiter:
                 self.is_at_rest = False  # the command is not where the robot is
                 self._go_on_after_doubts(state)
         self.counters.implausible = self._feedback.implausible
+        is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
+        if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
+            # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
+            self._positions.rest_at(self._positions.position)
+            self._state = None
         return self._state
 
     def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
@@ -539,11 +545,16 @@ class Limiter:
         if last.velocity is ZERO and dist(last.position, state.planned) < _SLIGHT_LEAD:
             return self._begin_session(state)
         if before is None or before.session != state.session or state.dt <= 0.0:
-            return None  # the next state shows it: does its plan move as the last command leads it?
-        led = hypot(*self._references.speeds(state, last))
-        self._is_new = dist(before.planned, state.planned) <= 0.1 * led * state.dt
-        self._speeds.resume(state.planned, last.position)
-        return self._begin_session(state)
+            self._has_stood = False  # the next states show it: do their plans move as the last command leads them?
+        else:
+            led = hypot(*self._references.speeds(state, last))
+            stands = dist(before.planned, state.planned) <= 0.1 * led * state.dt
+            if self._has_stood or not stands:
+                self._is_new = stands
+                self._speeds.resume(state.planned, last.position)
+                return self._begin_session(state)
+            self._has_stood = True  # one datagram alone proves nothing: it may be a copy of the one before
+        return None
 
     def _begin_session(self, state: ArmState) -> ArmState:
         self._session, self._entering = state.session, None
@@ -579,7 +590,7 @@ class Limiter:
         as quickly as the robot may brake. So it comes to rest on its way, not where the lead points.
         """
         last, planned = self._positions.position, state.planned
-        if self.is_at_rest:
+        if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
             return ArmCommand(last, self._speeds.next(planned, last, ZERO, dt))
         # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is taken.
         kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
