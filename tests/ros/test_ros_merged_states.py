@@ -1,4 +1,4 @@
-"""The joint states of the whole robot are those of arms that are heard."""
+"""The joint states of the whole robot are those of arms that are heard, by EGM or from the controller."""
 
 from __future__ import annotations
 
@@ -44,10 +44,17 @@ def states() -> dict[Side, MemoryBuffer]:
 
 
 @pytest.fixture
-def node(clock: ManualClock, states: dict[Side, MemoryBuffer]) -> Node:
+def polled() -> dict[Side, JointStates]:
+    """What was read from the controller last."""
+    return {}
+
+
+@pytest.fixture
+def node(clock: ManualClock, states: dict[Side, MemoryBuffer], polled: dict[Side, JointStates]) -> Node:
     node = Node(clock)
     buffers: Any = {side: SimpleNamespace(states=box) for side, box in states.items()}
-    MergedJointStates(node, buffers, lambda: {Side.LEFT: (0.01, 0.0)}, 1.0 / PERIOD, clock, node.timers)
+    fingers = {Side.LEFT: (0.01, 0.0)}
+    MergedJointStates(node, buffers, lambda: fingers, 1.0 / PERIOD, clock, node.timers, polled.get, "cell1/base")
     return node
 
 
@@ -85,3 +92,44 @@ def test_merged_states_bear_the_time_of_the_oldest_of_them(
     node.tick()
     stamp = node.published[-1].header.stamp
     assert stamp.sec + stamp.nanosec * 1e-9 == pytest.approx(1e9 + oldest, abs=1e-3)
+
+
+def read(time: float) -> JointStates:
+    return JointStates(time, (0.3,) * JOINT_COUNT, (0.0,) * JOINT_COUNT)
+
+
+def test_merged_states_go_on_with_what_is_read_once_egm_is_silent(
+    node: Node, states: dict[Side, MemoryBuffer], polled: dict[Side, JointStates], clock: ManualClock
+) -> None:
+    for box in states.values():
+        hear(box, clock.now())
+    for _ in range(300):
+        if clock.now() - max((state.time for state in polled.values()), default=0.0) >= 0.4:
+            polled.update(dict.fromkeys(Side, read(clock.now())))
+        node.tick()
+        message = node.published[-1]
+        assert list(message.name[:14]) == [*joint_names(Side.RIGHT), *joint_names(Side.LEFT)]
+        assert message.header.frame_id == "cell1/base"
+    assert list(message.position[:14]) == [0.3] * 14
+
+
+def test_arm_that_stands_does_not_make_the_states_of_one_that_moves_look_old(
+    node: Node, states: dict[Side, MemoryBuffer], polled: dict[Side, JointStates], clock: ManualClock
+) -> None:
+    polled[Side.LEFT] = read(clock.now())
+    clock.advance(0.3)
+    heard = clock.now()
+    hear(states[Side.RIGHT], heard)
+    node.tick()
+    stamp = node.published[-1].header.stamp
+    assert list(node.published[-1].position[:14]) == [0.1] * 7 + [0.3] * 7
+    assert stamp.sec + stamp.nanosec * 1e-9 == pytest.approx(1e9 + heard, abs=1e-3)
+
+
+def test_what_was_read_too_long_ago_is_not_published_as_current(
+    node: Node, polled: dict[Side, JointStates], clock: ManualClock
+) -> None:
+    polled.update(dict.fromkeys(Side, read(clock.now())))
+    clock.advance(STALE)
+    node.tick()
+    assert list(node.published[-1].name) == [*finger_names(Side.LEFT)]

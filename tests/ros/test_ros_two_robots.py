@@ -98,7 +98,7 @@ class Cells:
         """The joints of both robots that are elsewhere after ``change``, with their robot."""
         before = {cell: dict(heard.joints) for cell, heard in self.heard.items()}
         change()
-        self.wait(1.0)
+        self.wait(2.0)
         return {
             f"{cell}/{name}"
             for cell, heard in self.heard.items()
@@ -151,11 +151,10 @@ def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells
         for robot in robots.values():
             robot.start()
             stack.callback(robot.stop)
-        names = {"cell1": ["--ros-args", "-r", "__ns:=/cell1"], "cell2": ["--namespace", "cell2", "--prefix", "b_"]}
+        names = {"cell1": ["--ros-args", "-r", "__ns:=/cell1", "--"], "cell2": ["--namespace", "cell2", "--prefix", "b_"]}
         for cell, robot in robots.items():
             address = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
-            ours, rcl = (names[cell], []) if cell == "cell2" else ([], ["--", *names[cell]])
-            driver = Command(f"driver {cell}", ["up", *address, *ours, *rcl], folder / f"{cell}.log")
+            driver = Command(f"driver {cell}", ["up", *address, *names[cell]], folder / f"{cell}.log")
             stack.enter_context(driver).wait_until_ready(2 * TIMEOUT)
         client = Client()
         stack.callback(client.close)
