@@ -209,7 +209,7 @@ def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals,
     faulty = swing(egm, 99.0, 4.0)  # nobody looks at its points
     assert not right.send(faulty).accepted
     egm.until(egm.hears("is inactive and takes no commands; activate it first."))
-    egm.until(egm.hears(f"To activate: yumi switch right --activate {SINGLE} (in ROS: ros2 control switch_controllers"))
+    egm.until(egm.hears(f"To activate: yumi switch right {SINGLE} (in ROS: ros2 control switch_controllers"))
 
 
 def query(client: Client, seconds: float) -> Any:
