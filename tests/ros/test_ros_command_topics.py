@@ -179,7 +179,7 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
         (Snapshot(is_streaming=True), "EGM is not running on the right arm; call start_egm first."),
         (
             Snapshot(is_running=True),
-            "no position controller is active on the right arm; activate one first: yumi switch right --activate "
+            "no position controller is active on the right arm; activate one first: yumi switch right "
             "joint_position_controller (in ROS: ros2 control switch_controllers -c /r/controller_manager --activate "
             "joint_position_controller).",
         ),

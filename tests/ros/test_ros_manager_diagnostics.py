@@ -147,5 +147,5 @@ def is_matched(name: str, rule: dict[str, list[str]]) -> bool:
         name in rule.get("expected", [])
         or any(name.startswith(part) for part in rule.get("startswith", []))
         or any(part in name for part in rule.get("contains", []))
-        or any(re.search(part, name) for part in rule.get("regex", []))
+        or any(re.fullmatch(part, name) for part in rule.get("regex", []))
     )

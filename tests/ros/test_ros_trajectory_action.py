@@ -11,7 +11,7 @@ from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState
-from controller_manager_bench import BEST_EFFORT, STRICT, Manager
+from controller_manager_bench import BEST_EFFORT, STRICT, Manager, boolean, set_parameter
 from rclpy.action import ActionClient
 from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
@@ -132,6 +132,17 @@ def test_joints_may_come_in_any_order(right: Goals, egm: Client) -> None:
     assert right.result(right.send(trajectory)).status == GoalStatus.STATUS_SUCCEEDED
 
 
+def test_joints_may_be_left_out_where_the_parameter_allows_it(right: Goals, egm: Client) -> None:
+    begin = position(egm)
+    trajectory = JointTrajectory(joint_names=NAMES[6:], points=[point([begin[6] + 0.2], 1.0)])
+    assert not right.send(trajectory).accepted
+    egm.until(egm.hears("it leaves out yumi_joint_1_r, yumi_joint_2_r"))
+    assert set_parameter(egm, f"/r/{SINGLE}", "allow_partial_joints_goal", boolean(True)).successful
+    assert right.result(right.send(trajectory)).status == GoalStatus.STATUS_SUCCEEDED
+    assert set_parameter(egm, f"/r/{SINGLE}", "allow_partial_joints_goal", boolean(False)).successful
+    assert position(egm) == pytest.approx([*begin[:6], begin[6] + 0.2], abs=0.01)
+
+
 def test_planners_trajectory_moves_both_arms(both: Goals, egm: Client) -> None:
     skews: list[Any] = []
     egm.node.create_subscription(Float64MultiArray, f"{DUAL}/inter_arm_skew", skews.append, 10)
@@ -209,7 +220,7 @@ def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals,
     faulty = swing(egm, 99.0, 4.0)  # nobody looks at its points
     assert not right.send(faulty).accepted
     egm.until(egm.hears("is inactive and takes no commands; activate it first."))
-    egm.until(egm.hears(f"To activate: yumi switch right --activate {SINGLE} (in ROS: ros2 control switch_controllers"))
+    egm.until(egm.hears(f"To activate: yumi switch right {SINGLE} (in ROS: ros2 control switch_controllers"))
 
 
 def query(client: Client, seconds: float) -> Any:
@@ -237,7 +248,10 @@ def test_query_reports_where_the_trajectory_will_be(right: Goals, egm: Client) -
 
 def test_controller_state_reports_joints_and_where_they_are(right: Goals, egm: Client) -> None:
     states: list[Any] = []
-    egm.node.create_subscription(JointTrajectoryControllerState, f"r/{SINGLE}/controller_state", states.append, 1)
-    egm.until(lambda: bool(states))
+    egm.node.create_subscription(JointTrajectoryControllerState, f"r/{SINGLE}/controller_state", states.append, 100)
+    egm.until(lambda: len(states) > 100)
     assert list(states[-1].joint_names) == NAMES
     assert list(states[-1].feedback.positions) == pytest.approx(position(egm), abs=0.01)
+    assert list(states[-1].output.positions) == pytest.approx(position(egm), abs=0.01)
+    first, last = (each.header.stamp.sec + each.header.stamp.nanosec * 1e-9 for each in (states[0], states[-1]))
+    assert (len(states) - 1) / (last - first) == pytest.approx(50.0, abs=5.0)

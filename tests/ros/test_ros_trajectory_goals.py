@@ -15,8 +15,11 @@ from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
-from yumi.control.controller import MemoryBuffer
+from yumi.control.controller import ControllerInfo, MemoryBuffer, State
+from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.events import ControlProcessEnded
+from yumi.control.loop import Commands, ControllerCommand
+from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.executors import TimerThread
 from yumi.ros.trajectory import TrajectoryAction
@@ -24,11 +27,16 @@ from yumi.ros.trajectory import TrajectoryAction
 pytestmark = pytest.mark.ros
 
 
+INACTIVE = ControllerInfo("lone", "tests/One", State.INACTIVE, ("a/position",), ())
+ACTIVE = ControllerInfo("other", "tests/One", State.ACTIVE, ("a/position",), ("a/position",))
+
+
 class Lone:
-    """An action whose controllers take everything and tell nothing."""
+    """An action whose controllers take everything, unless there is a ``refusal``, and tell nothing."""
 
     def __init__(self) -> None:
         self.commands: list[object] = []
+        self.refusal = ""
         self.node: Any = rclpy.create_node("lone")
         buffers = {Side.RIGHT: MemoryBuffer()}
         timers = TimerThread(SystemClock(), print)
@@ -40,6 +48,13 @@ class Lone:
 
     def call(self, command: Any, /, *args: Any) -> Any:
         self.commands += args
+        answers: dict[Any, Any] = {
+            Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
+            Commands.list_controllers: (INACTIVE, ACTIVE),
+        }
+        if self.refusal and command is Commands.check_commands:
+            raise CommandRefused(self.refusal)
+        return answers.get(command)
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -63,14 +78,43 @@ def caller(lone: Lone) -> Iterator[Client]:
     caller.close()
 
 
-def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Client) -> None:
-    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+def send(caller: Client, goals: ActionClient, names: list[str], positions: list[float]) -> Any:
+    """One point in a second; the future of the goal's handle, done."""
     caller.until(goals.server_is_ready)
-    point = JointTrajectoryPoint(positions=list(home(Side.RIGHT)))
+    point = JointTrajectoryPoint(positions=positions)
     point.time_from_start.sec = 1
-    trajectory = JointTrajectory(joint_names=list(joint_names(Side.RIGHT)), points=[point])
+    trajectory = JointTrajectory(joint_names=names, points=[point])
     sent = goals.send_goal_async(FollowJointTrajectory.Goal(trajectory=trajectory))
     caller.until(sent.done)
+    return sent
+
+
+def test_joints_that_a_goal_leaves_out_get_where_they_are_commanded_to_be(lone: Lone, caller: Client) -> None:
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    names, here = joint_names(Side.RIGHT), home(Side.RIGHT)
+    assert send(caller, goals, [names[6]], [here[6] + 0.1]).result().accepted
+    (follow,) = [
+        each.message
+        for each in lone.commands
+        if isinstance(each, ControllerCommand) and isinstance(each.message, FollowTrajectory)
+    ]
+    assert follow.plan.first.position == (*here[:6], here[6] + 0.1)
+    assert follow.plan.left_out == names[:6]
+    goals.destroy()
+
+
+def test_refusal_of_an_inactive_controller_names_the_commands_that_activate_it(lone: Lone, caller: Client) -> None:
+    lone.refusal = "Controller 'lone' is inactive and takes no commands; activate it first."
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    assert not send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result().accepted
+    advice = "ros2 control switch_controllers -c /controller_manager --activate lone --deactivate other)."
+    caller.until(caller.hears(f"{lone.refusal} To activate: yumi switch right lone (in ROS: {advice}"))
+    goals.destroy()
+
+
+def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Client) -> None:
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    sent = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT)))
     lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
     ended = sent.result().get_result_async()
     caller.until(ended.done)

@@ -310,11 +310,11 @@ def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[
         namespace: of the arm's nodes, such as ``/r``.
         side: the arm.
         name: the controller.
-        instead_of: active controllers that claim what it needs.
+        instead_of: active controllers that claim what it needs; ``yumi switch`` finds them itself.
     """
     options = f"--activate {name}" + (f" --deactivate {' '.join(instead_of)}" if instead_of else "")
     manager = f"{namespace.rstrip('/')}/controller_manager"
-    return f"yumi switch {side.word} {options} (in ROS: ros2 control switch_controllers -c {manager} {options})"
+    return f"yumi switch {side.word} {name} (in ROS: ros2 control switch_controllers -c {manager} {options})"
 
 
 def controller_state(info: ControllerInfo, update_rate: int) -> ControllerState:

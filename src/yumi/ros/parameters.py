@@ -109,6 +109,7 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
     controller, full_name = node.get_name(), node.get_fully_qualified_name()
     held = {info.parameter: info.value for info in infos}
     given: dict[str, Value] = {name: entry.value for name, entry in presets.items() if not entry.is_general}
+    # rclpy has no public list of what files and options set.
     given |= {name: value_of(override) for name, override in node._parameter_overrides.items()}
     given.pop("type", None)  # the spawner's
     for section in (section for file in files for section in read_parameter_file(file).sections):
