@@ -83,7 +83,7 @@ def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
     \b
     Examples:
       yumi state
-      yumi state --json | python -m json.tool
+      yumi state --json
       yumi state --watch --rate 5 --json      a line of JSON five times a second, with new events
     """
     with attach(robot) as driver:
