@@ -53,6 +53,7 @@ def type_for_shell(error: YumiError) -> YumiError:
     """The same refusal, with the commands of the shell in place of services and methods."""
     text = str(error)
     for service, shell in (
+        ("call robot.recover()", "run `yumi start`, or `yumi recover` after a stop"),
         ("robot.recover()", "yumi recover"),
         ("call recover", "run `yumi recover`"),
         ("(recover)", "(yumi recover)"),
