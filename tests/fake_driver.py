@@ -76,7 +76,7 @@ class FakeGripper:
 class FakeDriver:
     """A driver with its endpoint."""
 
-    def __init__(self) -> None:
+    def __init__(self, log: Callable[[int, str], None] = lambda level, sentence: None) -> None:
         self.robot = FakeRobot()
         self.manager = FakeManager()
         self.grippers = {side: FakeGripper() for side in Side}
@@ -97,7 +97,7 @@ class FakeDriver:
             recover=self.recover,
             calibrate=self.calibrated.append,
         )
-        self.server = EndpointServer(access)
+        self.server = EndpointServer(access, log)
 
     def recover(self, report: Callable[[str], None], confirm: str) -> str:
         if self.manager.robot.stop != confirm:

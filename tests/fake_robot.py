@@ -80,7 +80,18 @@ class FakeRobot:
         self.control = FakeControl()
         self.goals = {side: MemoryBuffer() for side in Side}
         self.motions = MotionRegistry()
-        self.executor = MotionExecutor(self.control, self.goals, self.motions, arms, YUMI_LIMITS, ManualClock(100.0))
+        self.feedback = {side: MemoryBuffer() for side in Side}
+        self.speed_scale = 1.0
+        self.executor = MotionExecutor(
+            self.control,
+            self.goals,
+            self.motions,
+            arms,
+            YUMI_LIMITS,
+            ManualClock(100.0),
+            self.feedback,
+            lambda: self.speed_scale,
+        )
 
     def rest(self, command: ControllerCommand) -> None:
         """For ``on_command``: an arm that is told to stop does."""

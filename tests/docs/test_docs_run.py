@@ -24,12 +24,18 @@ in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)
 NEEDS = {"docs/how-to/read-a-flight-record.md": "docs/tutorials/first-motion.md"}
 """Pages that go on where another one ended."""
 
+IN_TEST_COMMANDS = "needs a driver; tests/system/test_commands.py runs it"
+
 LEFT_OUT = {
     r"ros2 ": "needs ros2",
     r".*192\.168\.": "needs a real robot",
     r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
     r"yumi record show|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
+    r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
+    r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
+    r"yumi shell": "a prompt; has tests of its own",
+    r"yumi completion fish": "needs fish",
 }
 """Examples of ``--help`` that are not run, by their beginning."""
 

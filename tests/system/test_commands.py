@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Iterator, Mapping
+import re
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
+from yumi.cli import graph as graph_commands
+from yumi.cli import robot as robot_commands
 from yumi.cli.main import main
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
@@ -21,8 +25,6 @@ from yumi.robot.joints import Side, named_pose
 from yumi.virtual.controller.fault_names import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
-
-Run = Callable[..., Result]
 
 
 @pytest.fixture
@@ -102,6 +104,25 @@ def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRo
         pytest.fail("there are two drivers")
 
 
+def examples_of(commands: Sequence[click.Command]) -> Iterator[list[str]]:
+    """The commands under "Examples" in the help of commands, without those that run until Ctrl-C."""
+    for command in commands:
+        _, _, examples = (command.help or "").partition("Examples:\n")
+        for line in examples.splitlines():
+            words = shlex.split(re.split(r"\s{2,}", line.strip())[0])
+            if words and "--watch" not in words:
+                yield words[1:]
+
+
+def test_examples_of_help_work(driver: Command) -> None:
+    ran = []
+    for words in examples_of(robot_commands.COMMANDS):
+        if words[0] in ("move", "switch"):
+            run("start")
+        ran.append(run(*words))
+    assert len(ran) > 15
+
+
 def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> None:
     run("start")
     robot.happen(Fault.COLLISION)
@@ -144,7 +165,6 @@ def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
 @pytest.mark.skipif(find_spec("rclpy") is None, reason="ROS 2 is not installed")
 @pytest.mark.parametrize("driver", [[]], indirect=True)
 def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed", "1")
     assert "/r/joint_states" in run("topics")
@@ -155,3 +175,4 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "There is no field 'percents'" in refusal("call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}")
     assert json.loads(run("param", "r/joint_position_controller", "p", "1.3", "--json")) == {"p": 1.3}
     assert "was not set" in refusal("param", "r/joint_position_controller", "p", "7.5")
+    assert len([run(*words) for words in examples_of(graph_commands.COMMANDS)]) > 5

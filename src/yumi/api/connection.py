@@ -99,7 +99,7 @@ class Connection:
 
     @contextmanager
     def _endpoint(self) -> Iterator[None]:
-        """Lets commands and other scripts see this robot, and ask for things; a script does without where it cannot."""
+        """Lets commands and other scripts see this robot, and ask for things."""
         access = DriverAccess(
             robot=f"{self._settings.robot.address}:{self._settings.robot.rws_port}",
             manager=self.manager,
@@ -112,12 +112,7 @@ class Connection:
             recover=self._recover_for_client,
             calibrate=self._calibrate_for_client,
         )
-        try:
-            server = EndpointServer(access, log.log)
-        except RobotNotReady as error:
-            log.warning("The commands of yumi do not reach this script: %s", error)
-            yield
-            return
+        server = EndpointServer(access, log.log)
 
         def report(level: int, sentence: str) -> None:
             log.log(level, sentence)

@@ -93,6 +93,7 @@ def fill(message: Any, values: object) -> Any:
         SettingsError: a field is unknown, or a value does not fit.
     """
     fields: Mapping[str, str] = message.get_fields_and_field_types()
+    message._check_fields = True  # else a message takes anything, and the middleware fails with it
     if not isinstance(values, Mapping):
         raise SettingsError(f"{values!r} is no JSON object; the fields are {', '.join(fields) or 'none'}.")
     for name, value in values.items():
@@ -106,6 +107,8 @@ def fill(message: Any, values: object) -> Any:
                 package, kind = fields[name].partition("<")[2].rstrip(">").partition(",")[0].split("/")
                 made = getattr(import_module(f"{package}.msg"), kind)
                 setattr(message, name, [fill(made(), each) for each in value])
+            elif isinstance(value, str) and "string" not in fields[name].partition("<")[0]:
+                raise TypeError("a text")
             elif isinstance(now, float):
                 setattr(message, name, float(value))
             else:

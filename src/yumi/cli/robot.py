@@ -53,6 +53,7 @@ def type_for_shell(error: YumiError) -> YumiError:
     """The same refusal, with the commands of the shell in place of services and methods."""
     text = str(error)
     for service, shell in (
+        ("call robot.recover()", "run `yumi start`, or `yumi recover` after a stop"),
         ("robot.recover()", "yumi recover"),
         ("call recover", "run `yumi recover`"),
         ("(recover)", "(yumi recover)"),
@@ -83,7 +84,7 @@ def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
     \b
     Examples:
       yumi state
-      yumi state --json | python -m json.tool
+      yumi state --json
       yumi state --watch --rate 5 --json      a line of JSON five times a second, with new events
     """
     with attach(robot) as driver:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for_futures
 from contextlib import suppress
+from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
 from typing import Any, NamedTuple, Protocol
@@ -429,14 +430,12 @@ class EndpointServer:
         log: takes a level of :mod:`logging` and a sentence.
 
     Attributes:
-        path: of its socket.
-
-    Raises:
-        RobotNotReady: there is no place for its socket.
+        path: of its socket, while it serves.
     """
 
     def __init__(self, access: DriverAccess, log: Callable[[int, str], None] = lambda level, sentence: None) -> None:
-        self.path = endpoint_path(access.robot, access.namespace)
+        self.path = Path()
+        self._names = access.robot, access.namespace
         self._handlers = Handlers(access)
         self._interrupt = access.manager.interrupt
         self._log = log
@@ -465,7 +464,12 @@ class EndpointServer:
         return len(self._clients)
 
     def start(self) -> None:
-        """Serve from now on; the socket is there when this returns."""
+        """Serve from now on; the socket is there when this returns. A driver without a place for it goes on without."""
+        try:
+            self.path = endpoint_path(*self._names)
+        except RobotNotReady as error:
+            self._log(logging.WARNING, f"No command and no second script finds this driver: {error}")
+            return
         self._thread.start()
         if not self._is_listening.wait(5.0):
             self._log(

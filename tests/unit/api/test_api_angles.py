@@ -2,11 +2,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from io import StringIO
 from math import radians
 
 import pytest
 
 import yumi
+from fake_robot import FakeRobot
+from yumi.api.connect import print_step
+from yumi.api.gripper import Gripper
+from yumi.api.robot import Arm
+from yumi.robot.joints import Side, home
 
 
 def test_pendants_numbers_are_put_in_chain_order() -> None:
@@ -38,3 +44,21 @@ def test_objects_of_a_script_say_what_they_are() -> None:
         "<yumi.AsyncArm left, not connected>",
         "<yumi.AsyncGripper right, not connected>",
     ]
+
+
+def test_arm_shows_its_joints_as_the_flexpendant_does() -> None:
+    arm = Arm(Side.RIGHT, lambda: FakeRobot().executor, Gripper(Side.RIGHT, lambda: None, 10.0))  # type: ignore[arg-type,return-value]
+    assert arm.degrees == pytest.approx({"j1": 0, "j2": -130, "j3": 30, "j4": 0, "j5": 40, "j6": 0, "j7": -135})
+    shown = "<yumi.Arm right, holding: j1 0.0°  j2 -130.0°  j3 30.0°  j4 0.0°  j5 40.0°  j6 0.0°  j7 -135.0°>"
+    assert repr(arm) == shown
+    assert arm.poses["home"] == home(Side.RIGHT)
+    assert set(arm.poses) == {"home", "calibration", "ready"}
+
+
+@pytest.mark.parametrize(("is_terminal", "shown"), [(True, "yumi: motors on\n"), (False, "")])
+def test_steps_are_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch, is_terminal: bool, shown: str) -> None:
+    output = StringIO()
+    monkeypatch.setattr(output, "isatty", lambda: is_terminal)
+    monkeypatch.setattr("sys.stderr", output)
+    print_step("motors on")
+    assert output.getvalue() == shown

@@ -7,7 +7,7 @@ from math import inf, nan
 import pytest
 
 from fake_robot import FakeRobot, Switch
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionRegistry
 from yumi.control.controller import UNKNOWN, Goal, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
@@ -18,10 +18,11 @@ from yumi.control.events import (
     RobotStoppedFollowing,
     SessionLost,
 )
+from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ResultCode
 from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.joints import CHAIN_AXES, Side, home, joint_names
+from yumi.robot.joints import CHAIN_AXES, ZERO, Side, home, joint_names
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
@@ -290,3 +291,64 @@ def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, poi
     with pytest.raises(CommandRefused, match=sentence):
         robot.executor.follow({Side.LEFT: [(1.0, LEFT)], Side.RIGHT: points})  # type: ignore[dict-item]
     assert robot.control.commands == robot.control.switches == []
+
+
+def test_motion_knows_how_far_it_is(robot: FakeRobot) -> None:
+    begin = robot.control.snapshots[Side.RIGHT]
+    goal = (RIGHT[0] + 1.0, *RIGHT[1:])
+    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    (motion,) = robot.executor.move({Side.RIGHT: goal}, 0.5, 0.5)
+    whole = motion.remaining
+    assert motion.progress == 0.0
+    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.5, *RIGHT[1:]))
+    half = motion.remaining
+    assert motion.progress == pytest.approx(0.5)
+    assert whole is not None
+    assert half == pytest.approx(whole / 2.0, abs=1e-3)  # up and down take equally long
+    robot.end(robot.control.commands[0])
+    assert (motion.progress, motion.remaining) == (1.0, 0.0)
+
+
+def test_motion_takes_longer_when_the_speed_is_scaled_down(robot: FakeRobot) -> None:
+    robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], sent=RIGHT)
+    (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
+    before = motion.remaining
+    robot.speed_scale = 0.1
+    assert before is not None
+    assert motion.remaining == pytest.approx(10.0 * before)
+
+
+def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    (motion,) = robot.executor.follow({Side.RIGHT: [(4.0, RIGHT)]})
+    assert (motion.progress, motion.remaining) == (0.0, None)  # the controller has not begun
+    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO)
+    robot.feedback[Side.RIGHT].write(feedback)
+    assert (motion.progress, motion.remaining) == (0.25, 6.0)
+
+
+def test_motion_that_ended_elsewhere_stays_as_far_as_it_was(robot: FakeRobot) -> None:
+    begin = robot.control.snapshots[Side.RIGHT]
+    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
+    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.3, *RIGHT[1:]))
+    assert motion.progress == pytest.approx(0.3)
+    robot.end(robot.control.commands[0], GoalOutcome.STOPPED)
+    assert motion.progress == pytest.approx(0.3)
+    assert motion.remaining == 0.0
+
+
+def test_pose_is_reached_by_its_name(robot: FakeRobot) -> None:
+    robot.executor.move(dict.fromkeys(Side, "ready"), None, None)
+    right, left = (command.message.position for command in robot.control.commands)  # type: ignore[attr-defined]
+    assert (right[0], left[0]) == (-left[0], -right[0])  # mirrored
+    assert (right[1], right[3:]) == (left[1], left[3:])
+
+
+def test_driver_with_ros_keeps_no_fault_and_logs_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    motions = MotionRegistry(is_script=False)
+    motion = motions.begin(Side.RIGHT)
+    motions.note(LOST)
+    with pytest.raises(GoalNotReached, match="feedback lost"):
+        motion.wait()
+    assert (motions.fault(Side.RIGHT), caplog.text) == (None, "")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from yumi.control.controller import GoalKind
-from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedHistory
+from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedBytes, SharedHistory
 from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints
 
@@ -111,3 +111,19 @@ def test_pipe_passes_values_and_notices_the_end_of_the_child() -> None:
         child.pipe.receive()
     assert child.join(10.0)
     assert child.exit_code == 0
+
+
+def test_bytes_hold_the_newest_message_that_fits() -> None:
+    messages = SharedBytes(8)
+    assert messages.read() == b""
+    messages.write(b"first")
+    messages.write(b"second")
+    messages.write(b"too long for it")
+    assert messages.read() == b"second"
+
+
+def test_bytes_show_nothing_when_their_writer_died_in_the_middle_of_a_message() -> None:
+    messages = SharedBytes(8)
+    messages.write(b"first")
+    messages._memory[0] += 1  # a write has begun
+    assert messages.read() == b""

@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from yumi.control.shared_state import Snapshot
 from yumi.driver.arm import EgmArm
+from yumi.driver.endpoint import arm_report
 from yumi.egm.codec import JointCodec, RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
-from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints
+from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints, Side
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
 MESSAGE = RobotMessage(
@@ -208,3 +210,20 @@ def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it()
         assert (robot.answers(), other.answers()) == (1, 0)
         robot.close()
         other.close()
+
+
+def test_arm_keeps_the_datagram_that_it_has_answered(wire: tuple[EgmArm, Robot]) -> None:
+    kept: list[bytes] = []
+    ours, theirs = memory_links()
+    arm, robot = EgmArm(ours, SensorSession(JointCodec()), keep=kept.append), Robot(theirs)
+    message = replace(MESSAGE, utilization=0.5, torque=(1.0,) * 7)
+    robot.say(message)
+    arm.read(0.0)
+    assert kept == []
+    arm.write(ArmCommand(HOME))
+    (datagram,) = kept
+    report = arm_report(Side.RIGHT, Snapshot(is_streaming=True, is_running=True, position=HOME), datagram)
+    assert report.planned == pytest.approx(MESSAGE.planned, abs=1e-6)
+    assert report.egm is not None
+    assert (report.egm.utilization, report.egm.torque, report.egm.time) == (0.5, (1.0,) * 7, MESSAGE.measured_time)
+    assert (report.egm.motors, report.egm.motion, report.egm.rapid) == ("on", "running", "running")

@@ -1,0 +1,143 @@
+"""The commands against the whole driver and a virtual robot in memory: only the endpoint's socket is real."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from system.virtual_time_bench import System
+from yumi.api.motion import GOAL_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.cli.main import main
+from yumi.control.controller import MemoryBuffer
+from yumi.control.controllers.joint_goal import JointGoalController
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.errors import YumiError
+from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
+from yumi.virtual.controller.fault_names import Fault
+
+
+class Driver(System):
+    """The driver in memory, with its endpoint; time goes by where its robot manager waits, and in :meth:`run`."""
+
+    def __init__(self, *, are_calibrated: bool) -> None:
+        self._time = RLock()
+        self._motions = MotionRegistry(is_script=False)
+        super().__init__(are_calibrated=are_calibrated)
+        for arm in self.arms.values():
+            arm.line.manager.load(GOAL_CONTROLLER, JointGoalController(MemoryBuffer()))
+            arm.line.manager.configure(GOAL_CONTROLLER)
+        mover = MotionExecutor(
+            self,
+            {side: arm.goals for side, arm in self.arms.items()},
+            self._motions,
+            tuple(Side),
+            YUMI_LIMITS,
+            self,
+        )
+        access = DriverAccess(
+            robot="memory",
+            manager=self.manager,
+            control=self,
+            datagram=lambda side: b"",
+            grippers=self.grippers,
+            gripper_state=self.signals.state,
+            force=10.0,
+            mover=mover,
+            recover=lambda report, confirm: self.manager.recover(report, confirmed=confirm),
+            calibrate=lambda sides: self.manager.calibrate(*(self.grippers[side] for side in sides)),
+        )
+        self.server = EndpointServer(access)
+
+    def snapshot(self, side: Side) -> Any:
+        return self.control.snapshot(side)
+
+    def call(self, command: Callable[..., Any], /, *args: Any, **options: Any) -> Any:
+        with self._time:
+            return self.control.call(command, *args, **options)
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        """Exit code, output and errors of a command; time goes by meanwhile."""
+        with ThreadPoolExecutor(1) as other:
+            running = other.submit(CliRunner().invoke, main, arguments)
+            while not running.done():
+                if arguments[0] == "move":  # what waits for the robot manager lets time go by itself
+                    self.wait(0.02)
+            result = running.result()
+        return result.exit_code, result.stdout, result.stderr
+
+    def done(self, *arguments: str) -> str:
+        code, output, errors = self.run(*arguments)
+        assert code == 0, errors
+        return output
+
+    def refused(self, *arguments: str) -> str:
+        code, output, errors = self.run(*arguments)
+        assert code != 0, output
+        return errors
+
+    def _cycle(self) -> None:
+        with self._time:
+            known = {side: len(arm.events) for side, arm in self.arms.items()}
+            super()._cycle()
+            for side, arm in self.arms.items():
+                for event in arm.events[known[side] :]:
+                    self._motions.note(event)
+
+
+@pytest.fixture
+def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Driver]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    driver = Driver(are_calibrated=getattr(request, "param", False))
+    driver.client.connect()
+    driver.server.start()
+    yield driver
+    driver.server.stop()
+    with suppress(YumiError):
+        driver.client.close()
+
+
+def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
+    assert "motoroff" in driver.done("state")
+    assert driver.done("start") == "EGM runs on both arms, the controllers are active\n"
+    before = json.loads(driver.done("controllers", "--json"))["right"]
+    assert driver.done("move", "right", "ready", "--speed", "1") == "The right arm stands at the goal\n"
+    state = json.loads(driver.done("state", "--json"))
+    assert state["arms"]["right"]["position"] == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.002)
+    assert json.loads(driver.done("controllers", "--json"))["right"] == before
+    assert driver.done("stop") == "EGM has ended on both arms\n"
+    assert "EGM is not running on the right arm; run `yumi start`" in driver.refused("move", "right", "home")
+    assert driver.done("mode", "motors_off") == "The motors are off\n"
+
+
+def test_grippers_are_calibrated(driver: Driver) -> None:
+    driver.done("mode", "ready")
+    assert "is not calibrated" in driver.refused("grip", "left", "close")
+    assert driver.done("calibrate") == "The right and left grippers are calibrated\n"
+    assert driver.done("grip", "right", "open", "--width", "0.03") == "The right gripper is in place.\n"
+
+
+@pytest.mark.parametrize("driver", [True], indirect=True)
+def test_gripper_says_what_it_holds(driver: Driver) -> None:
+    driver.done("mode", "ready")
+    assert driver.done("grip", "left", "open") == "The left gripper is open.\n"
+    assert driver.done("grip", "left", "close") == "The left gripper is holding something 20.0 mm wide.\n"
+
+
+def test_collision_is_confirmed_before_anything_moves(driver: Driver) -> None:
+    driver.done("start")
+    driver.faults.happen(Fault.COLLISION)
+    driver.wait(0.5)
+    driver.refused("start")
+    state = json.loads(driver.done("state", "--json"))
+    assert "50204" in state["cause"]
+    assert f"yumi recover --confirm {state['stop']}" in driver.refused("recover")
+    assert "50204" in driver.done("recover", "--confirm", state["stop"])
+    assert json.loads(driver.done("state", "--json"))["arms"]["right"]["mode"] == "holding"
