@@ -151,7 +151,10 @@ def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells
         for robot in robots.values():
             robot.start()
             stack.callback(robot.stop)
-        names = {"cell1": ["--ros-args", "-r", "__ns:=/cell1", "--"], "cell2": ["--namespace", "cell2", "--prefix", "b_"]}
+        names = {
+            "cell1": ["--ros-args", "-r", "__ns:=/cell1", "--"],
+            "cell2": ["--namespace", "cell2", "--prefix", "b_"],
+        }
         for cell, robot in robots.items():
             address = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
             driver = Command(f"driver {cell}", ["up", *address, *names[cell]], folder / f"{cell}.log")

@@ -6,13 +6,15 @@ import json
 import re
 import subprocess
 from fnmatch import fnmatch
+from pathlib import Path
 from typing import NamedTuple
 
 import click
 import pytest
 
-from conftest import ROOT
 from yumi.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Stage(NamedTuple):

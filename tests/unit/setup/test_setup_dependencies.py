@@ -12,7 +12,8 @@ from pathlib import Path
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from conftest import ROOT
+ROOT = Path(__file__).resolve().parents[3]
+
 
 SOURCE = ROOT / "src" / "yumi"
 OF_EXTRAS = ("ros/", "testing/pytest_plugin.py")

@@ -13,7 +13,7 @@ from zipfile import ZipFile
 import pytest
 from wheel_hook import RECORDS, destination
 
-from conftest import ROOT
+ROOT = Path(__file__).resolve().parents[3]
 
 READ_SETTINGS = (
     "import yumi.driver.settings as s; from yumi.robot.joints import Side; "
