@@ -28,7 +28,7 @@ LEFT_OUT = {
     r"ros2 ": "needs ros2",
     r".*192\.168\.": "needs a real robot",
     r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
-    r"yumi record show|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
+    r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
 }
 """Examples of ``--help`` that are not run, by their beginning."""
