@@ -13,7 +13,7 @@ from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.robot.kinematics import tool0_to_body
 
-sys.path.insert(0, str(ROOT / "docs" / "images"))
+sys.path.append(str(ROOT / "docs" / "images"))
 
 import make_robot
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from doc_pages import ROOT, inventory, other_pages, pages, read
 
-sys.path.insert(0, str(ROOT / "setup"))
+sys.path.append(str(ROOT / "setup"))
 
 import docs_site
 
