@@ -17,7 +17,7 @@ help:
 	@echo 'make check         the same without the tests'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every machine, one for this Python with the message packages built'
-	@echo 'make docs          the documentation as a site, in build/site, from an environment of its own (build/docs)'
+	@echo 'make docs          the documentation as a site, in build/site'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
@@ -51,11 +51,9 @@ wheels: setup
 	@.venv/bin/python -m hatchling build -t wheel -d dist
 	@HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 .venv/bin/python -m hatchling build -t wheel -d dist
 
-# MkDocs and its theme are no part of .venv: nothing that runs a robot needs them.
-docs:
-	@python=$$(sh setup/find_python.sh '$(PYTHON)') && test -x build/docs/bin/mkdocs || { "$$python" -m venv build/docs && \
-	    build/docs/bin/pip --quiet install --requirement setup/docs_requirements.txt; }
-	build/docs/bin/mkdocs build --strict $(ARGS)
+# Links in the pages and docstrings are checked: a warning ends it.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict $(ARGS)
 
 constraints: setup
 	@.venv/bin/python -m venv build/uv

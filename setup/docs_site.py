@@ -67,8 +67,8 @@ def messages_page() -> str:
         "# Messages and what to do",
         "",
         f"The {len(found)} messages with which this package refuses or fails, collected from its sources when this "
-        "site was built. `…` stands for a value. Search for words of yours (press `s`). Each says what was wrong, "
-        "what is allowed and, where there is something to do, what. Conditions for moving have a [page of their "
+        "site was built. `…` stands for a value. Search for a few words of yours (press `s`): each says what was "
+        "wrong, what is allowed and, where there is something to do, what. Conditions for moving have a [page of their "
         "own](readiness.md), events of the controller are explained in [recovery](recovery.md).",
         "",
     ]
@@ -118,7 +118,12 @@ def on_files(files: Any, config: Any) -> Any:
     """Add the pages that exist in the site alone."""
     from mkdocs.structure.files import File  # noqa: PLC0415 - the tests of this file do not need MkDocs
 
-    contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    contributing = (
+        (ROOT / "CONTRIBUTING.md")
+        .read_text(encoding="utf-8")
+        .replace("](docs/", "](")
+        .replace("[CHANGELOG](CHANGELOG.md)", "`CHANGELOG.md`")
+    )
     for name, content in ((MESSAGES, messages_page()), (CONTRIBUTING, contributing)):
         files.append(File.generated(config, name, content=content))
     return files
@@ -127,6 +132,11 @@ def on_files(files: Any, config: Any) -> Any:
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     """Rewrite a page before it is rendered."""
     return rewritten(markdown, ROOT / "docs" / page.file.src_uri)
+
+
+def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
+    """Without the colons before an example in a docstring, which Markdown does not know."""
+    return html.replace("<p>::</p>", "")
 
 
 def _text(node: ast.expr) -> str:

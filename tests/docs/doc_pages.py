@@ -20,11 +20,12 @@ mark                                             meaning
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-LANGUAGES = {"bash", "python", "text", "yaml", "rapid"}
+LANGUAGES = {"bash", "python", "text", "yaml", "rapid", "mermaid"}
 _MARKS = re.compile(r"not run: .+|test: background(, fails)?(, shows .+)?|output( of .+)?")
 _CTRL_C = re.compile(r"<!-- test: Ctrl-C (.+) -->")
 _FENCE = re.compile(r"^ *```(\S*)$")
@@ -86,7 +87,7 @@ def fences_of(page: str, text: str) -> list[Fence]:
             content.append(line)
         elif end := _CTRL_C.match(line):
             found.append(Fence(page, number, "Ctrl-C", end[1]))
-        elif comment:
+        elif comment and not comment[1].startswith("Written by "):
             mark = comment[1]
             if not _MARKS.fullmatch(mark):
                 raise BadPage(f"{page}:{number}: {mark!r} is not a mark of a fence; see {Path(__file__).name}.")
@@ -98,6 +99,25 @@ def fences_of(page: str, text: str) -> list[Fence]:
 def pages() -> list[str]:
     """The pages whose commands must work: README, tutorials and how-tos."""
     return ["README.md", *(str(file.relative_to(ROOT)) for name in ("tutorials", "how-to") for file in _pages_in(name))]
+
+
+def other_pages() -> list[str]:
+    """The other pages: what is fenced in them is not run, and says why."""
+    files = (*(ROOT / "docs").rglob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "src/yumi/controller_files/README.md")
+    return sorted({str(file.relative_to(ROOT)) for file in files} - set(pages()))
+
+
+def inventory() -> tuple[int, Counter[str]]:
+    """How many commands and scripts of all pages the tests run, and why the others are not."""
+    run, left_out = 0, Counter[str]()
+    for page in (*pages(), *other_pages()):
+        for fence in read(page):
+            count = len(fence.commands) if fence.language == "bash" else int(fence.language == "python")
+            if fence.reason:
+                left_out[fence.reason] += count
+            else:
+                run += count
+    return run, left_out
 
 
 def read(page: str, root: Path = ROOT) -> list[Fence]:

@@ -30,7 +30,7 @@ LEFT_OUT = {
     r"ros2 ": "needs ros2",
     r".*192\.168\.": "needs a real robot",
     r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
-    r"yumi record show|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
+    r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,

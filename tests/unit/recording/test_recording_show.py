@@ -4,12 +4,13 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 
 from flight import LOST, SENTENCE, flown
 from yumi.cli.main import main
 from yumi.errors import CommandRefused
-from yumi.recording.mcap import Recording, recorded_event, write_flight_record
-from yumi.recording.pictures import draw_recording, quantile
+from yumi.recording.mcap import Recording, read_recording, recorded_event, write_flight_record
+from yumi.recording.pictures import GAP, draw_recording, gaps_of, quantile
 from yumi.robot.joints import Side
 
 PNG = b"\x89PNG\r\n"
@@ -57,6 +58,32 @@ def test_show_draws_a_picture(runner: CliRunner, file: Path, tmp_path: Path) -> 
     result = runner.invoke(main, ["record", "show", str(file), "--picture", str(picture)])
     assert f"Picture: {picture}" in result.output
     assert picture.read_bytes().startswith(PNG)
+
+
+def test_picture_draws_what_moved_and_puts_the_event_in_the_middle(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures = []
+    monkeypatch.setattr(
+        "yumi.recording.pictures._figure", lambda width, height: figures.append(Figure((width, height))) or figures[-1]
+    )
+    draw_recording(read_recording(file), Side.RIGHT, tmp_path / "stop.png")
+    panels = figures[0].axes
+    titles = [panel.get_title() for panel in panels]
+    # Axis 1 of the motion stands still; the chain order is 1 2 7 3 4 5 6.
+    assert titles[:6] == [f"axis {axis} [°]" for axis in (2, 7, 3, 4, 5, 6)]
+    assert titles[6:] == ["error: sent − measured [°]", "stages of a cycle [µs]"]
+    for panel in panels:
+        begin, end = panel.get_xlim()
+        assert begin == -end
+
+
+def test_gap_is_where_no_cycle_was_recorded() -> None:
+    frames = flown(30).frames()
+    kept = (*frames[:10], *frames[20:])
+    assert gaps_of(frames) == []
+    assert gaps_of(kept) == [(frames[9].time, frames[20].time)]
+    assert frames[20].time - frames[9].time > GAP
 
 
 def test_show_says_that_the_other_arm_is_not_recorded(runner: CliRunner, file: Path) -> None:

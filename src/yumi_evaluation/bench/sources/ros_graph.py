@@ -36,9 +36,8 @@ BURST_PERIOD = BURST / 0.3
 
 
 class AbsentRobot:
-    """In the place of a robot manager, its watch or a gripper."""
+    """In the place of a robot manager, its monitor, or the grippers and their signals."""
 
-    wanted = ()
     speed = SpeedSetting()
 
     def __getattr__(self, name: str) -> Callable[..., NoReturn]:
@@ -54,16 +53,12 @@ class AbsentRobot:
     def joints(self, side: Side) -> None:
         """No joints are read from it."""
 
-    def state(self) -> RobotState:
-        """Nothing is known of it."""
-        return RobotState()
+    def when_ready(self, prepare: Callable[[], None]) -> None:
+        """It never is."""
 
-    @property
-    def vacuum(self) -> AbsentRobot:
-        return self
-
-    def reading(self, side: Side) -> None:
-        """Nothing is known of its grippers."""
+    def state(self, side: Side | None = None) -> RobotState | None:
+        """Nothing is known of it, nor of the gripper of a side."""
+        return RobotState() if side is None else None
 
     def close(self) -> None:
         """Nothing to close."""

@@ -1,0 +1,52 @@
+"""The picture of the robot follows its URDF."""
+
+from __future__ import annotations
+
+import sys
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from doc_pages import ROOT
+
+from yumi.robot.description import robot_description
+from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
+from yumi.robot.kinematics import tool0_to_body
+
+sys.path.append(str(ROOT / "docs" / "images"))
+
+import make_robot
+
+URDF = ET.fromstring(robot_description().encode())
+
+
+def test_links_are_where_the_kinematics_say() -> None:
+    positions = {name: value for side in Side for name, value in zip(joint_names(side), home(side), strict=True)}
+    links = make_robot.links_of(URDF, positions)
+    grippers = [link for link in links if link.color == make_robot.COLORS["abb_graphite"]]
+    found = sorted((tuple(link.to_base[:3, 3]) for link in grippers), key=lambda place: place[1])
+    for place, side in zip(found, (Side.RIGHT, Side.LEFT), strict=True):
+        assert place == pytest.approx(tool0_to_body(side, home(side)).position, abs=1e-5)
+
+
+def test_cylinder_with_equal_balls_at_its_ends_is_a_capsule() -> None:
+    upper_arm = URDF.find("link[@name='yumi_link_1_r']")
+    assert upper_arm is not None
+    solids = [solid for each in upper_arm.iter("visual") if (solid := make_robot.solid_of(each))]
+    assert {solid.kind for solid in make_robot.with_capsules(solids)} == {"capsule"}
+
+
+def test_picture_shows_the_robot_on_a_transparent_background() -> None:
+    links = make_robot.links_of(URDF, make_robot.positions_at(0.3))
+    alpha = np.asarray(make_robot.render(links, 48, 32))[..., 3]
+    assert alpha[0].max() == 0
+    assert 0.1 < (alpha == 255).mean() < 0.6
+
+
+def test_motion_ends_where_it_began_and_every_pose_is_in_range() -> None:
+    assert make_robot.positions_at(0.0) == pytest.approx(make_robot.positions_at(0.99999), abs=1e-3)
+    for number in range(16):
+        positions = make_robot.positions_at(number / 16)
+        for side in Side:
+            for index, name in enumerate(joint_names(side)):
+                assert YUMI_LIMITS.lower[index] < positions[name] < YUMI_LIMITS.upper[index]

@@ -1,0 +1,109 @@
+"""The pages as a site: navigation and links are complete, and every command has a test or a reason."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from doc_pages import ROOT, inventory, other_pages, pages, read
+
+sys.path.append(str(ROOT / "setup"))
+
+import docs_site
+
+DOCS = ROOT / "docs"
+FILES = sorted(DOCS.rglob("*.md"))
+_LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def navigation() -> list[str]:
+    """The pages that mkdocs.yml names, and those that the hook adds."""
+
+    def flat(entry: object) -> list[str]:
+        if isinstance(entry, str):
+            return [entry]
+        parts = entry.values() if isinstance(entry, dict) else entry if isinstance(entry, list) else ()
+        return [page for part in parts for page in flat(part)]
+
+    class Loader(yaml.SafeLoader):
+        """mkdocs.yml may name Python objects."""
+
+    return [*flat(yaml.load((ROOT / "mkdocs.yml").read_text(), Loader)["nav"]), *docs_site.decisions().values()]
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors of a page's headings, as Markdown makes them."""
+    titles = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.replace("`", "").lower()).strip().replace(" ", "-") for title in titles}
+
+
+def test_navigation_names_every_page_once() -> None:
+    named = navigation()
+    assert sorted(named) == sorted(
+        {*(str(file.relative_to(DOCS)) for file in DOCS.rglob("*.md")), *docs_site.GENERATED}
+    )
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "CONTRIBUTING.md", *(str(f.relative_to(ROOT)) for f in DOCS.rglob("*.md"))]
+)
+def test_links_of_a_page_lead_somewhere(page: str) -> None:
+    text = re.sub(r"```.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL)
+    broken = []
+    for target in _LINK.findall(text):
+        file, _, anchor = target.partition("#")
+        if "://" in target or target.startswith("mailto:"):
+            continue
+        place = ((ROOT / page).parent / file).resolve() if file else ROOT / page
+        generated = str(place).removeprefix(f"{DOCS}/") in docs_site.GENERATED
+        found = generated or place.exists()
+        if found and anchor and not generated and place.suffix == ".md":
+            found = anchor in anchors(place.read_text(encoding="utf-8"))
+        if not found:
+            broken.append(target)
+    assert broken == []
+
+
+def test_picture_of_a_page_is_described() -> None:
+    for file in (ROOT / "README.md", *DOCS.rglob("*.md")):
+        assert "![](" not in file.read_text(encoding="utf-8"), file
+
+
+def test_link_out_of_the_pages_becomes_the_name_of_the_file() -> None:
+    page = DOCS / "reference" / "egm.md"
+    assert docs_site.rewritten("see [`egm.proto`](../../src/yumi/egm/egm.proto).", page) == "see `egm.proto`."
+    named = docs_site.rewritten("see [the schema](../../src/yumi/egm/egm.proto)", page)
+    assert named == "see the schema (`src/yumi/egm/egm.proto` in the repository)"
+    for kept in ("[x](egm.md#a)", "[x](https://example.org/a)"):
+        assert docs_site.rewritten(kept, page) == kept
+
+
+def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
+    (tmp_path / "errors.py").write_text('class Bad(Exception):\n    """It is bad.\n\n    More.\n    """\n')
+    (tmp_path / "part.py").write_text(
+        'raise Bad(f"The {name} gripper is not there" f" at {place}.")\nraise Bad(text)\n'
+    )
+    (found,) = docs_site.messages(tmp_path)
+    assert (found.error, found.text) == ("Bad", "The … gripper is not there at ….")
+    assert docs_site.error_classes(tmp_path / "errors.py") == {"Bad": "It is bad."}
+
+
+def test_page_of_messages_has_those_a_user_meets() -> None:
+    page = docs_site.messages_page()
+    assert "## RobotNotReady" in page
+    assert "gripper is not calibrated; calibrate it first" in page
+
+
+@pytest.mark.parametrize("page", other_pages())
+def test_command_or_script_of_a_page_that_is_not_run_has_a_reason(page: str) -> None:
+    unexplained = [fence for fence in read(page) if fence.language in {"bash", "python"} and not fence.reason]
+    assert [f"{fence.page}:{fence.line}" for fence in unexplained] == []
+
+
+def test_inventory_counts_what_runs_and_gives_a_reason_for_the_rest() -> None:
+    run, left_out = inventory()
+    assert run > len(pages())
+    assert all(len(reason) > 5 for reason in left_out)
