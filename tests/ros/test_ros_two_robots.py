@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -32,7 +35,7 @@ from yumi.robot.joints import CHAIN_AXES, Side, home
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-FOUND = 1.0  # [s] from the driver's ready line until a client of another process has its services
+FOUND = 1.0  # [s] from a new process's first node to the driver's answer
 MOVED = 0.05  # [rad]
 PREFIXES = {"cell1": "", "cell2": "b_"}
 ARMS = {prefix: [f"{prefix}yumi_joint_{axis}_{side}" for side in "rl" for axis in CHAIN_AXES] for prefix in ("", "b_")}
@@ -169,11 +172,31 @@ def _made(folder: Path) -> Path:
     return folder
 
 
-def test_services_are_found_within_a_second_and_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:
-    begin = time.monotonic()
+ASK = """
+import sys, time
+import rclpy
+from std_srvs.srv import Trigger
+rclpy.init()
+begin, node = time.monotonic(), rclpy.create_node("asker")
+service = node.create_client(Trigger, sys.argv[1])
+while not service.service_is_ready() and time.monotonic() - begin < 20.0:
+    rclpy.spin_once(node, timeout_sec=0.01)
+answer = service.call_async(Trigger.Request())
+rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
+print(time.monotonic() - begin if answer.result().message else "no answer")
+"""
+
+
+@pytest.mark.real_time
+def test_new_process_has_an_answer_within_a_second(cells: Cells) -> None:
+    ask = [sys.executable, "-c", ASK, "/cell1/yumi_robot_manager/get_state"]
+    took = [float(subprocess.run(ask, capture_output=True, check=True, timeout=30.0).stdout) for _ in range(5)]
+    assert median(took) < FOUND  # with Fast DDS's own announcements it is 1.5 s, and up to 3 s
+
+
+def test_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:
     for cell in PREFIXES:
         assert "EGM off" in cells.call(f"/{cell}/yumi_robot_manager/get_state").message
-    assert time.monotonic() - begin < FOUND
     cells.wait(1.5)
     nodes = [f"{space}/{name}".replace("//", "/") for name, space in cells.client.node.get_node_names_and_namespaces()]
     ours = [name for name in nodes if not name.startswith(("/test_client", "/rosout"))]
