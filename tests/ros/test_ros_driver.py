@@ -220,7 +220,7 @@ def test_every_status_of_a_healthy_robot_is_ok(request: pytest.FixtureRequest, s
         return len(statuses) == 11 and all(status.level == DiagnosticStatus.OK for status in statuses.values())
 
     try:
-        client.until(are_ok, 20.0)
+        client.until(are_ok)
     except AssertionError:
         found = [f"{each.name}: {each.message}" for each in statuses.values() if each.level != DiagnosticStatus.OK]
         pytest.fail(f"{len(statuses)} statuses; not OK: {found}")

@@ -38,7 +38,7 @@ from yumi.settings import Values
 INTERFACE_KINDS = ("position", "velocity")
 """What each joint offers, both as command and as state."""
 
-STATISTICS_WINDOW = 10.0
+STATISTICS_WINDOW = 5.0
 """Times of the hardware are those of the last whole window [s]: what was long ago says nothing of the arm now."""
 
 _ALLOWED = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE)

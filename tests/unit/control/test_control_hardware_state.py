@@ -4,7 +4,7 @@ import pytest
 
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.control.controller import InterfaceInfo, State
-from yumi.control.controller_manager import ControllerManager
+from yumi.control.controller_manager import STATISTICS_WINDOW, ControllerManager
 from yumi.control.statistics import MARK_COUNT, Statistics
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side, joint_names
@@ -112,3 +112,13 @@ def test_hardware_counts_no_period_from_one_session_to_the_next(manager: Control
     for session in (1, 2):
         manager.note_times(RUNNING._replace(session=session), [0.0] * MARK_COUNT)
     assert manager.hardware().period == Statistics()
+
+
+def test_hardware_forgets_how_it_was_a_window_ago(manager: ControllerManager) -> None:
+    now, longest = 1.0, []
+    for number in range(round(3.0 * STATISTICS_WINDOW / 0.1)):
+        now += 1.5 if number == 5 else 0.1  # one long pause at the beginning
+        manager.note_times(RUNNING._replace(time=now), [0.0] * MARK_COUNT)
+        longest.append(manager.hardware().period.maximum)
+    assert max(longest) == pytest.approx(1.5)
+    assert longest[-1] == pytest.approx(0.1)
