@@ -587,13 +587,14 @@ class EndpointServer:
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
+        due = loop.time()
         while not client.is_gone:
-            begun = loop.time()
             state = await loop.run_in_executor(self._workers, self._state)
             events = self._handlers.events_since(known)
             known = events[-1].number if events else known
             client.send(Answer(id=request.id, state=state, events=events))
-            await asyncio.sleep(max(0.0, begun + 1.0 / request.rate - loop.time()))
+            due = max(due + 1.0 / request.rate, loop.time())
+            await asyncio.sleep(due - loop.time())
 
     def _state(self) -> msgspec.Raw:
         """The state as JSON, made once for all who want it at the same time."""
