@@ -143,6 +143,7 @@ class DriverAccess(NamedTuple):
         recover: recovers, with a report of each step and the stop that was confirmed; returns what was done.
         calibrate: calibrates grippers.
         check_arms: refuses what needs an arm that a user has deactivated.
+        on_change: called after each request that may have changed controllers or EGM.
         namespace: of its ROS nodes.
     """
 
@@ -157,6 +158,7 @@ class DriverAccess(NamedTuple):
     recover: Callable[[Report, str], str]
     calibrate: Callable[[Sequence[Side]], None]
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
+    on_change: Callable[[], None] = lambda: None
     namespace: str = ""
 
 
@@ -203,7 +205,11 @@ class Handlers:
         Raises:
             YumiError: it is refused, or has failed.
         """
-        return HANDLERS[type(request)](self, request, caller)
+        try:
+            return HANDLERS[type(request)](self, request, caller)
+        finally:
+            if not isinstance(request, GetState | GetControllers):
+                self._access.on_change()
 
     # What only looks
 

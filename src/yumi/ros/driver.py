@@ -149,8 +149,8 @@ class RosDriver:
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
-        self._services = RobotManagerServices(self._node, manager, self.check_arms, self._update_activity)
-        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self._update_activity)
+        self._services = RobotManagerServices(self._node, manager, self.check_arms, self.update_activity)
+        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self.update_activity)
         self._speed = SpeedScaleInterface(self._node, manager.speed)
         self._executors.add_multi_threaded("services", self._node)
         self._executors.add_multi_threaded("services-dual", dual)
@@ -250,7 +250,8 @@ class RosDriver:
                     f"(/{side.value}/controller_manager/set_hardware_component_state)."
                 )
 
-    def _update_activity(self) -> None:
+    def update_activity(self) -> None:
+        """Publish which controllers are active where that has changed."""
         for arm in self._arms.values():
             arm.update()
 

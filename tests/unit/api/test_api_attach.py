@@ -121,6 +121,7 @@ def test_requests_reach_the_robot_manager(driver: FakeDriver) -> None:
     assert driver.manager.asked == [(Side.RIGHT,), None, Mode.MOTORS_OFF, "stop"]
     assert driver.calibrated == [(Side.LEFT,)]
     assert steps == ["motors off"]
+    assert len(driver.changes) == 6  # the state that was asked for changed nothing
 
 
 def test_stop_has_to_be_confirmed_by_its_id(driver: FakeDriver, attached: RunningDriver) -> None:
