@@ -81,6 +81,7 @@ class FakeDriver:
         self.manager = FakeManager()
         self.grippers = {side: FakeGripper() for side in Side}
         self.recovered: list[str] = []
+        self.changes: list[int] = []
         self.calibrated: list[Sequence[Side]] = []
         self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
         for side in Side:
@@ -96,6 +97,7 @@ class FakeDriver:
             mover=self.robot.executor,
             recover=self.recover,
             calibrate=self.calibrated.append,
+            on_change=lambda: self.changes.append(len(self.changes)),
         )
         self.server = EndpointServer(access, log)
 

@@ -272,6 +272,7 @@ def _endpoint_of(
         recover=lambda report, confirm: manager.recover(report, confirmed=confirm),
         calibrate=lambda sides: manager.calibrate(*(parts.grippers[side] for side in sides)),
         check_arms=front.check_arms,
+        on_change=front.update_activity,
     )
     return EndpointServer(access, front.log)
 
@@ -309,6 +310,9 @@ class DriverWithoutRos:
 
     def check_arms(self, sides: Sequence[Side]) -> None:
         """No arm can be deactivated without ROS."""
+
+    def update_activity(self) -> None:
+        """There is no topic for it."""
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""

@@ -143,6 +143,7 @@ class DriverAccess(NamedTuple):
         recover: recovers, with a report of each step and the stop that was confirmed; returns what was done.
         calibrate: calibrates grippers.
         check_arms: refuses what needs an arm that a user has deactivated.
+        on_change: called after each request that may have changed controllers or EGM.
         namespace: of its ROS nodes.
     """
 
@@ -157,6 +158,7 @@ class DriverAccess(NamedTuple):
     recover: Callable[[Report, str], str]
     calibrate: Callable[[Sequence[Side]], None]
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
+    on_change: Callable[[], None] = lambda: None
     namespace: str = ""
 
 
@@ -203,7 +205,11 @@ class Handlers:
         Raises:
             YumiError: it is refused, or has failed.
         """
-        return HANDLERS[type(request)](self, request, caller)
+        try:
+            return HANDLERS[type(request)](self, request, caller)
+        finally:
+            if not isinstance(request, GetState | GetControllers):
+                self._access.on_change()
 
     # What only looks
 
@@ -339,39 +345,47 @@ class Handlers:
                         f"The {side.word} arm moves, commanded by {', '.join(names) or 'no controller'}; wait until "
                         "it stands."
                     )
-            motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
             try:
-                self._wait(motions, request.timeout, caller)
-            except BaseException:
-                with suppress(YumiError):  # what ended the wait is what a person must read
-                    access.mover.stop([motion.side for motion in motions if not motion.future.done()])
+                motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
+            except YumiError:  # refused: nothing has moved
+                self._give_back(before)
                 raise
-            for side, names in before.items():
-                now = access.mover.commanding(side)
-                if names and names != now and access.control.snapshot(side).is_running:
-                    access.control.call(Commands.switch_controllers, side, names, now)
+            self._wait(motions, request.timeout, caller)
+            self._give_back(before)
         finally:
             self._moving.release()
         return (
             f"The {' and the '.join(side.word for side in goals)} arm stand{'' if len(goals) > 1 else 's'} at the goal"
         )
 
+    def _give_back(self, commanding: Mapping[Side, tuple[str, ...]]) -> None:
+        """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
+        access = self._access
+        for side, names in commanding.items():
+            now = access.mover.commanding(side)
+            if names and names != now and access.control.snapshot(side).is_running:
+                access.control.call(Commands.switch_controllers, side, names, now)
+
     def _wait(self, motions: Sequence[RunningMotion], timeout: float | None, caller: Caller) -> None:
-        """Until all arms stand at their goals; raises GoalNotReached when one ends elsewhere."""
+        """Until all arms stand at their goals; else those that still move are stopped, and GoalNotReached is raised."""
         deadline = None if timeout is None else time.monotonic() + timeout
         futures = [motion.future for motion in motions]
-        while not all(future.done() for future in futures):
-            done, _ = wait_for_futures(futures, _LOOK, FIRST_EXCEPTION)
-            if any(future.exception() for future in done):
-                break
-            caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
-            if caller.is_gone():
-                raise GoalNotReached("The motion was stopped: who asked for it is gone.")
-            if deadline is not None and time.monotonic() > deadline:
-                raise GoalNotReached(f"The motion was stopped: it took longer than {timeout:g} s.")
-        for future in futures:
-            if future.done():
+        try:
+            while not all(future.done() for future in futures):
+                done, _ = wait_for_futures(futures, _LOOK, FIRST_EXCEPTION)
+                for future in done:
+                    future.result()
+                caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
+                if caller.is_gone():
+                    raise GoalNotReached("The motion was stopped: who asked for it is gone.")
+                if deadline is not None and time.monotonic() > deadline:
+                    raise GoalNotReached(f"The motion was stopped: it took longer than {timeout:g} s.")
+            for future in futures:
                 future.result()
+        except BaseException:
+            with suppress(YumiError):  # what ended the motion is what a person must read
+                self._access.mover.stop([motion.side for motion in motions if not motion.future.done()])
+            raise
 
 
 HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
@@ -587,13 +601,14 @@ class EndpointServer:
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
+        due = loop.time()
         while not client.is_gone:
-            begun = loop.time()
             state = await loop.run_in_executor(self._workers, self._state)
             events = self._handlers.events_since(known)
             known = events[-1].number if events else known
             client.send(Answer(id=request.id, state=state, events=events))
-            await asyncio.sleep(max(0.0, begun + 1.0 / request.rate - loop.time()))
+            due = max(due + 1.0 / request.rate, loop.time())
+            await asyncio.sleep(due - loop.time())
 
     def _state(self) -> msgspec.Raw:
         """The state as JSON, made once for all who want it at the same time."""

@@ -169,8 +169,8 @@ class RosDriver:
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
-        self._services = RobotManagerServices(self._node, manager, self.check_arms, self._update_activity)
-        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self._update_activity)
+        self._services = RobotManagerServices(self._node, manager, self.check_arms, self.update_activity)
+        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self.update_activity)
         self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
         signal_timers = TimerThread(clock, log_error, "signal-timers")
         self._signals = SignalsTopic(self._node, manager.signals, signal_timers)
@@ -300,7 +300,8 @@ class RosDriver:
                     f"({self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state)."
                 )
 
-    def _update_activity(self) -> None:
+    def update_activity(self) -> None:
+        """Publish which controllers are active where that has changed."""
         for arm in self._arms.values():
             arm.update()
 

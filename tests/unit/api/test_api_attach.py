@@ -121,6 +121,7 @@ def test_requests_reach_the_robot_manager(driver: FakeDriver) -> None:
     assert driver.manager.asked == [(Side.RIGHT,), None, Mode.MOTORS_OFF, "stop"]
     assert driver.calibrated == [(Side.LEFT,)]
     assert steps == ["motors off"]
+    assert len(driver.changes) == 6  # the state that was asked for changed nothing
 
 
 def test_stop_has_to_be_confirmed_by_its_id(driver: FakeDriver, attached: RunningDriver) -> None:
@@ -174,6 +175,23 @@ def test_controller_that_commanded_the_arm_does_so_again(driver: FakeDriver, att
     driver.arrive()
     attached.move_to(right="home")
     assert driver.robot.executor.commanding(Side.RIGHT) == (STREAM_CONTROLLER,)
+
+
+def test_controller_that_commanded_the_arm_does_so_again_after_a_refusal(
+    driver: FakeDriver, attached: RunningDriver
+) -> None:
+    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    driver.robot.control.refuses = True
+    with pytest.raises(CommandRefused, match="Not now"):
+        attached.move_to(right="home")
+    assert driver.robot.executor.commanding(Side.RIGHT) == (STREAM_CONTROLLER,)
+
+
+def test_arm_whose_motion_was_stopped_holds(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.robot.executor._activate([Side.RIGHT], STREAM_CONTROLLER)
+    with pytest.raises(GoalNotReached):
+        attached.move_to(right="home", timeout=0.05)
+    assert driver.robot.executor.commanding(Side.RIGHT) == (GOAL_CONTROLLER,)
 
 
 @pytest.mark.parametrize(
