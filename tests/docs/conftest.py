@@ -27,7 +27,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         except BadPage as error:  # a test reports it, too
             terminalreporter.write_line(str(error))
             return
-        where = "of all pages are run by tests (none in this run)"
+        where = "of all pages and of --help are run by tests (none in this run)"
     terminalreporter.write_line(f"{run} commands {where}, {sum(reasons.values())} are not:")
     for reason, count in reasons.most_common():
         terminalreporter.write_line(f"  {count:3} {reason}")

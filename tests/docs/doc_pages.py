@@ -21,11 +21,31 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
+
+from yumi.cli.main import main
+
 ROOT = Path(__file__).parents[2]
 LANGUAGES = {"bash", "python", "text", "yaml", "rapid", "mermaid"}
+IN_TEST_COMMANDS = "needs a driver; tests/system/test_commands.py runs it"
+
+LEFT_OUT = {
+    r"ros2 ": "needs ros2",
+    r".*192\.168\.": "needs a real robot",
+    r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
+    r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
+    r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
+    r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
+    r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
+    r"yumi shell": "a prompt; has tests of its own",
+    r"yumi completion fish": "needs fish",
+}
+"""Examples of ``--help`` that are not run, by their beginning."""
+
 _MARKS = re.compile(r"not run: .+|test: background(, fails)?(, shows .+)?|output( of .+)?")
 _CTRL_C = re.compile(r"<!-- test: Ctrl-C (.+) -->")
 _FENCE = re.compile(r"^ *```(\S*)$")
@@ -101,6 +121,20 @@ def pages() -> list[str]:
     return ["README.md", *(str(file.relative_to(ROOT)) for name in ("tutorials", "how-to") for file in _pages_in(name))]
 
 
+def help_examples() -> Iterator[str]:
+    """All commands under "Example" in the help of ``yumi`` and its commands."""
+    commands = [main, *main.commands.values()]
+    commands += [
+        each for group in main.commands.values() if isinstance(group, click.Group) for each in group.commands.values()
+    ]
+    for command in commands:
+        _, found, examples = (command.help or "").partition("Example")
+        for line in examples.splitlines()[1:] if found else ():
+            if not line.strip():
+                break
+            yield re.split(r"\s{2,}", line.strip())[0]
+
+
 def other_pages() -> list[str]:
     """The other pages: what is fenced in them is not run, and says why."""
     files = (*(ROOT / "docs").rglob("*.md"), ROOT / "CONTRIBUTING.md", ROOT / "src/yumi/controller_files/README.md")
@@ -108,7 +142,7 @@ def other_pages() -> list[str]:
 
 
 def inventory() -> tuple[int, Counter[str]]:
-    """How many commands and scripts of all pages the tests run, and why the others are not."""
+    """How many commands and scripts of all pages and of ``--help`` the tests run, and why the others are not."""
     run, left_out = 0, Counter[str]()
     for page in (*pages(), *other_pages()):
         for fence in read(page):
@@ -117,6 +151,11 @@ def inventory() -> tuple[int, Counter[str]]:
                 left_out[fence.reason] += count
             else:
                 run += count
+    for command in dict.fromkeys(help_examples()):
+        reason = next((reason for pattern, reason in LEFT_OUT.items() if re.match(pattern, command)), "")
+        left_out[reason] += bool(reason)
+        run += not reason
+    del left_out[""]
     return run, left_out
 
 

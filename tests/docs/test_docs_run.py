@@ -7,13 +7,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import click
 import pytest
 import yaml
-from doc_pages import ROOT, BadPage, Fence, fences_of, pages, read
+from doc_pages import LEFT_OUT, ROOT, BadPage, Fence, fences_of, help_examples, pages, read
 from terminals import SERVER, Pages, Terminals, has_lines
 
-from yumi.cli.main import main
 from yumi.driver.settings import config_folder, read_controllers, read_settings
 from yumi.driver.wiring import check_controllers
 from yumi.errors import SettingsError
@@ -23,21 +21,6 @@ in_real_time = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(300)
 
 NEEDS = {"docs/how-to/read-a-flight-record.md": "docs/tutorials/first-motion.md"}
 """Pages that go on where another one ended."""
-
-IN_TEST_COMMANDS = "needs a driver; tests/system/test_commands.py runs it"
-
-LEFT_OUT = {
-    r"ros2 ": "needs ros2",
-    r".*192\.168\.": "needs a real robot",
-    r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
-    r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
-    r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
-    r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
-    r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
-    r"yumi shell": "a prompt; has tests of its own",
-    r"yumi completion fish": "needs fish",
-}
-"""Examples of ``--help`` that are not run, by their beginning."""
 
 
 @pytest.mark.parametrize("page", [pytest.param(page, marks=in_real_time) for page in pages()])
@@ -97,20 +80,6 @@ def read_yaml(text: str, folder: Path) -> None:
 def test_settings_that_the_driver_refuses_are_found(text: str, sentence: str, tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=re.escape(sentence)):
         read_yaml(text, tmp_path)
-
-
-def help_examples() -> Iterator[str]:
-    """All commands under "Example" in the help of ``yumi`` and its commands."""
-    commands = [main, *main.commands.values()]
-    commands += [
-        each for group in main.commands.values() if isinstance(group, click.Group) for each in group.commands.values()
-    ]
-    for command in commands:
-        _, found, examples = (command.help or "").partition("Example")
-        for line in examples.splitlines()[1:] if found else ():
-            if not line.strip():
-                break
-            yield re.split(r"\s{2,}", line.strip())[0]
 
 
 @pytest.fixture
