@@ -6,8 +6,8 @@ from inspect import iscoroutinefunction, signature
 from typing import cast
 
 import pytest
-from fake_robot import FakeRobot
 
+from fake_robot import FakeRobot
 from yumi.api.asynchronous import AsyncArm, AsyncGripper, AsyncRobot
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion

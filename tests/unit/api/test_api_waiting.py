@@ -4,8 +4,8 @@ from threading import Timer
 from unittest.mock import patch
 
 import pytest
-from fake_robot import FakeRobot
 
+from fake_robot import FakeRobot
 from yumi.api import motion as waiting
 from yumi.api.motion import wait_for
 from yumi.control.controllers.joint_goal import GoalOutcome, StopMotion
