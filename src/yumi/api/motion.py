@@ -247,6 +247,11 @@ class MotionRegistry:
             for motion in motions:
                 self._open.pop(motion.identity, None)
 
+    def is_open(self, side: Side) -> bool:
+        """Whether a motion of the arm has not ended."""
+        with self._lock:
+            return any(motion.side is side for motion in self._open.values())
+
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
         fault = self._faults.get(side) if self._is_script else None
@@ -389,6 +394,10 @@ class MotionExecutor:
         if side not in self.arms:
             raise RobotNotReady(f"EGM is not started on the {side.word} arm; name it in connect(arms=...).")
         return self._control.snapshot(side)
+
+    def is_moving(self, side: Side) -> bool:
+        """Whether a motion of the arm is under way, or it moves by another controller."""
+        return self._motions.is_open(side) or max(map(abs, self._control.snapshot(side).velocity)) > STANDING
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""

@@ -27,7 +27,6 @@ import msgspec
 from yumi.control import events as control_events
 from yumi.control.events import Event, is_fault
 from yumi.control.loop import CommandPort, Commands
-from yumi.control.motion import STANDING
 from yumi.control.shared_state import Snapshot
 from yumi.driver.endpoint import (
     MAX_REQUEST,
@@ -116,6 +115,8 @@ class Mover(Protocol):
     ) -> Sequence[RunningMotion]: ...
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
+
+    def is_moving(self, side: Side) -> bool: ...
 
     def fault(self, side: Side) -> str | None: ...
 
@@ -340,7 +341,7 @@ class Handlers:
         try:
             before = {side: access.mover.commanding(side) for side in goals}
             for side, names in before.items():
-                if max(map(abs, access.control.snapshot(side).velocity)) > STANDING:
+                if access.mover.is_moving(side):
                     raise CommandRefused(
                         f"The {side.word} arm moves, commanded by {', '.join(names) or 'no controller'}; wait until "
                         "it stands."

@@ -220,6 +220,13 @@ def test_arm_that_moves_is_left_to_who_moves_it(driver: FakeDriver, attached: Ru
     assert control.commands == []
 
 
+def test_motion_that_the_script_has_just_begun_is_left_to_it(driver: FakeDriver, attached: RunningDriver) -> None:
+    driver.robot.executor.move({Side.RIGHT: "ready"}, None, None)
+    with pytest.raises(CommandRefused, match="The right arm moves, commanded by"):
+        attached.move_to(right="home")
+    assert len(driver.robot.control.commands) == 1
+
+
 def test_motion_that_ends_elsewhere_says_why(driver: FakeDriver, attached: RunningDriver) -> None:
     robot = driver.robot
     robot.control.on_command = lambda command: robot.end(command, GoalOutcome.ABORTED, "it was held back")
