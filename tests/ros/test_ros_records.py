@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from yumi.process.supervision import Command
 from yumi.recording.mcap import read_recording
+from yumi.recording.tables import rows
 from yumi.robot.joints import Side
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -51,3 +52,8 @@ def test_power_cut_leaves_flight_records_of_both_arms_and_the_recording_goes_on(
         assert flight.stop.kind == "SessionLost"
         assert flight.frames[side][-1] == session.frames[side][-1]
         assert all(frame.stages.reply > 0.0 for frame in flight.frames[side])
+    # Beside the cycles it holds what became of the robot and its grippers.
+    states = list(rows(tmp_path / "session.mcap", "state"))
+    assert {row["egm.r"] for row in states} >= {"off", "running"}
+    assert [row["is_connected"] for row in states][-1] is False
+    assert {row["arm"] for row in rows(tmp_path / "session.mcap", "grippers")} == {"right", "left"}
