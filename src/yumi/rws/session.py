@@ -34,11 +34,8 @@ from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 INTERVAL = 0.051
 """Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
 
-BURST = 40
-"""So many requests may come one after another after a rest of two seconds: bring-up and a start of EGM need 20 to 40
-each, and would wait a second for their turns. One is sent when the one before is answered, so a controller that is
-busy sets the rate itself.
-"""
+BURST = 15
+"""So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
 BUSY = 503
 _UNAUTHORIZED = 401
