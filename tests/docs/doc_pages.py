@@ -30,7 +30,7 @@ import click
 from yumi.cli.main import main
 
 ROOT = Path(__file__).parents[2]
-LANGUAGES = {"bash", "python", "text", "yaml", "rapid", "mermaid"}
+LANGUAGES = {"bash", "python", "text", "yaml", "json", "rapid", "mermaid"}
 IN_TEST_COMMANDS = "needs a driver; tests/system/test_commands.py runs it"
 
 LEFT_OUT = {

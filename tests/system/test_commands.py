@@ -126,7 +126,7 @@ def test_examples_of_help_work(driver: Command) -> None:
 
 def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> None:
     run("start")
-    robot.happen(Fault.COLLISION)
+    robot.inject(Fault.COLLISION)
     with yumi.attach() as attached:
         states = attached.watch(20.0)
         stopped = next(each for each in states if each.stop)

@@ -133,7 +133,7 @@ def test_gripper_says_what_it_holds(driver: Driver) -> None:
 
 def test_collision_is_confirmed_before_anything_moves(driver: Driver) -> None:
     driver.done("start")
-    driver.faults.happen(Fault.COLLISION)
+    driver.faults.inject(Fault.COLLISION)
     driver.wait(0.5)
     driver.refused("start")
     state = json.loads(driver.done("state", "--json"))

@@ -469,7 +469,7 @@ def test_joints_are_read_from_a_stop_on_and_not_while_egm_reports_them(monitored
     monitored.monitor.reads_joints = True
     monitored.wait(1.0)
     assert monitored.monitor.joints(Side.RIGHT) is None
-    monitored.system.faults.happen(Fault.EMERGENCY_STOP)
+    monitored.system.faults.inject(Fault.EMERGENCY_STOP)
     monitored.wait(0.3 + AGE)
     for _ in range(20):
         assert all(measured(monitored, side)[0] <= AGE for side in Side)

@@ -74,7 +74,7 @@ def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_
 
 def test_every_option_of_the_driver_is_an_argument(launch_file: dict[str, Any]) -> None:
     options = {parameter.name for parameter in cli.main.commands["up"].params if parameter.name != "help"}
-    without_a_terminal = options - {"ask_password", "until_stdin_closes"}
+    without_a_terminal = options - {"ask_password", "until_stdin_closes", "with_ros"}
     assert without_a_terminal <= {name for name, _, _ in launch_file["ARGUMENTS"]}
 
 

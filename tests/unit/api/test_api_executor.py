@@ -322,7 +322,7 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(4.0, RIGHT)]})
     assert (motion.progress, motion.remaining) == (0.0, None)  # the controller has not begun
-    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO)
+    feedback = TrajectoryFeedback(motion.identity, 0.0, 1.0, 0.5, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02)
     robot.feedback[Side.RIGHT].write(feedback)
     assert (motion.progress, motion.remaining) == (0.25, 6.0)
 

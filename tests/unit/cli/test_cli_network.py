@@ -61,11 +61,11 @@ def test_name_for_all_nodes_is_refused_since_it_would_merge_both_arms(
 
 @pytest.mark.parametrize("flag", ["-r", "--remap"])
 def test_namespace_of_ros_is_that_of_the_robot_and_not_left_to_rcl(monkeypatch: pytest.MonkeyPatch, flag: str) -> None:
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     driven: list[tuple[Any, ...]] = []
-    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *values: driven.append(values))
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *values, with_ros: driven.append(values))
     rules = ["--ros-args", "-r", "joint_states:=all", flag, "__ns:=/cell1", "-p", "x:=1"]
     result = CliRunner().invoke(main, ["up", "--robot", "127.0.0.1", *rules])
     assert result.exit_code == 0, result.output
@@ -99,7 +99,7 @@ def test_two_namespaces_are_refused() -> None:
 def test_names_that_ros_does_not_know_are_refused(
     monkeypatch: pytest.MonkeyPatch, options: list[str], refusal: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
     result = CliRunner().invoke(main, ["up", *options])
     assert result.exit_code == 2
     assert refusal in result.output

@@ -43,7 +43,7 @@ def test_both_arms_speak_egm_once_it_has_started(virtual_yumi: VirtualYumi) -> N
 
 
 def test_fault_is_injected_and_keeps_egm_from_starting(virtual_yumi: VirtualYumi) -> None:
-    virtual_yumi.faults.happen(Fault.EMERGENCY_STOP)
+    virtual_yumi.faults.inject(Fault.EMERGENCY_STOP)
     with virtual_yumi.client() as client:
         assert client.controller_state() is ControllerState.EMERGENCY_STOP
     with pytest.raises(RobotNotReady, match="emergency stop"):
