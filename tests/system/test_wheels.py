@@ -88,14 +88,18 @@ def test_driver_installs_without_a_compiler_and_runs_the_demonstration(wheels: P
     tell(f"[ros]: {image.installed_in:.0f} s, {image.size:.0f} MB; yumi demo: {time.monotonic() - begin:.0f} s")
 
 
+ARRIVED = 0.002
+"""As near to its goal is an arm that has arrived [rad]."""
+
 SCRIPT = """
 import yumi
 from pathlib import Path
 from yumi.virtual.process import ControllerProcess
 with ControllerProcess(Path("log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
-        robot.right.move_to(yumi.degrees(20, -110, -135, 30, 0, 40, 0))
-        print([round(angle, 2) for angle in yumi.in_degrees(robot.right.position)])
+        goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
+        robot.right.move_to(goal)
+        print("largest error", max(abs(a - b) for a, b in zip(goal, robot.right.position)))
 """
 
 
@@ -103,7 +107,8 @@ def test_without_ros_scripts_and_the_virtual_controller_run_and_what_is_missing_
     wheels: Path, tmp_path: Path
 ) -> None:
     image = Image("controller", wheels, tmp_path)
-    assert image.run(["python", "-c", SCRIPT]) == "[20.0, -110.0, -135.0, 30.0, 0.0, 40.0, 0.0]\n"
+    _, _, error = image.run(["python", "-c", SCRIPT]).partition("largest error ")
+    assert float(error) < ARRIVED
     for command, extra in (
         (["up"], "ros"),
         (["demo"], "ros"),
