@@ -60,7 +60,7 @@ class RightArm:
 @pytest.fixture(scope="module")
 def rig(ros: None) -> Iterator[SimpleNamespace]:
     executor, clock = SingleThreadedExecutor(), SystemClock()
-    arm = ArmManager(Side.RIGHT, RightArm(), [], executor, {}, clock, TimerThread(clock, print))
+    arm = ArmManager(Side.RIGHT, "/r", RightArm(), [], executor, {}, clock, TimerThread(clock, print))
     client = Client(executor)
     logs: list[Log] = []
     client.node.create_subscription(Log, "/rosout", logs.append, 100)
