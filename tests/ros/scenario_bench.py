@@ -235,7 +235,7 @@ class Stage:
         yield
         self.spans[name] = (begin, self._clock.now())
 
-    def happen(self, fault: Fault, side: Side | None = None, duration: float | None = None) -> None:
+    def inject_fault(self, fault: Fault, side: Side | None = None, duration: float | None = None) -> None:
         """``yumi fault``."""
         options = {"--rws-port": self.robot.rws_port, "--side": side and side.word, "--duration": duration}
         chosen = [text for name, value in options.items() if value is not None for text in (name, str(value))]
@@ -252,7 +252,7 @@ class Stage:
     def inject(self, scenario: Scenario) -> float:
         """Have it happen; how long it took until a user could read of it [s]."""
         self._damage = scenario.repaired_by
-        told = self.notice(lambda: self.inject(scenario.fault, scenario.side, scenario.duration), scenario.says)
+        told = self.notice(lambda: self.inject_fault(scenario.fault, scenario.side, scenario.duration), scenario.says)
         arms = [self.application.arms[side] for side in scenario.sides]
         self.until(lambda: not any(arm.is_commanded for arm in arms), "The end of the motion")
         return told
@@ -260,7 +260,7 @@ class Stage:
     def repair(self) -> None:
         """What somebody does, where somebody has to."""
         if self._damage is not None:
-            self.inject(self._damage)
+            self.inject_fault(self._damage)
             self._damage = None
 
     def calibrate(self, side: Side) -> str:

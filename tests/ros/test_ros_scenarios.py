@@ -123,7 +123,7 @@ def test_robot_that_was_stopped_says_why_and_moves_again(
 def test_short_silence_of_the_network_needs_no_person(stage: Stage) -> None:
     with stage.scene(SHORT):
         listener, before = stage.application.listener, dict(stage.application.listener.interruptions)
-        stage.inject(Fault.EGM_SILENCE, duration=0.05)
+        stage.inject_fault(Fault.EGM_SILENCE, duration=0.05)
         stage.until(lambda: all(listener.interruptions[side] > before[side] for side in Side), "The interruption")
         stage.reach_new_goals()
 
@@ -131,7 +131,7 @@ def test_short_silence_of_the_network_needs_no_person(stage: Stage) -> None:
 @pytest.mark.parametrize("fault", DISTURBANCES, ids=lambda fault: fault.value.name)
 def test_arms_go_on_and_the_robot_is_watched_whatever_becomes_of_web_services(stage: Stage, fault: Fault) -> None:
     with stage.scene(fault.value.name):
-        stage.inject(fault)
+        stage.inject_fault(fault)
         stage.reach_new_goals()
         with stage.other_program() as client:
             stage.notice(partial(client.set_speed_ratio, 50), "speed ratio 50 %")
@@ -141,9 +141,9 @@ def test_arms_go_on_and_the_robot_is_watched_whatever_becomes_of_web_services(st
 
 def test_robot_is_recovered_as_soon_as_web_services_answer_again(stage: Stage) -> None:
     with stage.scene(BUSY):
-        stage.inject(Fault.RWS_BUSY, duration=1.5)
+        stage.inject_fault(Fault.RWS_BUSY, duration=1.5)
         stage.reach_new_goals()
-        stage.inject(Fault.PROGRAM_STOP)
+        stage.inject_fault(Fault.PROGRAM_STOP)
         assert stage.application.manager.recover().startswith("The robot was stopped by 10125 Program stopped")
         stage.reach_new_goals()
 
@@ -153,7 +153,7 @@ def test_object_that_is_lost_is_reported_and_the_gripper_grips_again(stage: Stag
     with stage.scene(LOST):
         gripper.begin(TRAVEL)()
         assert gripper.begin(0.0)() is Outcome.HOLDING
-        stage.notice(lambda: stage.inject(Fault.OBJECT_LOST, Side.LEFT), "left fingers press with 0 N")
+        stage.notice(lambda: stage.inject_fault(Fault.OBJECT_LOST, Side.LEFT), "left fingers press with 0 N")
         assert gripper.begin(TRAVEL)() is Outcome.OPEN
         assert gripper.begin(0.0)() is Outcome.CLOSED
         stage.reach_new_goals()
@@ -162,7 +162,8 @@ def test_object_that_is_lost_is_reported_and_the_gripper_grips_again(stage: Stag
 def test_gripper_that_lost_its_calibration_says_so_and_grips_again(stage: Stage) -> None:
     gripper = stage.application.grippers[Side.LEFT]
     with stage.scene(UNCALIBRATED):
-        stage.notice(lambda: stage.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT), "not calibrated; call calibrate")
+        lost = partial(stage.inject_fault, Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
+        stage.notice(lost, "not calibrated; call calibrate")
         with pytest.raises(
             GoalNotReached, match="The left gripper is not calibrated; calibrate it first: service l/gr"
         ):

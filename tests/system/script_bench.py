@@ -60,7 +60,7 @@ class VirtualRobot:
         if self._command is not None:
             self._command.stop()
 
-    def happen(self, fault: Fault) -> None:
+    def inject(self, fault: Fault) -> None:
         """``yumi fault``."""
         fault_command.main([fault.value.name, "--rws-port", str(self._rws_port)], standalone_mode=False)
 
