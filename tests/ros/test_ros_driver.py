@@ -207,8 +207,8 @@ def test_diagnostics_tell_the_state_of_both_arms(egm_running: Client) -> None:
 
 
 @pytest.mark.parametrize("state", ["idle", "egm_running"])
-def test_every_status_of_a_healthy_robot_is_ok(request: pytest.FixtureRequest, state: str) -> None:
-    client: Client = request.getfixturevalue(state)
+def test_every_status_of_a_healthy_robot_is_ok(client: Client, request: pytest.FixtureRequest, state: str) -> None:
+    request.getfixturevalue(state)
     statuses: dict[str, Any] = {}
 
     def take(array: DiagnosticArray) -> None:
