@@ -45,7 +45,7 @@ def connected(virtual: VirtualRobot) -> Iterator[Robot]:
 
 @pytest.fixture
 def robot(connected: Robot) -> Robot:
-    if ArmMode.FAULT in (connected.right.state, connected.left.state):
+    if ArmMode.FAULT in (connected.right.mode, connected.left.mode):
         connected.recover()  # the machine stood still during the test before
     connected.move_to(right=RIGHT, left=LEFT, speed=1.0, acceleration=1.0)
     return connected
@@ -55,7 +55,7 @@ def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
     before = robot.right.pose
     robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-    assert robot.right.state is ArmMode.HOLDING
+    assert robot.right.mode is ArmMode.HOLDING
     assert robot.right.pose.position == pytest.approx(before.position, abs=1e-3)
     assert robot.right.pose.orientation != pytest.approx(before.orientation, abs=0.1)
 
@@ -90,7 +90,7 @@ def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
     motion = robot.right.move_to(FAR, wait=False, speed=0.1)
     assert not motion.is_done
     robot.stop()
-    assert robot.right.state is ArmMode.HOLDING
+    assert robot.right.mode is ArmMode.HOLDING
     with pytest.raises(GoalNotReached, match="The right arm did not reach its goal: the arm was commanded to stop"):
         motion.wait()
 
@@ -98,7 +98,7 @@ def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
 def test_motion_that_takes_too_long_is_stopped(robot: Robot) -> None:
     with pytest.raises(GoalNotReached, match=r"The right arm did not arrive within 0\.5 s and was stopped"):
         robot.right.move_to(FAR, speed=0.05, timeout=0.5)
-    assert robot.right.state is ArmMode.HOLDING
+    assert robot.right.mode is ArmMode.HOLDING
 
 
 def test_both_arms_follow_trajectories_that_begin_together(robot: Robot) -> None:
@@ -129,7 +129,7 @@ def test_arm_follows_a_stream_until_it_gets_a_goal(robot: Robot) -> None:
 def test_impossible_goal_moves_neither_arm(robot: Robot, goal: tuple[float, ...], sentence: str) -> None:
     with pytest.raises(CommandRefused, match=sentence):
         robot.move_to(left=(*LEFT[:6], 1.0), right=goal)
-    assert robot.left.state is robot.right.state is ArmMode.HOLDING
+    assert robot.left.mode is robot.right.mode is ArmMode.HOLDING
 
 
 def test_gripper_grasps_what_lies_between_its_fingers(robot: Robot) -> None:
@@ -160,7 +160,7 @@ def test_second_connection_to_a_robot_is_refused(robot: Robot, virtual: VirtualR
         yumi.connect(**virtual.options),
     ):
         pass
-    assert robot.right.state is ArmMode.HOLDING
+    assert robot.right.mode is ArmMode.HOLDING
 
 
 @pytest.fixture(scope="module")
@@ -245,7 +245,7 @@ def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> N
             motion.wait(TIMEOUT)
         with pytest.raises(RobotNotReady, match=r"The right arm was stopped and waits for robot.recover\(\)"):
             robot.right.move_to(FAR)
-        assert robot.right.state is ArmMode.FAULT
+        assert robot.right.mode is ArmMode.FAULT
         own_virtual.start()
         robot.recover()
         robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
@@ -290,7 +290,7 @@ def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual:
             task.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await task
-            assert robot.right.state is ArmMode.HOLDING
+            assert robot.right.mode is ArmMode.HOLDING
 
     asyncio.run(script())
     assert not own_virtual.is_guided(Side.RIGHT)

@@ -22,6 +22,9 @@ from yumi.errors import CommandRefused, RobotNotReady, SettingsError
 DISCOVERY = 5.0
 """What is in the graph is found within this time [s]."""
 
+SETTLED = 0.5
+"""Nothing more is expected when no new name has come for this time: participants are announced every 0.2 s [s]."""
+
 _POLL = 0.05  # [s]
 
 
@@ -131,13 +134,16 @@ def topics(is_json: bool) -> None:
         found: dict[str, list[str]] = {}
         own = {name for name, _ in node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())}
 
+        grown = time.monotonic()
+
         def is_settled() -> bool:  # the names come one participant after another
+            nonlocal grown
             before = len(found)
             found.update((name, list(kinds)) for name, kinds in node.get_topic_names_and_types() if name not in own)
-            return before > 0 and len(found) == before
+            grown = time.monotonic() if len(found) > before else grown
+            return bool(found) and time.monotonic() - grown > SETTLED
 
-        for _ in range(3):
-            _spin(node, is_settled, DISCOVERY / 3)
+        _spin(node, is_settled, DISCOVERY)
     click.echo(json.dumps(found) if is_json else "\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
 
 
