@@ -407,7 +407,7 @@ class RobotMonitor:
         if is_whole or has_news:
             self._read_whole()
             self._polled_at = self._machines_polled_at = now
-            return self._next_poll()
+            return self._read_joints(self._next_poll())
         with self._lock:  # of several events only the newest is read
             paths = {change.path for change in self._changes_since(self._handled_count)}
             self._handled_count = self._reported_count
