@@ -341,6 +341,13 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # late datagrams of the session before were answered with its last command when the next had begun
     script=[(0, restart), (0, old(50, 50))], feeds_speed=False
 )
+@example(  # after the clock was set a single old datagram replaced a session that others had agreed with
+    script=[(0, not_running(1)), (6, damaged(0)), (9, set_clock(-10_000.0)), (2, old(13, 3)), (0, old(80, 3))],
+    feeds_speed=True,
+)
+@example(  # three copies, then motors that seem off, while the arm moves
+    script=[(0, old(3, 3)), (0, not_running(3))], feeds_speed=False
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)
