@@ -14,9 +14,18 @@ sys.path.append(str(ROOT / "setup"))
 
 import docs_site
 
+from yumi.driver.bringup import ANNOUNCEMENT, OPTIONS
+from yumi.driver.settings import Settings
+from yumi.driver.state_machine import FIRST_CONTACT
+
 DOCS = ROOT / "docs"
+REAL_ROBOT = "docs/how-to/real-robot.md"
 FILES = sorted(DOCS.rglob("*.md"))
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def _text(page: str) -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
 
 
 def navigation() -> list[str]:
@@ -65,6 +74,44 @@ def test_links_of_a_page_lead_somewhere(page: str) -> None:
         if not found:
             broken.append(target)
     assert broken == []
+
+
+def test_page_about_the_real_robot_says_which_options_are_needed_and_which_are_not() -> None:
+    rows = re.findall(r"^\| option (\S+) ([^|]+?) \| (.*) \|$", _text(REAL_ROBOT), re.MULTILINE)
+    needed = {f"{number} {name}" for number, name, text in rows if text.startswith("needed: ")}
+    assert needed == {option.partition(" (")[0] for option in OPTIONS}
+    others = {number: text for number, name, text in rows if f"{number} {name}" not in needed}
+    assert others.pop("604-1").startswith("needed, and part of every YuMi")
+    assert sorted(others) == ["616-1", "623-1"]
+    assert all(text.startswith("not needed: ") for text in others.values())
+
+
+def test_page_about_the_real_robot_begins_with_what_was_never_tried_and_leads_to_a_slow_first_motion() -> None:
+    text, settings = _text(REAL_ROBOT), Settings()
+    title, first, *_ = text.split("\n\n")
+    assert title.startswith("# ")
+    assert first.startswith("**None of this has run on a real controller yet.**")
+    parts = dict(re.findall(r"^## (.*)\n((?:(?!^## ).*\n?)*)", text, re.MULTILINE))
+    assert f"sudo ufw allow {settings.egm.left_port}:{settings.egm.right_port}/udp" in parts["Network"]
+    assert "yumi doctor --robot 192.168.125.1" in parts["Steps"]
+    assert "yumi up --robot 192.168.125.1 --no-bringup" in parts["Steps"]
+    moves = parts["What moves at `yumi up`"]
+    assert ANNOUNCEMENT in moves
+    for step in ("Motors on", "Program pointers to main, start", "Calibrate a gripper", "End the EGM motion"):
+        assert f"- *{step}" in moves
+    motion = " ".join(parts["The first motion"].split())
+    assert f"Everything moves at a tenth of its speed at first (`speed_scale` is {FIRST_CONTACT:g})" in motion
+    assert "keep the emergency stop within reach" in motion
+
+
+def test_page_about_security_says_how_to_use_sros_2_and_what_no_setting_protects() -> None:
+    text = " ".join(_text("docs/how-to/secure-ros.md").split())
+    before, _, sros = text.partition("## SROS 2")
+    assert "EGM and Robot Web Services are not encrypted" in before
+    assert "who overhears a request can send it again for five minutes" in before
+    for command in ("create_keystore", "create_enclave", "create_permission", "generate_policy"):
+        assert f"ros2 security {command}" in sros
+    assert "ROS_SECURITY_ENABLE=true ROS_SECURITY_STRATEGY=Enforce" in sros
 
 
 def test_picture_of_a_page_is_described() -> None:

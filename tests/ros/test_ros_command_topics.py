@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import inf, isnan, nan, pi
 from typing import Any
 
@@ -11,7 +12,7 @@ from std_msgs.msg import Float64MultiArray
 
 from yumi.clock import ManualClock
 from yumi.control.controller import GoalKind, MemoryBuffer, read_goal
-from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.control.shared_state import CAUSES, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 
@@ -196,6 +197,26 @@ def test_topic_refuses_goals_before_the_arm_can_take_them(
     topic.take(goal(list(NAMES), [0.0] * 7))
     assert buffers.goals.read() is None
     assert node.warnings == [f"Goal refused: {sentence}"]
+
+
+@pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
+@pytest.mark.parametrize("kind", [JointCommandTopic, JointVelocityTopic, ForwardTopic])
+def test_topics_refuse_with_the_cause_what_an_arm_with_a_problem_cannot_do(
+    node: Node, buffers: Boxes, kind: type[CommandTopic], problem: Problem
+) -> None:
+    topic: Any
+    if kind is ForwardTopic:
+        topic = forwarding(node, buffers, GoalKind.POSITION, {"forward_position_controller"})
+        buffers.snapshots.write(replace(commanded(ZERO), problem=problem))
+        topic.take(Float64MultiArray(data=[0.0] * 7))
+    else:
+        topic = commanding(kind, node, buffers, ZERO)
+        goal_kind = read_snapshot(buffers.snapshots).goal_kind
+        buffers.snapshots.write(replace(commanded(ZERO, goal_kind=goal_kind), problem=problem))
+        topic.take(JointState(name=list(NAMES), position=[0.0] * 7, velocity=[0.0] * 7))
+    assert buffers.goals.read() is None
+    assert buffers.speeds.read() is None
+    assert node.warnings == [f"{topic.noun} refused: right arm: {CAUSES[problem]}."]
 
 
 def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, buffers: Boxes) -> None:

@@ -10,7 +10,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.control.statistics import Statistics
 from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Side
@@ -125,6 +125,16 @@ def test_status_gives_the_reason_of_each_level_above_ok() -> None:
 def test_egm_that_nobody_asked_for_is_ok(snapshot: Snapshot, is_desired: bool, level: bytes, sentence: str) -> None:
     status = messages.egm_status(Side.RIGHT, snapshot, is_desired=is_desired)
     assert (status.level, status.message) == (level, sentence)
+
+
+@pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
+@pytest.mark.parametrize("is_running", [True, False])
+def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: Problem, is_running: bool) -> None:
+    snapshot = Snapshot(is_streaming=True, is_running=is_running, problem=problem, implausible=7)
+    status = messages.egm_status(Side.RIGHT, snapshot, is_desired=True)
+    assert (status.level, status.message) == (DiagnosticStatus.ERROR, CAUSES[problem])
+    values = {pair.key: pair.value for pair in status.values}
+    assert (values["problem"], values["implausible"]) == (problem.name.lower(), "7")
 
 
 def test_every_status_belongs_to_one_analyzer_of_the_aggregator() -> None:

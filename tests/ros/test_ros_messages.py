@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import nan
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
+from rclpy.qos import qos_profile_services_default
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import ManualClock
@@ -22,6 +24,11 @@ from yumi.ros import messages
 from yumi.ros.messages import tolerances_of, trajectory_of
 
 pytestmark = pytest.mark.ros
+
+
+def test_page_says_how_many_requests_a_service_of_ours_keeps() -> None:
+    page = (Path(__file__).parents[2] / "docs/reference/ros-interface.md").read_text(encoding="utf-8")
+    assert f"- A service keeps {qos_profile_services_default.depth} requests that wait" in page
 
 
 def test_message_of_an_older_installation_is_filled_as_far_as_it_goes() -> None:

@@ -62,7 +62,7 @@ def test_evaluation_passes_the_password_on_by_the_environment_alone(
     assert SECRET not in repr(plan)
 
 
-def test_demonstration_passes_robot_and_password_on_to_its_driver(
+def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(demo, "_run_application", lambda progress, check, confirm: {})
@@ -72,8 +72,10 @@ def test_demonstration_passes_robot_and_password_on_to_its_driver(
     secret.write_text(SECRET)
     secret.chmod(0o600)
     where = ["--robot", "127.0.0.1", "--rws-port", "8080", "--user", "me"]
-    options = [*where, "--yes", "--password-file", str(secret), "--logs", str(tmp_path / "logs")]
+    speed = ["--speed-scale", "0.5"]
+    options = [*where, *speed, "--yes", "--password-file", str(secret), "--logs", str(tmp_path / "logs")]
     result = CliRunner().invoke(main, ["demo", *options], catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    assert started == [(("up", *where), {"YUMI_PASSWORD": SECRET})]
+    assert started == [(("up", *where, *speed), {"YUMI_PASSWORD": SECRET})]
     assert SECRET not in result.output
+    assert "(speed_scale 0.5)" in result.output

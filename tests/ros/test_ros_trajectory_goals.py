@@ -16,7 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
-from yumi.control.controllers.joint_trajectory import FollowTrajectory
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.errors import CommandRefused
@@ -109,6 +109,20 @@ def test_refusal_of_an_inactive_controller_names_the_commands_that_activate_it(l
     assert not send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result().accepted
     advice = "ros2 control switch_controllers -c /controller_manager --activate lone --deactivate other)."
     caller.until(caller.hears(f"{lone.refusal} To activate: yumi switch right lone (in ROS: {advice}"))
+    goals.destroy()
+
+
+def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
+    lone: Lone, caller: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned: list[object] = []
+    monkeypatch.setattr("yumi.ros.trajectory.plan_trajectory", lambda *given: planned.append(given))
+    lone.refusal = "Controller 'lone' is inactive and takes no commands; activate it first."
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    assert not send(caller, goals, [joint_names(Side.RIGHT)[6]], [0.1]).result().accepted
+    assert planned == []
+    sent = [each.message for each in lone.commands if isinstance(each, ControllerCommand)]
+    assert sent == [CancelTrajectory()]
     goals.destroy()
 
 

@@ -12,6 +12,7 @@ from contract.rws_bench import PASSWORD, USER, PlainController, serving
 from digest_client import authorization
 
 RESOURCE = "/rw/panel/ctrlstate"
+SPEED = "/rw/panel/speedratio?action=setspeedratio"
 
 
 @pytest.fixture
@@ -110,6 +111,24 @@ def test_same_credentials_are_accepted_again(connection: HTTPConnection) -> None
     authorization = proof(ask(connection))
     assert ask(connection, Authorization=authorization).status == 200
     assert ask(connection, Authorization=authorization).status == 200
+
+
+def test_same_credentials_are_accepted_for_another_body_since_the_controller_does_not_count_them(
+    connection: HTTPConnection, controller: PlainController
+) -> None:
+    challenge = ask(connection, SPEED).headers["WWW-Authenticate"]
+    proof_of_post = authorization(challenge, user=USER, password=PASSWORD, method="POST", uri=SPEED)
+    headers = {"Authorization": proof_of_post, "Content-Type": "application/x-www-form-urlencoded"}
+
+    def post(body: str) -> int:
+        connection.request("POST", SPEED, body, headers)
+        response = connection.getresponse()
+        response.read()
+        return response.status
+
+    assert [post("speed-ratio=50"), post("speed-ratio=7")] == [204, 204]
+    controller.clock.advance(300.1)
+    assert post("speed-ratio=9") == 401
 
 
 def test_seventy_first_session_is_refused_until_the_others_are_idle(

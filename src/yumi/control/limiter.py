@@ -349,6 +349,7 @@ LATE_CYCLE = 1.25
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
+_CONTRADICTS = 1e-3  # [rad] a plan may move by besides what the last command explains
 _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its references follows again
 _SETTLING = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
@@ -547,13 +548,15 @@ class Limiter:
         if before is None or before.session != state.session or state.dt <= 0.0:
             self._has_stood = False  # the next states show it: do their plans move as the last command leads them?
         else:
-            led = hypot(*self._references.speeds(state, last))
-            stands = dist(before.planned, state.planned) <= 0.1 * led * state.dt
-            if self._has_stood or not stands:
+            led = max(hypot(*self._references.speeds(each, last)) for each in (before, state)) * state.dt
+            moved = dist(before.planned, state.planned)
+            stands = moved <= 0.1 * led
+            is_false = moved > 2.0 * led + _CONTRADICTS  # no robot moves so fast that follows: not both can be true
+            if not is_false and (self._has_stood or not stands):
                 self._is_new = stands
                 self._speeds.resume(state.planned, last.position)
                 return self._begin_session(state)
-            self._has_stood = True  # one datagram alone proves nothing: it may be a copy of the one before
+            self._has_stood = stands  # one datagram alone proves nothing: it may be a copy of the one before
         return None
 
     def _begin_session(self, state: ArmState) -> ArmState:

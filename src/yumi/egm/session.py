@@ -280,9 +280,11 @@ class SensorSession(Generic[Message]):
         if is_accepted:
             return True
         self._count_old(-ahead)
+        before = self._candidate
         if not self._is_new_session(message, now):
             return False
         self._begin(message, now)
+        self._sure = before  # those that agreed with it have shown it: a single other one does not begin a session
         return True
 
     def _accept_live(self, last: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
@@ -428,8 +430,8 @@ class SensorSession(Generic[Message]):
             self._candidates, self._candidates_since = 1, now
             return False
         self._candidates += 1
-        # Old datagrams that arrive at once agree with each other, too; a robot needs its time.
-        if self._candidates < AGREEING or now - self._candidates_since < 0.5 * (AGREEING - 1) * cycle:
+        # Old datagrams that arrive at once, or read in two cycles, agree with each other, too; a robot needs its time.
+        if self._candidates < AGREEING or now - self._candidates_since < 0.75 * (AGREEING - 1) * cycle:
             return False
         self._cycle = cycle
         return True

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from threading import Event
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
+from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.cli.options import limit_discovery
+from yumi.robot.joints import Side
 
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
 
@@ -40,6 +43,49 @@ def test_variables_of_ros_win(monkeypatch: pytest.MonkeyPatch, name: str, is_ope
     monkeypatch.setenv(name, "0")
     assert limit_discovery(is_open=is_open) == f"ROS 2 discovery is as the environment says: {name}=0."
     assert [each for each in VARIABLES if each in os.environ] == [name]
+
+
+OPEN = "ROS 2 is open to the subnet: every machine with ROS_DOMAIN_ID=0 in it can move the robot."
+
+
+@pytest.mark.parametrize(
+    ("options", "visible", "said"),
+    [
+        ((), "LOCALHOST", "ROS 2 is visible on this machine only; --network opens it to the subnet."),
+        (("--network",), None, OPEN),
+        (("--no-ros",), None, ""),
+    ],
+)
+def test_driver_is_visible_on_this_machine_only_before_it_starts_ros(
+    monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], visible: str | None, said: str
+) -> None:
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
+    monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
+    ranges: list[str | None] = []
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *_, **__: ranges.append(os.environ.get(VARIABLES[0])))
+    result = CliRunner().invoke(main, ["up", "--robot", "127.0.0.1", *options])
+    assert result.exit_code == 0, result.output
+    assert (result.output.strip(), ranges) == (said, [visible])
+
+
+def test_demonstration_is_visible_on_this_machine_only_before_it_starts_anything(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
+    monkeypatch.setattr(demo, "demand_ros", lambda: None)
+    monkeypatch.setattr(demo, "_can_draw", lambda is_asked: False)
+    ranges: list[str | None] = []
+
+    def run_demo(*_: object) -> dict[Side, Any]:
+        ranges.append(os.environ.get(VARIABLES[0]))
+        return {}
+
+    monkeypatch.setattr(demo, "run_demo", run_demo)
+    result = CliRunner().invoke(main, ["demo", "--logs", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert ranges == ["LOCALHOST"]
 
 
 NAMES = ["yumi_robot_manager:__ns:=/lab", "__node:=driver", "__name:=driver", "/r/arm:__ns:=/x"]

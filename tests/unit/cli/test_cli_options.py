@@ -4,12 +4,16 @@ import errno
 import subprocess
 import sys
 from threading import Event
-from typing import NoReturn
+from typing import Any, NoReturn
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner, Result
 
 from yumi.cli.main import main
+from yumi.driver.settings import Settings
+from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.wiring import first_speed_scale
 
 
 def run(*arguments: str) -> Result:
@@ -112,3 +116,38 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
     monkeypatch.setattr("yumi.cli.up.run_driver", lambda *given, with_ros: given[3](reason))
     result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
     assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)
+
+
+@pytest.mark.parametrize(
+    ("options", "value"), [((), "0.1: every controller moves with at most 10%"), (("--speed-scale", "1"), "1: every")]
+)
+def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, options: tuple[str, ...], value: str
+) -> None:
+    order: list[str] = []
+
+    def make_parts(settings: Settings, *_: Any, **__: Any) -> Mock:
+        parts = Mock()
+        parts.manager.speed = SpeedSetting(first_speed_scale(settings))
+        parts.bringup.check_controller.return_value = None
+        parts.control.started_as = "the control process has started"
+        return parts
+
+    def bring_up(*_: Any, **__: Any) -> str:
+        order.extend(record.getMessage() for record in caplog.records)
+        return ""
+
+    over = Event()
+    over.set()
+    for name in ("Recorder", "RobotConnection", "_endpoint_of", "GripperSetup", "SupervisedThread", "settle_memory"):
+        monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
+    monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
+    monkeypatch.setattr("yumi.cli.up.bring_up", bring_up)
+    monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: over)
+    monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
+    with caplog.at_level("INFO", logger="yumi"):
+        result = run("up", "--robot", "192.0.2.1", "--no-ros", *options)
+    assert result.exit_code == 0, result.output
+    (said,) = [line for line in order if line.startswith("speed_scale is ")]
+    assert said.startswith(f"speed_scale is {value}")
+    assert said.endswith("Change it with yumi speed-scale or the setting robot.speed_scale.")

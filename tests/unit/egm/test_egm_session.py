@@ -282,6 +282,30 @@ def test_session_takes_up_a_robot_that_begins_anew_within_a_few_datagrams(
     assert session.number == 2
 
 
+def test_session_that_others_agreed_with_is_not_replaced_by_a_single_old_datagram_of_a_later_clock(
+    session: SensorSession[JointReport],
+) -> None:
+    now = live(session, 300)  # until the robot's clock was set back
+    for seqno in range(AGREEING):
+        session.accept([datagram(seqno, 5.0 + seqno * CYCLE)], now + (seqno + 1) * CYCLE)
+    assert session.number == 2
+    now += AGREEING * CYCLE
+    assert accept(session, 200, now=now + 0.5 * CYCLE) is None
+    assert session.accept([datagram(AGREEING, 5.0 + AGREEING * CYCLE)], now + CYCLE) is not None
+    assert session.number == 2
+
+
+def test_session_does_not_begin_with_old_datagrams_that_are_read_in_two_cycles(
+    session: SensorSession[JointReport],
+) -> None:
+    now = live(session, 300)
+    session.accept([datagram(300, 5.0)], now + CYCLE)  # the robot's clock was set back
+    assert accept(session, 284, now=now + 1.4 * CYCLE) is None
+    assert accept(session, 285, 286, 287, now=now + 2.6 * CYCLE) is None
+    assert session.number == 1
+    assert session.accept([datagram(302, 5.0 + 2 * CYCLE)], now + 3.0 * CYCLE) is not None
+
+
 def test_session_goes_on_when_the_robots_count_wraps(session: SensorSession[JointReport]) -> None:
     for count in range(6):
         time = 1000.0 + count * CYCLE
