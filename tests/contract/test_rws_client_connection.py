@@ -11,6 +11,7 @@ import pytest
 
 from contract.rws_bench import PASSWORD, PlainController, serving
 from yumi.clock import ManualClock
+from yumi.driver.settings import RobotSettings
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import AnswerTimeout
@@ -265,3 +266,59 @@ def test_client_serves_several_threads(address: str) -> None:
         for thread in threads:
             thread.join()
     assert ratios == [100] * 80
+
+
+class DrippingServer:
+    """Answers a request with a header to which a byte is added each second, for a minute, and then hangs up.
+
+    A second is over when the peer has looked at the clock again, which it does before it reads on.
+    """
+
+    def __init__(self) -> None:
+        self.clock = WatchedClock()
+        self.is_over = threading.Event()
+        self.sent = 0
+
+    def answer(self, server: socket.socket) -> None:
+        with suppress(OSError), server.accept()[0] as peer:
+            peer.recv(4096)
+            peer.sendall(b"HTTP/1.1 200 OK\r\nX-Drop: ")
+            for _ in range(60):
+                self.clock.was_read.clear()
+                self.clock.advance(1.0)
+                peer.sendall(b"x")
+                self.sent += 1
+                while not self.clock.was_read.wait(0.01):
+                    if self.is_over.is_set():
+                        return
+
+
+class WatchedClock(ManualClock):
+    def __init__(self) -> None:
+        super().__init__()
+        self.was_read = threading.Event()
+
+    def now(self) -> float:
+        time = super().now()
+        self.was_read.set()
+        return time
+
+
+def test_headers_that_drip_for_a_minute_are_given_up_after_the_drivers_two_seconds() -> None:
+    """In virtual time; what else a server may let drip is in test_rws_hostile_server.py."""
+    timeout = RobotSettings().timeout
+    assert timeout == 2.0
+    dripping = DrippingServer()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=dripping.answer, args=(server,))
+        thread.start()
+        client = RwsClient(f"127.0.0.1:{server.getsockname()[1]}", timeout=timeout, clock=dripping.clock)
+        try:
+            with pytest.raises(AnswerTimeout, match=r"accepted the connection but did not answer within 2\.0 s"):
+                client.speed_ratio()
+        finally:
+            client.close()
+            dripping.is_over.set()
+            thread.join()
+    assert timeout <= dripping.clock.now() <= timeout + 2.0
+    assert dripping.sent <= 4

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import cos, dist, inf, sin
+from math import cos, dist, inf, radians, sin
 from random import Random
 from typing import NamedTuple
 
@@ -420,6 +420,29 @@ def test_motion_goes_on_within_the_limits_while_the_robots_clock_dithers(dither:
     assert_led_within_limits(loop)
     assert loop.snapshot.session == 1
     assert loop.snapshot.is_commanded
+
+
+@pytest.mark.parametrize("by_deg", [2.0, 5.0, 30.0, 350.0])
+@pytest.mark.parametrize("is_commanded", [False, True])
+def test_arm_at_rest_does_not_believe_a_forged_datagram(by_deg: float, is_commanded: bool) -> None:
+    loop = Attacked()
+    loop.start(FULL_SPEED)
+    loop.run(0.5)
+    if is_commanded:
+        loop.activate()
+    loop.run(0.5)
+    assert len(set(loop.sent[-50:])) == 1
+    stood_at, before = loop.sent[-1], len(loop.sent)
+    forged(0, radians(by_deg), 1, CYCLE)(loop)
+    for _ in range(3):
+        loop.cycle()
+    assert loop.snapshot.implausible == 1
+    assert loop.snapshot.is_commanded == is_commanded
+    assert loop.snapshot.session == 1
+    assert len(loop.sent) - before >= 3  # the true ones that follow are answered
+    assert set(loop.sent[before:]) == {stood_at}
+    loop.run(0.5)
+    assert set(loop.sent[before:]) == {stood_at}
 
 
 @pytest.mark.parametrize("cycles", [20, 30, 120, 2500])

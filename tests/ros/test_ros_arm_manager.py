@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from threading import Event, Timer
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from controller_manager_bench import (
     text,
     texts,
 )
-from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.msg import Log, ParameterType
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -29,11 +30,22 @@ from std_msgs.msg import String
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.events import ControllerFailed, ControllerReport
+from yumi.control.events import (
+    ControllerFailed,
+    ControllerReport,
+    ProblemOver,
+    RobotFollows,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionResumed,
+    SessionStarted,
+)
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
+from yumi.control.shared_state import Problem
 from yumi.driver.arm import PerfectArm
 from yumi.driver.settings import ControllerSettings
+from yumi.driver.stops import Cause, explained
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
@@ -274,6 +286,35 @@ def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_ag
     manager.client.until(manager.client.hears("Right arm: Controller 'watcher' failed."))
     assert not manager.switch(["watcher"], []).ok
     assert manager.switch([], ["watcher"]).ok
+
+
+def test_begin_and_end_of_egm_are_logged_when_they_happen_and_a_fault_once_its_cause_is_known(
+    rig: SimpleNamespace, manager: Manager
+) -> None:
+    cause = Cause("50204 Motion supervision", "")
+    waiting: list[Callable[[Cause], None]] = []
+    lost = SessionLost(Side.RIGHT, 0.09, ("joint_position_controller",))
+    ordinary = [
+        SessionStarted(Side.RIGHT, 3),
+        RobotFollows(Side.RIGHT),
+        RobotStoppedFollowing(Side.RIGHT, ()),
+        SessionLost(Side.RIGHT, 0.09, ()),
+        SessionResumed(Side.RIGHT, 3),
+        ProblemOver(Side.RIGHT, Problem.REFERENCES_IGNORED),
+    ]
+    logged: list[Log] = []
+    subscription = manager.client.node.create_subscription(Log, "/rosout", logged.append, 100)
+    manager.client.until(lambda: subscription.get_publisher_count() > 0)
+    for event in ordinary:
+        rig.arm.on_event(event, waiting.append)
+    rig.arm.on_event(lost, waiting.append)
+    manager.client.until(lambda: str(ordinary[-1]) in [line.msg for line in logged])
+    assert [line.msg for line in logged if line.level == logging.INFO] == [str(event) for event in ordinary]
+    assert str(lost) not in "".join(line.msg for line in logged)
+    (explain,) = waiting
+    explain(cause)
+    manager.client.until(lambda: explained(lost, cause) in [line.msg for line in logged if line.level == logging.ERROR])
+    manager.client.node.destroy_subscription(subscription)
 
 
 @pytest.mark.parametrize(("strictness", "is_ok"), [("strict", False), ("best_effort", True)])

@@ -195,6 +195,22 @@ def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
         )
 
 
+def test_driver_says_that_its_folder_for_logs_cannot_be_written(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below a file no folder can be made, whoever asks for it."""
+    (tmp_path / "file").touch()
+    folder = tmp_path / "file" / "logs"
+    monkeypatch.setenv("ROS_LOG_DIR", str(folder))
+    code, error, duration = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options)
+    assert code == 2, error
+    assert error.startswith("Error: ROS 2 does not start: ")
+    assert str(folder) in error
+    assert error.endswith("; set ROS_LOG_DIR to a folder that can be written, or unset it.")
+    assert len(error.splitlines()) == 1
+    assert duration < 10.0
+
+
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
     outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
     expect_one_sentence(outcome, f"is driven by another program (process {driver.pid}); end it first.")

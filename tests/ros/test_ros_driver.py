@@ -249,3 +249,12 @@ def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_
     for state in arm.states_since(begin):
         assert list(state.position) == pytest.approx(home(Side.RIGHT), abs=radians(0.01))
     assert driver.exit_code is None
+
+
+def test_driver_logs_when_egm_begins_and_ends(idle: Client) -> None:
+    assert idle.call(Trigger, "yumi_robot_manager/start_egm").success
+    for arm in ("Right", "Left"):
+        idle.until(idle.hears(f"{arm} arm: the robot follows commands."))
+    assert idle.call(Trigger, "yumi_robot_manager/stop_egm").success
+    for arm in ("Right", "Left"):
+        idle.until(idle.hears(f"{arm} arm: the robot follows commands no longer."))

@@ -7,11 +7,14 @@ import pytest
 from controller_states import moved
 from yumi.control.controller import GoalKind, write_goal
 from yumi.control.limiter import SpeedScale
+from yumi.driver import wiring
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.settings import override, read_controllers, read_settings
 from yumi.driver.wiring import CONTROLLER_KINDS, Place, make_parts
 from yumi.errors import SettingsError
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
+from yumi.rws.client import RwsClient
+from yumi.settings import Values
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 SIDE = Side.LEFT
@@ -55,6 +58,22 @@ def test_controller_that_commands_an_arm_at_first_may_be_chosen() -> None:
     chosen = {"robot": {"address": "127.0.0.1"}, "ros": {"initial_joint_controller": "joint_trajectory_controller"}}
     settings = override(read_settings(), chosen, "x")
     make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore).client.close()
+
+
+@pytest.mark.parametrize(("chosen", "timeout"), [({}, 2.0), ({"timeout": 1.0}, 1.0)])
+def test_exchanges_of_the_driver_end_after_two_seconds_unless_the_settings_say_otherwise(
+    chosen: Values, timeout: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timeouts: list[float] = []
+
+    def make_client(address: str, *, timeout: float, **login: str) -> RwsClient:
+        timeouts.append(timeout)
+        return RwsClient(address, timeout=timeout, **login)
+
+    monkeypatch.setattr(wiring, "RwsClient", make_client)
+    settings = override(read_settings(), {"robot": {"address": "127.0.0.1", **chosen}}, "x")
+    make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore).client.close()
+    assert timeouts == [timeout]
 
 
 def ignore(_: object) -> None:

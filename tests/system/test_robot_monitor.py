@@ -330,6 +330,32 @@ def test_what_was_requested_is_logged_without_alarm(monitored: Monitored) -> Non
     assert any("Motors on" in sentence for _, sentence in monitored.lines)
 
 
+def test_each_change_for_the_better_is_logged_whoever_made_it(monitored: Monitored) -> None:
+    """At the robot: the key is turned, motors and program are started again; and the cable is back."""
+    system = monitored.system
+    controller = system.world.controller
+    system.faults.inject(Fault.MANUAL_MODE)
+    monitored.wait(1.0)
+    monitored.lines.clear()
+    controller.select_mode(OperatingMode.AUTO)
+    monitored.wait(1.0)
+    assert (logging.INFO, "Operating mode AUTO.") in monitored.lines
+    controller.set_motors(on=True)
+    monitored.wait(1.0)
+    assert (logging.INFO, "Motors on.") in monitored.lines
+    controller.start_rapid()
+    monitored.wait(1.0)
+    assert (logging.INFO, "RAPID program running.") in monitored.lines
+    monitored.lines.clear()
+    system.faults.inject(Fault.WARM_RESTART)
+    monitored.until(lambda state: not state.is_connected)
+    monitored.until(lambda state: state.is_connected, timeout=60.0)
+    monitored.wait(1.0)
+    assert [line for line in monitored.lines if "controller answers" in line[1]] == [
+        (logging.INFO, "The controller answers.")
+    ]
+
+
 def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
     monitored.lines.clear()
     with monitored.monitor.log.requested(frozenset({MOTORS_OFF, PROGRAM_STOPPED})):

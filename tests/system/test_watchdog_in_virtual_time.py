@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from threading import Event
+from types import SimpleNamespace
+from typing import cast
+
 import pytest
 
 from system.recovery_bench import MovingSystem
@@ -9,8 +14,10 @@ from system.virtual_time_bench import System
 from yumi.driver.egm_control import Watchdog, WatchdogSettings
 from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
 from yumi.errors import ControllerRefused
+from yumi.process import supervision
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
+from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState
 from yumi.virtual.controller.fault_names import Fault
 from yumi.virtual.mechanics.arm import ArmModel
@@ -170,6 +177,37 @@ def test_driver_whose_control_process_died_gives_no_sign(system: MovingSystem) -
 
     Watchdog(system.client, check, SETTINGS).beat()
     assert system.client.signal("WD_EXTERNAL_STATUS").value == 0
+
+
+@pytest.mark.parametrize("fails", ["check", "set_signal"])
+def test_watchdog_sends_the_next_heartbeat_after_an_unexpected_exception(
+    fails: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Else the robot would stop a driver that lives. The thread itself, which waits by the machine's clock."""
+    monkeypatch.setattr(supervision, "FIRST_PAUSE", 0.001)
+    calls, has_beaten = Counter[str](), Event()
+
+    def call(name: str) -> None:
+        calls[name] += 1
+        if name == fails and calls[name] == 1:
+            raise RecursionError("nobody expected it")
+
+    def set_signal(*_: object) -> None:
+        call("set_signal")
+        has_beaten.set()
+
+    driver = Watchdog(
+        cast("RwsClient", SimpleNamespace(set_signal=set_signal)), lambda: call("check"), WatchdogSettings(timeout=0.01)
+    )
+    driver.is_armed = True
+    driver.start()
+    try:
+        assert has_beaten.wait(10.0)
+    finally:
+        driver.stop()
+    assert [record.getMessage() for record in caplog.records] == [
+        "Thread watchdog failed with RecursionError: nobody expected it"
+    ]
 
 
 def test_robot_without_a_watchdog_is_in_egm_all_the_same(system: MovingSystem) -> None:

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import time
+
 import pytest
 
-from yumi.clock import POLL_PERIOD, ManualClock, comes_true, wait_until
+from yumi.clock import POLL_PERIOD, ManualClock, SystemClock, comes_true, wait_until
 from yumi.errors import CommandRefused, RobotNotReady
 
 
@@ -44,3 +46,10 @@ def test_period_may_change_while_waiting(clock: ManualClock) -> None:
 
     assert not comes_true(clock, is_over, 1.0, period=lambda: 0.1 if clock.now() < 0.5 else 0.5)
     assert polls == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0])
+
+
+def test_machines_clock_does_not_follow_the_time_of_day_when_that_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = SystemClock().now()
+    monkeypatch.setattr(time, "time", lambda: -86_400.0)
+    monkeypatch.setattr(time, "time_ns", lambda: -86_400 * 10**9)
+    assert 0.0 <= SystemClock().now() - before < 3600.0

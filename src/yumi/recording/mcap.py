@@ -374,6 +374,11 @@ class RecordingWriter:
         finally:
             self._stream.close()
 
+    def abandon(self) -> None:
+        """Close the file as it is, after writing to it has failed."""
+        with suppress(OSError):  # what is still buffered finds no room either
+            self._stream.close()
+
     def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
         data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
         nanoseconds = self._nanoseconds(time)
@@ -634,6 +639,7 @@ class FullRecorder:
             self._follow()
             self._writer.close()
         except Exception as error:  # not begun again: what the file holds after that is not known
+            self._writer.abandon()
             self._failures.note(f"Recording to {self._file}", error)
             self._report(f"The recording to {self._file} ended early: {type(error).__name__}: {error}.")
             return

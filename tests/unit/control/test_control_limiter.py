@@ -518,6 +518,51 @@ def test_limiter_does_not_answer_a_session_that_begins_far_out_of_range(limiter:
     assert limiter.limit(state(middle), None) == ArmCommand(middle)
 
 
+def test_limiter_does_not_begin_in_a_new_session_where_the_arm_cannot_have_got_since_it_was_last_heard(
+    limiter: Limiter, middle: Joints
+) -> None:
+    """In range, of a robot that follows no earlier command any more: joint 1 turns by 180° a second."""
+    start = moved(middle, 0, -2.5)
+    path = [limiter.limit(state(start), None)]
+    far = moved(start, 0, 5.0)
+    assert YUMI_LIMITS.outside(far) is None
+    for session, time in ((2, 1.2), (3, 1.5)):
+        too_soon = state(far, session=session, dt=0.0)._replace(time=time)
+        assert limiter.check(too_soon) is None
+        path.append(limiter.limit(too_soon, None))
+    assert path == [ArmCommand(start)] * 3
+    assert limiter.implausible_position == far
+    in_time = state(far, session=4, dt=0.0)._replace(time=1.6)
+    assert limiter.limit(in_time, None) == ArmCommand(far)
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+def test_limiter_never_believes_positions_that_agree_with_each_other_but_not_with_the_robots_plan(
+    limiter: Limiter, middle: Joints, is_running: bool
+) -> None:
+    """In a session too young to outweigh them, and where a robot without motors may be moved by hand."""
+    limiter.limit(state(middle), None)
+    elsewhere = moved(middle, 0, 0.5)
+    false = state(elsewhere, is_running=is_running)._replace(planned=middle)
+    for count in range(60):
+        checked = limiter.check(false)
+        assert checked is not None
+        assert checked.position == middle
+        assert limiter.limit(checked, None) == ArmCommand(middle)
+        assert limiter.counters.implausible == count + 1
+    assert limiter.problem is Problem.IMPLAUSIBLE
+    for _ in range(30):  # where the plan is there, too, they are believed
+        limiter.check(state(elsewhere, is_running=is_running))
+    believed = limiter.check(state(elsewhere, is_running=is_running))
+    assert believed is not None
+    assert believed.position == elsewhere
+
+
+def test_limiter_does_not_begin_where_the_robots_plan_is_not(limiter: Limiter, middle: Joints) -> None:
+    assert limiter.check(state(moved(middle, 0, 0.5))._replace(planned=middle)) is None
+    assert limiter.check(state(middle)) is not None
+
+
 def test_limiter_does_nothing_in_no_time(limiter: Limiter, middle: Joints) -> None:
     limiter.limit(state(middle), None)
     assert limiter.limit(state(middle, dt=0.0), ArmCommand(moved(middle, 0, 1.0))).position == middle

@@ -12,9 +12,10 @@ import pytest
 from bench_runs import LOOP, figures, run
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from rich.console import Console
 
-from yumi_evaluation.bench.contenders import ECHO, Mode
+from yumi_evaluation.bench.contenders import ECHO, PEERS, Mode
 from yumi_evaluation.bench.figures import Figures
 from yumi_evaluation.bench.report import (
     document,
@@ -98,3 +99,21 @@ def test_picture_of_histograms_is_written(tmp_path: Path) -> None:
     measured = tuple(replace(run(1, each, 50.0), latencies=latencies) for each in (ECHO, LOOP))
     draw_histograms(Figures((*measured, run(1, LOOP, 80.0, mode=Mode.PING_PONG))), tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
+
+
+def test_picture_names_each_contender_at_a_row_of_its_own_so_that_no_colour_stands_for_two(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: pictures.append(figure))
+    contenders = [*PEERS, ECHO, LOOP]
+    measured = [replace(run(1, each, 50.0), latencies=np.array([[50_000, 60_000]])) for each in contenders]
+    draw_histograms(Figures(tuple(measured)), tmp_path / "picture.png")
+    rows = pictures[0].axes
+    assert len(rows) == len(contenders)
+    assert {row.get_ylabel() for row in rows} == {each.title for each in contenders}
+    assert all(len(row.patches) == 1 for row in rows)
+    colours = {row.get_ylabel(): row.patches[0].get_facecolor() for row in rows}
+    kinds = [{colours[each.title] for each in kind} for kind in (PEERS, [ECHO], [LOOP])]
+    assert [len(kind) for kind in kinds] == [1, 1, 1]
+    assert len(set.union(*kinds)) == 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
+import itertools
 import multiprocessing.heap
 import os
 import resource
@@ -11,22 +12,33 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from math import dist
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, cast
 
 import httpx
 import pytest
 
-from yumi.clock import SystemClock
-from yumi.control.shared_state import new_event, shared_numbers
+from yumi.clock import ManualClock, SystemClock
+from yumi.control.controller import write_goal
+from yumi.control.events import Event, is_fault
+from yumi.control.shared_state import Snapshot, new_event, read_snapshot, shared_numbers
+from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
+from yumi.driver.settings import read_controllers
+from yumi.driver.wiring import EgmPlan, build_arms
+from yumi.egm.udp import UdpClient, UdpServer, free_port
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import supervision as command_module
 from yumi.process.pipe import PROCESSES, ChildProcess, PipeEnd
 from yumi.process.supervision import DRIVER_READY, Command
+from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
+from yumi.virtual.mechanics.arm import ArmModel
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
+from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmEnd
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
 
@@ -130,6 +142,117 @@ def test_output_of_a_child_that_cannot_be_written_is_refused_in_a_sentence(tmp_p
     with pytest.raises(SettingsError) as refused:
         Command("driver", ["up"], log).__enter__()
     assert str(refused.value) == f"The output of the driver cannot go to {log}: No such file or directory."
+
+
+class MovingRobots:
+    """Both virtual arms, and the parent's end of the pipe; the control server's every look at it is one cycle of them.
+
+    Args:
+        script: what is done before which cycle.
+        cycles: after so many the parent ends the control server.
+    """
+
+    def __init__(self, script: Mapping[int, Callable[[], None]], cycles: int) -> None:
+        self.clock = ManualClock(100.0)
+        self.received: list[object] = []
+        ports = {side: free_port() for side in Side}
+        plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.08, CYCLE, {side: read_controllers(side) for side in Side})
+        self.buffers = {side: ArmBuffers() for side in Side}
+        self.arms = build_arms(plan, self.buffers)
+        self.robots = {side: VirtualArmEnd(side, ArmModel(supervises_load=False)) for side in Side}
+        self._links = {side: UdpClient("127.0.0.1", port) for side, port in ports.items()}
+        self._script = script
+        self._left = cycles
+        self._reader, self._writer = os.pipe()
+
+    def run(self) -> None:
+        cycle_done = {side: each.cycle_done for side, each in self.buffers.items()}
+        ControlServer(cast("PipeEnd", self), self.arms, cycle_done, self.clock).run()
+
+    def activate(self) -> None:
+        for arm in self.arms.values():
+            arm.loop.manager.switch(("joint_position_controller",), (), arm.loop.state)
+
+    def go(self, goals: Mapping[Side, Joints]) -> None:
+        for side, goal in goals.items():
+            write_goal(self.buffers[side].goals, 1, goal)
+
+    def snapshot(self, side: Side) -> Snapshot:
+        return read_snapshot(self.buffers[side].snapshots)
+
+    def close(self) -> None:
+        for arm in self.arms.values():
+            cast("UdpServer", arm.socket).close()
+        for link in self._links.values():
+            link.close()
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def flush(self) -> bool:
+        self._left -= 1
+        if self._left == 0:
+            os.write(self._writer, b"x")
+        self._script.get(self._left, lambda: None)()
+        self.clock.advance(CYCLE)
+        for side, robot in self.robots.items():
+            datagram = robot.cycle(self._links[side].receive())
+            if datagram is not None:
+                self._links[side].send(datagram)
+        return True
+
+    def fileno(self) -> int:
+        return self._reader
+
+    def read(self) -> bool:
+        os.read(self._reader, 1)
+        return True
+
+    def receive(self) -> Stop:
+        return Stop()
+
+    def send_soon(self, value: object) -> bool:
+        self.received.append(value)
+        return True
+
+
+def test_moving_arms_are_served_while_the_operating_system_gives_nothing_and_the_time_of_day_is_set(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The loop of the control process with its sockets and shared memory, in this process and in virtual time."""
+    goals = {side: joints([value + 0.3 for value in home(side)]) for side in Side}
+    with ExitStack() as limits:
+
+        def begin() -> None:
+            robots.activate()
+            robots.go(goals)
+
+        def take_all() -> None:
+            assert all(robots.snapshot(side).is_commanded for side in Side)
+            limits.enter_context(no_descriptor_left())
+            monkeypatch.setattr(threading.Thread, "start", refuse)
+            monkeypatch.setattr(PROCESSES, "Semaphore", refuse)
+            monkeypatch.setattr(multiprocessing.heap.os, "ftruncate", refuse)  # type: ignore[attr-defined]
+            days = itertools.cycle((-86_400.0, 86_400.0))
+            monkeypatch.setattr(time, "time", lambda: 1.8e9 + next(days))
+            with pytest.raises(OSError, match="Too many open files"):
+                os.open("/dev/null", os.O_RDONLY)
+
+        robots = MovingRobots({800: begin, 750: take_all}, 900)
+        try:
+            for robot in robots.robots.values():
+                robot.start(FULL_SPEED)
+            robots.run()
+            limits.close()
+            snapshots = {side: robots.snapshot(side) for side in Side}
+        finally:
+            limits.close()
+            monkeypatch.undo()
+            robots.close()
+    assert not [event for event in robots.received if is_fault(cast("Event", event))]
+    for side, goal in goals.items():
+        assert snapshots[side].session == 1
+        assert (snapshots[side].cycles >= 850, snapshots[side].missed) == (True, 0)
+        assert dist(snapshots[side].position, goal) < 0.01
 
 
 NO_ROOM_FOR_A_STACK = """

@@ -136,6 +136,23 @@ def test_recording_says_how_many_cycles_it_lost(
     assert said[0].endswith("session.mcap; 5 were lost, the disk is too slow.")
 
 
+def test_recording_on_a_full_disk_says_that_it_ended_early_and_why(
+    recorders: dict[Side, FlightRecorder], said: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    """/dev/full is a disk that is always full."""
+    full = FullRecorder(Path("/dev/full"), EPOCH, recorders, said.append)
+    full.start()
+    record_motion(recorders[RIGHT], RECORDED_CYCLES)
+    full.close()
+    assert said == ["The recording to /dev/full ended early: OSError: [Errno 28] No space left on device."]
+    (record,) = caplog.records
+    assert record.getMessage().startswith("Recording to /dev/full failed with OSError: ")
+    full.on_event(LOST, 0.3)  # what happens afterwards is not waited for
+    record_motion(recorders[RIGHT], 10)
+    full.close()
+    assert len(said) == 1
+
+
 def test_recording_is_asked_for_once_the_driver_runs(records: Recorder, said: list[str], tmp_path: Path) -> None:
     records.record_all(tmp_path / "session.mcap", EPOCH)
     records.on_event(RobotFollows(LEFT), 1.0, EPOCH)
