@@ -108,7 +108,7 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert "motoroff" in driver.done("state")
     assert driver.done("start") == "EGM runs on both arms, the controllers are active\n"
     before = json.loads(driver.done("controllers", "--json"))["right"]
-    assert driver.done("move", "right", "ready", "--speed", "1") == "The right arm stands at the goal\n"
+    assert driver.done("move", "right", "ready", "--speed-scale", "1") == "The right arm stands at the goal\n"
     state = json.loads(driver.done("state", "--json"))
     assert state["arms"]["right"]["position"] == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.002)
     assert json.loads(driver.done("controllers", "--json"))["right"] == before

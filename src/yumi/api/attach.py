@@ -9,7 +9,7 @@ from typing import TypeVar
 from yumi.api.motion import Position, checked_goal
 from yumi.driver import endpoint as wire
 from yumi.driver.endpoint import (
-    ControllerReport,
+    ControllerStatus,
     DriverState,
     EndpointClient,
     GripReport,
@@ -84,9 +84,9 @@ class RunningDriver:
         return self._client.watch(rate)
 
     @property
-    def controllers(self) -> Mapping[str, tuple[ControllerReport, ...]]:
+    def controllers(self) -> Mapping[str, tuple[ControllerStatus, ...]]:
         """The controllers of each arm."""
-        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerReport, ...]])
+        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerStatus, ...]])
 
     @property
     def speed_scale(self) -> float:
@@ -134,7 +134,7 @@ class RunningDriver:
         *,
         right: Position | None = None,
         left: Position | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
         timeout: float | None = None,
         on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
@@ -147,7 +147,8 @@ class RunningDriver:
             right: joint positions [rad], (7,) in chain order; the name of a pose; or some joints by name, the others
                 stay.
             left: the same of the left arm.
-            speed: fraction of the joints' highest speeds, above 0 up to 1; None takes the controller's.
+            speed_scale: factor on the joints' highest speeds, on top of the driver's, above 0 up to 1; None takes the
+                controller's.
             acceleration: the same for accelerations and jerks.
             timeout: arms that take longer are stopped [s].
             on_motion: given how far the motions are, ten times a second.
@@ -165,7 +166,7 @@ class RunningDriver:
         request = wire.Move(
             right=goals.get(Side.RIGHT),
             left=goals.get(Side.LEFT),
-            speed=speed,
+            speed_scale=speed_scale,
             acceleration=acceleration,
             timeout=timeout,
         )

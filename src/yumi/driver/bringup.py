@@ -263,7 +263,7 @@ class Bringup:
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words; nothing where it will be refused."""
         state = self.panel.state()
-        if state.mode is not OperatingMode.AUTO or unmet(NO_STOP, state):
+        if state.operating_mode is not OperatingMode.AUTO or unmet(NO_STOP, state):
             return []
         return [step.name for step in self._steps(state)]
 

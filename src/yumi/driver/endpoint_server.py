@@ -24,8 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from yumi.control import events as control_events
-from yumi.control.events import Event, is_fault
+from yumi.control.events import ControllerReport, Event, is_fault
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import Snapshot
 from yumi.driver.endpoint import (
@@ -34,7 +33,7 @@ from yumi.driver.endpoint import (
     AnyRequest,
     ArmReport,
     Calibrate,
-    ControllerReport,
+    ControllerStatus,
     DriverState,
     EventReport,
     Failure,
@@ -84,7 +83,7 @@ EVENTS = 100
 
 _RECENT = 20  # events in a state that is asked for once
 _FRESH = 0.010  # [s] a state that was made for one client serves another one for so long
-_LOOK = 0.1  # [s] between two polls of what is waited for
+_POLL_PERIOD = 0.1  # [s] between two polls of what is waited for
 _CREDENTIALS = struct.Struct("3i")
 _LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
 
@@ -178,7 +177,7 @@ class Handlers:
         self._access = access
         self._moving = Lock()  # one motion of the arms at a time
         self._gripping = {side: Lock() for side in Side}
-        self._controllers: dict[Side, tuple[int, tuple[ControllerReport, ...]]] = {}
+        self._controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = {}
         self._events: deque[EventReport] = deque(maxlen=EVENTS)
         self._count = 0
         self._lock = Lock()
@@ -222,7 +221,7 @@ class Handlers:
             robot=access.robot,
             process=os.getpid(),
             is_connected=robot.is_connected,
-            mode=robot.mode.value if robot.mode else None,
+            operating_mode=robot.operating_mode.value if robot.operating_mode else None,
             motors=robot.controller_state.value if robot.controller_state else None,
             program=robot.execution.value if robot.execution else None,
             machines={side.word: machine.name if machine else None for side, machine in robot.machines.items()},
@@ -237,7 +236,7 @@ class Handlers:
             grippers={side.word: self._gripper(side) for side in Side},
         )
 
-    def controllers(self) -> dict[str, tuple[ControllerReport, ...]]:
+    def controllers(self) -> dict[str, tuple[ControllerStatus, ...]]:
         """Asked for again only when an arm's snapshot says that they have changed."""
         control = self._access.control
         for side in Side:
@@ -246,7 +245,7 @@ class Handlers:
                 continue
             with suppress(RobotNotReady):  # the control process has ended: what was known last
                 infos = control.call(Commands.list_controllers, side)
-                reports = (ControllerReport(it.name, it.kind, it.state.value, bool(it.claimed)) for it in infos)
+                reports = (ControllerStatus(it.name, it.kind, it.state.value, bool(it.claimed)) for it in infos)
                 self._controllers[side] = activity, tuple(reports)
         return {side.word: self._controllers.get(side, (0, ()))[1] for side in Side}
 
@@ -347,7 +346,7 @@ class Handlers:
                         "it stands."
                     )
             try:
-                motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
+                motions = access.mover.move(goals, request.speed_scale, request.acceleration, others_stay=True)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise
@@ -373,7 +372,7 @@ class Handlers:
         futures = [motion.future for motion in motions]
         try:
             while not all(future.done() for future in futures):
-                done, _ = wait_for_futures(futures, _LOOK, FIRST_EXCEPTION)
+                done, _ = wait_for_futures(futures, _POLL_PERIOD, FIRST_EXCEPTION)
                 for future in done:
                     future.result()
                 caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
@@ -470,7 +469,7 @@ class EndpointServer:
 
     def note_event(self, event: Event) -> None:
         """Keep an event of the control process, unless it is a controller's own."""
-        if not isinstance(event, control_events.ControllerReport):
+        if not isinstance(event, ControllerReport):
             self._handlers.note(logging.WARNING if is_fault(event) else logging.INFO, str(event))
 
     @property
@@ -523,7 +522,7 @@ class EndpointServer:
                 for client in tuple(self._clients):
                     client.is_gone = True
                     client.writer.transport.abort()
-                await asyncio.wait(others, timeout=_LOOK)
+                await asyncio.wait(others, timeout=_POLL_PERIOD)
             server.close()
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -73,7 +73,7 @@ def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: Runni
     driver.server.note(logging.WARNING, "Motors off: an emergency stop.")
     state = attached.state
     right = state.arms["right"]
-    assert (state.robot, state.process, state.mode, state.motors) == (ROBOT, os.getpid(), "AUTO", "motoron")
+    assert (state.robot, state.process, state.operating_mode, state.motors) == (ROBOT, os.getpid(), "AUTO", "motoron")
     assert (right.mode, right.position, right.session) == (ArmMode.HOLDING, home(Side.RIGHT), 1)
     assert right.pose is not None
     assert right.cycles is not None
@@ -158,7 +158,7 @@ def test_arm_moves_to_a_position_a_pose_or_some_joints(
     driver: FakeDriver, attached: RunningDriver, position: Any, goal: Any
 ) -> None:
     driver.arrive()
-    assert "stands at the goal" in attached.move_to(right=position, speed=0.2)
+    assert "stands at the goal" in attached.move_to(right=position, speed_scale=0.2)
     message = driver.robot.control.commands[0].message
     assert isinstance(message, JointGoal)
     assert (message.position, message.speed_scale) == (goal, 0.2)
@@ -292,7 +292,7 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -
         (b'{"id": 7, "method": "move"}', "No arm has a goal"),
         (b'{"id": 7, "method": "move", "right": [0, 0, 0, 0, 0, 0, NaN]}', "JSON is malformed"),
         (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "Expected `array` of length 7"),
-        (b'{"id": 7, "method": "move", "right": "home", "speed": 2}', "Expected `float` <= 1.0"),
+        (b'{"id": 7, "method": "move", "right": "home", "speed_scale": 2}', "Expected `float` <= 1.0"),
         (b'{"id": 7, "method": "subscribe", "rate": 1000}', "Expected `float` <= 60.0"),
         (b'{"id": 7, "method": "set_mode", "mode": "fast"}', "Invalid enum value 'fast'"),
         (b'{"id": 7, "method": "grip", "arm": "right", "action": "open", "width": 0.2}', "out of range"),
