@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for_futures
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -59,6 +59,7 @@ from yumi.driver.endpoint import (
     sides_of,
 )
 from yumi.driver.gripper import Gripper
+from yumi.driver.gripper_io import Check
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
@@ -140,8 +141,9 @@ class DriverAccess(NamedTuple):
         gripper_state: what is known of a gripper without asking the controller.
         force: of a grip where a request names none [N].
         mover: moves the arms.
-        recover: recovers, with a report of each step and the stop that was confirmed; returns what was done.
-        calibrate: calibrates grippers.
+        recover: recovers, with a report of each step, a check that raises where it is not wanted any more, and the stop
+            that was confirmed; returns what was done.
+        calibrate: calibrates grippers, with such a check.
         check_arms: refuses what needs an arm that a user has deactivated.
         on_change: called after each request that may have changed controllers or EGM.
         namespace: of its ROS nodes.
@@ -155,19 +157,35 @@ class DriverAccess(NamedTuple):
     gripper_state: Callable[[Side], GripperState | None]
     force: float
     mover: Mover
-    recover: Callable[[Report, str], str]
-    calibrate: Callable[[Sequence[Side]], None]
+    recover: Callable[[Report, Check, str], str]
+    calibrate: Callable[[Sequence[Side], Check], None]
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
     on_change: Callable[[], None] = lambda: None
     namespace: str = ""
 
 
 class Caller(NamedTuple):
-    """Who has asked: what takes the steps of a request, and whether the client is still there."""
+    """Who has asked.
 
-    report: Callable[[str], None]
-    report_motions: Callable[[dict[str, MotionReport]], None]
+    Attributes:
+        show: takes each step of the request.
+        show_motions: takes how far motions are.
+        is_gone: whether the client is not there any more, or the driver ends.
+    """
+
+    show: Callable[[str], None]
+    show_motions: Callable[[dict[str, MotionReport]], None]
     is_gone: Callable[[], bool]
+
+    def check(self) -> None:
+        """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""
+        if self.is_gone():
+            raise RobotNotReady("What was asked for was ended before its next step: who asked for it is gone.")
+
+    def report(self, step: str) -> None:
+        """Take a step that comes next; raises as :meth:`check`."""
+        self.check()
+        self.show(step)
 
 
 class Handlers:
@@ -176,7 +194,6 @@ class Handlers:
     def __init__(self, access: DriverAccess) -> None:
         self._access = access
         self._moving = Lock()  # one motion of the arms at a time
-        self._gripping = {side: Lock() for side in Side}
         self._controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = {}
         self._events: deque[EventReport] = deque(maxlen=EVENTS)
         self._count = 0
@@ -275,22 +292,27 @@ class Handlers:
     def start_egm(self, request: StartEgm, caller: Caller) -> str:
         arms = sides_of(request.arms)
         self._access.check_arms(arms or tuple(Side))
-        return self._access.manager.start_egm(arms or None)
+        return self._access.manager.start_egm(arms or None, caller.report, caller.check)
 
     def set_mode(self, request: SetMode, caller: Caller) -> str:
         mode = Mode(request.mode)
         self._access.check_arms(mode.arms)
-        return self._access.manager.go_to(mode, caller.report)
+        if mode is Mode.MOTORS_OFF:  # a stop is carried out for who is gone, too
+            return self._access.manager.go_to(mode, caller.show)
+        return self._access.manager.go_to(mode, caller.report, caller.check)
 
     def recover(self, request: Recover, caller: Caller) -> str:
         self._access.check_arms(self._access.manager.egm_arms)
-        return self._access.recover(caller.report, request.confirm)
+        return self._access.recover(caller.report, caller.check, request.confirm)
 
     def calibrate(self, request: Calibrate, caller: Caller) -> str:
         sides = sides_of(request.arms)
         if not sides:
             raise CommandRefused("No gripper is named; name right, left or both.")
-        self._access.calibrate(sides)
+        with ExitStack() as stack:
+            for side in sides:
+                stack.enter_context(self._access.grippers[side].alone())
+            self._access.calibrate(sides, caller.check)
         words = " and ".join(side.word for side in sides)
         return f"The {words} gripper{'s are' if len(sides) > 1 else ' is'} calibrated"
 
@@ -305,15 +327,10 @@ class Handlers:
             goal = go_to(TRAVEL if request.width is None else request.width / 2.0)
         else:
             goal = grip(Direction.INWARDS, access.force if request.force is None else request.force)
-        access.manager.check_not_stopped()
-        if not self._gripping[side].acquire(blocking=False):
-            raise CommandRefused(f"The {side.word} gripper carries out another command; wait for its end.")
-        try:
-            gripper = access.grippers[side]
-            gripper.begin(goal)
+        gripper = access.grippers[side]
+        with gripper.alone():
+            gripper.begin(goal, access.manager.check_not_stopped)
             outcome = gripper.wait(goal, is_cancelled=caller.is_gone)
-        finally:
-            self._gripping[side].release()
         if outcome is None:
             raise GoalNotReached(f"The {side.word} gripper was stopped: who asked for it is gone.")
         return GripReport(outcome, 2.0 * gripper.last_position)
@@ -375,7 +392,7 @@ class Handlers:
                 done, _ = wait_for_futures(futures, _POLL_PERIOD, FIRST_EXCEPTION)
                 for future in done:
                     future.result()
-                caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
+                caller.show_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
                 if caller.is_gone():
                     raise GoalNotReached("The motion was stopped: who asked for it is gone.")
                 if deadline is not None and time.monotonic() > deadline:
@@ -592,18 +609,19 @@ class EndpointServer:
         try:
             result = msgspec.Raw(msgspec.json.encode(self._handlers.handle(request, caller)))
             answer = Answer(id=request.id, result=result)
-        except YumiError as error:
-            answer = Answer(id=request.id, error=failure_of(error))
-        except Exception as error:  # a fault of ours: the client must not wait for ever
-            _log.exception("A request of the local endpoint failed: %s", request)
-            answer = _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
+        except Exception as error:  # a fault of ours, too: the client must not wait for ever
+            answer = _failed(request, error)
         client.send_soon(answer)
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
         due = loop.time()
         while not client.is_gone:
-            state = await loop.run_in_executor(self._workers, self._state)
+            try:
+                state = await loop.run_in_executor(self._workers, self._state)
+            except Exception as error:  # as of other requests; the subscription has ended
+                client.send(_failed(request, error))
+                return
             events = self._handlers.events_since(known)
             known = events[-1].number if events else known
             client.send(Answer(id=request.id, state=state, events=events))
@@ -621,6 +639,14 @@ class EndpointServer:
 
 def _refused(number: int, sentence: str) -> Answer:
     return Answer(id=number, error=Failure("CommandRefused", sentence))
+
+
+def _failed(request: Request, error: Exception) -> Answer:
+    """Why a request failed; what is no refusal is a fault of the driver, which its log shows whole."""
+    if isinstance(error, YumiError):
+        return Answer(id=request.id, error=failure_of(error))
+    _log.error("A request of the local endpoint failed: %s", request, exc_info=error)
+    return _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
 
 
 def _id_of(line: bytes) -> int:

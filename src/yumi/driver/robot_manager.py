@@ -205,16 +205,24 @@ class RobotManager:
                 self._stops.close(confirmed)
         return "The robot is ready"
 
-    def start_egm(self, arms: Sequence[Side] | None = None) -> str:
+    def start_egm(
+        self,
+        arms: Sequence[Side] | None = None,
+        report: Report = lambda step: None,
+        check: Callable[[], None] = lambda: None,
+    ) -> str:
         """Start EGM and activate what commands the arms; makes the robot ready first if need be.
 
         Args:
             arms: which arms; None takes all that are configured. The others stand still.
+            report: gets each step before it is done; raises where it must not be done any more.
+            check: called once nothing else is done to the robot; raises where this is not wanted any more.
 
         Raises:
             YumiError: a step failed; the message says which.
         """
-        with self._moving():
+        with self._moving(), self._bringup.reporting(report):
+            check()
             return self._egm.start(tuple(arms) if arms else self._arms)
 
     def stop_egm(self) -> str:
@@ -223,14 +231,15 @@ class RobotManager:
             self._egm.stop()
         return "EGM has ended on both arms"
 
-    def go_to(self, mode: Mode, report: Report) -> str:
-        """Bring the robot to a mode; ``report`` gets each step.
+    def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
+        """Bring the robot to a mode; ``report`` and ``check`` as of :meth:`start_egm`.
 
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
         turn = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
         with turn, self._bringup.reporting(report):
+            check()
             if mode.arms:
                 return self._egm.start(mode.arms)
             if mode is Mode.READY:
@@ -248,8 +257,8 @@ class RobotManager:
         A controller that does not answer is waited for out of turn: a stop request comes at once, and ends the waiting.
 
         Args:
-            report: gets each step.
-            check: raises when a controller that does not answer must be waited for no longer.
+            report: as of :meth:`start_egm`.
+            check: the same, and ends the waiting for a controller that does not answer.
             confirmed: id of the stop that a person has confirmed, as in :attr:`RobotState.stop`; needed after an
                 emergency stop, a guard stop or a collision.
 
@@ -265,6 +274,7 @@ class RobotManager:
 
         is_new = self._recovery.reach(report, check_all)
         with self._moving(confirmed, is_checked=True, requests=requests), self._bringup.reporting(report):
+            check()
             return self._recovery.run(is_new=is_new, confirmed=confirmed)
 
     @property
@@ -394,8 +404,8 @@ class RobotManager:
         """All I/O signals of the controller by name; raises YumiError."""
         return self._client.signals()
 
-    def calibrate(self, *grippers: Gripper) -> None:
-        """Close the fingers of these grippers and call that zero, at the same time.
+    def calibrate(self, *grippers: Gripper, check: Callable[[], None] = lambda: None) -> None:
+        """Close the fingers of these grippers and call that zero, at the same time; ``check`` as of :meth:`start_egm`.
 
         Raises:
             RobotNotReady: EGM runs on an arm, a stop was requested meanwhile, or one did not become calibrated.
@@ -403,11 +413,12 @@ class RobotManager:
         with self._moving():
             requests = self._stop_requests
 
-            def check() -> None:
+            def check_stops() -> None:
                 self._check_no_stop_since(requests)
                 self.check_not_stopped()
 
-            grippers[0].calibrate(*grippers[1:], check=check)
+            check()
+            grippers[0].calibrate(*grippers[1:], check=check_stops)
 
     def write_signal(self, name: str, value: str | float) -> None:
         """Set an I/O signal. Raises YumiError; nothing was changed then.

@@ -116,7 +116,7 @@ class RosDriver:
         self._timers = TimerThread(clock, log_error)
         slow_timers = {side: TimerThread(clock, log_error, f"slow-timers-{side.value}") for side in Side}
 
-        buffers = control.buffers
+        buffers, robot, polled = control.buffers, manager.monitor.state, manager.monitor.joints
         self._trajectories = TrajectoryControllers(
             dual,
             {side: each.trajectory for side, each in buffers.items()},
@@ -180,7 +180,6 @@ class RosDriver:
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", *streams)
 
-        robot, polled = manager.monitor.state, manager.monitor.joints
         manager.monitor.reads_joints = True
         base = settings.ros.frames + prefixed("yumi_base_link")
         self._states = [

@@ -145,6 +145,27 @@ def test_gripper_does_not_move_while_a_stop_waits(driver: FakeDriver, attached: 
     assert driver.grippers[Side.LEFT].goals == []
 
 
+def test_stop_that_comes_while_a_gripper_command_begins_counts(driver: FakeDriver, attached: RunningDriver) -> None:
+    def stop() -> None:
+        driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
+
+    driver.grippers[Side.LEFT].on_begin = stop
+    with pytest.raises(RobotNotReady, match="A stop waits"):
+        attached.open_gripper("left")
+    assert driver.grippers[Side.LEFT].goals == []
+
+
+def test_gripper_that_others_command_is_left_to_them(driver: FakeDriver, attached: RunningDriver) -> None:
+    with driver.grippers[Side.LEFT].alone():
+        with pytest.raises(CommandRefused, match="The left gripper carries out another command"):
+            attached.open_gripper("left")
+        with pytest.raises(CommandRefused, match="The left gripper carries out another command"):
+            attached.calibrate()
+        attached.open_gripper("right")
+    assert (driver.grippers[Side.LEFT].goals, driver.calibrated) == ([], [])
+    attached.calibrate()
+
+
 @pytest.mark.parametrize(
     ("position", "goal"),
     [
@@ -312,6 +333,18 @@ def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, lin
 def test_fault_of_ours_is_answered_too(driver: FakeDriver, caplog: pytest.LogCaptureFixture) -> None:
     driver.manager.stop_egm = lambda: {}["gone"]  # type: ignore[method-assign]
     assert "failed with KeyError: 'gone'" in answer_to(b'{"method": "stop_egm"}')["error"]["message"]
+    assert "A request of the local endpoint failed" in caplog.text
+
+
+def test_fault_of_ours_ends_a_subscription_with_its_sentence(
+    driver: FakeDriver, attached: RunningDriver, caplog: pytest.LogCaptureFixture
+) -> None:
+    states = attached.watch(60.0)
+    next(states)
+    driver.manager.state = lambda: {}["gone"]  # type: ignore[method-assign]
+    with pytest.raises(CommandRefused, match="failed with KeyError: 'gone'"):
+        for _ in states:
+            pass
     assert "A request of the local endpoint failed" in caplog.text
 
 
