@@ -178,9 +178,10 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        goals = {side: buffers.goals for side, buffers in parts.control.buffers.items()}
+        buffers = parts.control.buffers
+        goals = {side: each.goals for side, each in buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        feedback = {side: buffers.trajectory for side, buffers in parts.control.buffers.items()}
+        feedback = {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()}
         self.executor = MotionExecutor(
             parts.control,
             goals,

@@ -257,7 +257,7 @@ def _endpoint_of(
         tuple(Side),
         parts.plan.limits,
         SystemClock(),
-        {side: each.trajectory for side, each in buffers.items()},
+        {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
     )
     access = DriverAccess(

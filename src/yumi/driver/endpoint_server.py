@@ -96,10 +96,7 @@ class RunningMotion(Protocol):
     future: Future[None]
 
     @property
-    def progress(self) -> float: ...
-
-    @property
-    def remaining(self) -> float | None: ...
+    def way(self) -> tuple[float, float | None]: ...
 
 
 class Mover(Protocol):
@@ -392,7 +389,8 @@ class Handlers:
                 done, _ = wait_for_futures(futures, _POLL_PERIOD, FIRST_EXCEPTION)
                 for future in done:
                     future.result()
-                caller.show_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
+                with suppress(YumiError):  # how far they are is only shown
+                    caller.show_motions({it.side.word: MotionReport(*it.way) for it in motions})
                 if caller.is_gone():
                     raise GoalNotReached("The motion was stopped: who asked for it is gone.")
                 if deadline is not None and time.monotonic() > deadline:

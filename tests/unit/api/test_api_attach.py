@@ -21,7 +21,7 @@ import pytest
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from yumi.api.attach import RunningDriver, attach
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.events import SessionLost
 from yumi.driver import endpoint_server
@@ -259,6 +259,22 @@ def test_motion_is_stopped_when_its_time_is_up(driver: FakeDriver, attached: Run
     with pytest.raises(GoalNotReached, match=r"it took longer than 0\.05 s"):
         attached.move_to(left="home", timeout=0.05)
     assert isinstance(driver.robot.control.commands[-1].message, StopMotion)
+
+
+def test_motion_goes_on_when_it_cannot_be_said_how_far_it_is(
+    driver: FakeDriver, attached: RunningDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def way(motion: Motion) -> Way:
+        asked.append(motion)
+        if len(asked) == 2:
+            driver.robot.end(driver.robot.control.commands[0])
+        raise RobotNotReady("The control process does not answer.")
+
+    monkeypatch.setattr(Motion, "way", property(way))
+    assert attached.move_to(right="home") == "The right arm stands at the goal"
+    assert len(asked) >= 2
 
 
 def test_motion_of_a_client_that_goes_away_is_stopped(driver: FakeDriver) -> None:
