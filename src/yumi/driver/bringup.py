@@ -228,6 +228,7 @@ class Bringup:
         self._addresses = addresses or self._addresses
         checks = LaunchChecks(self.client, self._addresses)
         checks.run()
+        self.machines.read_tools()
         self._is_checked = True
         self._remarks = [remark for remark in checks.remarks if remark not in self._reported_remarks]
 

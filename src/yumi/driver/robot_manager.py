@@ -22,7 +22,7 @@ from yumi.driver.panel import RapidRoutines
 from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.stops import StopLog
-from yumi.errors import RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Pose, Side
@@ -378,13 +378,27 @@ class RobotManager:
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
         """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.tool.Tool`. Raises YumiError."""
-        return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload))
+        return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload) if tool else Tool(tcp, load))
 
     def set_payload(self, side: Side, payload: Mass) -> str:
-        """Have the next EGM motion of an arm carry a payload beside its tool. Raises YumiError."""
-        return self._write_tool(side, lambda tool: replace(tool, payload=payload))
+        """Have the next EGM motion of an arm carry a payload beside its tool.
 
-    def _write_tool(self, side: Side, change: Callable[[Tool], Tool]) -> str:
+        Raises:
+            YumiError: neither :meth:`set_tool` nor the settings have named the tool, or it was not done.
+        """
+
+        def change(tool: Tool | None) -> Tool:
+            if tool is None:
+                raise CommandRefused(
+                    f"The tool of the {side.word} arm is not known: the robot has one load for tool and payload, and "
+                    "an earlier driver may have set it. Set the tool first (set_tool), or name it in the settings "
+                    "(egm_motion.tool)."
+                )
+            return replace(tool, payload=payload)
+
+        return self._write_tool(side, change)
+
+    def _write_tool(self, side: Side, change: Callable[[Tool | None], Tool]) -> str:
         with self._changing():
             self.panel.check_automatic()
             machines = self._bringup.machines
