@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import isfinite
 from types import TracebackType
 from typing import TypeVar
 
-from yumi.api.motion import Position, checked_goal
+from yumi.api.motion import Position
 from yumi.driver import endpoint as wire
 from yumi.driver.endpoint import (
     ControllerStatus,
@@ -17,7 +18,8 @@ from yumi.driver.endpoint import (
     Request,
     find_driver,
 )
-from yumi.robot.joints import Side, home
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
 
 T = TypeVar("T")
 Arms = wire.Arm | Sequence[wire.Arm]
@@ -159,7 +161,7 @@ class RunningDriver:
             GoalNotReached: a motion ended elsewhere.
         """
         goals = {
-            side: _position(side, position)
+            side: _position(position)
             for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
             if position is not None
         }
@@ -180,11 +182,16 @@ def _several(arms: Arms) -> tuple[wire.Arm, ...]:
     return (arms,) if isinstance(arms, str) else tuple(arms)
 
 
-def _position(side: Side, position: Position) -> wire.Position:
-    """As it is sent: what is impossible is refused here already, with the sentence that a script gets."""
-    checked = checked_goal(side, position, home(side))
+def _position(position: Position) -> wire.Position:
+    """As it is sent. JSON has finite numbers only; all else is for the driver, which knows the names of its joints."""
     if isinstance(position, str):
         return position
-    if isinstance(position, Mapping):
-        return {name: float(value) for name, value in position.items()}
-    return checked
+    try:
+        pairs = position.items() if isinstance(position, Mapping) else enumerate(position, 1)
+        values = {name: float(value) for name, value in pairs}
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(position)[:100]}.") from error
+    for name, value in values.items():
+        if not isfinite(value):
+            raise CommandRefused(f"Goal refused: position {name} is {value}; a position is a finite number of radians.")
+    return {str(name): it for name, it in values.items()} if isinstance(position, Mapping) else tuple(values.values())

@@ -39,7 +39,7 @@ ANSWER = 10.0
 
 Arm = Literal["right", "left"]
 ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
-Position = tuple[float, float, float, float, float, float, float] | dict[str, float] | str
+Position = tuple[float, ...] | dict[str, float] | str
 """Joint positions [rad]: all seven in chain order, some by name (the others stay), or the name of a pose."""
 
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]

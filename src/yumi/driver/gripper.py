@@ -109,7 +109,7 @@ class Gripper:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Nothing else has the fingers move within the block, whoever asks for it.
+        """Nothing else has the fingers move within the block, neither a goal of ROS nor a client or script.
 
         Raises:
             CommandRefused: another command is being carried out.

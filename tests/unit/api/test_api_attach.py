@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -185,6 +185,17 @@ def test_arm_moves_to_a_position_a_pose_or_some_joints(
     assert (message.position, message.speed_scale) == (goal, 0.2)
 
 
+def test_joints_are_named_to_the_driver_as_they_are(
+    driver: FakeDriver, attached: RunningDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def move(goals: Any, *rest: Any, **options: Any) -> None:
+        raise CommandRefused(str(goals[Side.RIGHT]))
+
+    monkeypatch.setattr(driver.robot.executor, "move", move)
+    with pytest.raises(CommandRefused, match="cell_yumi_joint_1_r"):  # a prefix that only the driver knows
+        attached.move_to(right={"cell_yumi_joint_1_r": 0.2})
+
+
 def test_both_arms_move_at_once(driver: FakeDriver, attached: RunningDriver) -> None:
     driver.arrive()
     attached.move_to(right="home", left="ready")
@@ -218,7 +229,9 @@ def test_arm_whose_motion_was_stopped_holds(driver: FakeDriver, attached: Runnin
 @pytest.mark.parametrize(
     ("position", "sentence"),
     [
-        ({"j1": nan}, "yumi_joint_1_r is nan"),
+        ({"j1": nan}, "position j1 is nan"),
+        ([*[0.0] * 6, inf], "position 7 is inf"),
+        ({"j1": "far"}, "expected seven angles in radians"),
         ({"j2": 4.0}, "-143.5° to 43.5°"),
         ({"j8": 0.0}, "'j8' is not a joint"),
         ("nowhere", "there is no pose 'nowhere'; there are home, calibration, ready"),
@@ -328,7 +341,7 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -
         (b'{"id": 7, "method": "move", "arm": "right"}', "unknown field `arm`"),
         (b'{"id": 7, "method": "move"}', "No arm has a goal"),
         (b'{"id": 7, "method": "move", "right": [0, 0, 0, 0, 0, 0, NaN]}', "JSON is malformed"),
-        (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "Expected `array` of length 7"),
+        (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "it has 3 positions"),
         (b'{"id": 7, "method": "move", "right": "home", "speed_scale": 2}', "Expected `float` <= 1.0"),
         (b'{"id": 7, "method": "subscribe", "rate": 1000}', "Expected `float` <= 60.0"),
         (b'{"id": 7, "method": "set_mode", "mode": "fast"}', "Invalid enum value 'fast'"),

@@ -54,6 +54,11 @@ def goals(driver: FakeDriver) -> list[JointGoal]:
     return [command.message for command in driver.robot.control.commands if isinstance(command.message, JointGoal)]
 
 
+def test_help_of_move_says_that_nothing_checks_whether_the_arms_meet() -> None:
+    text = " ".join(CliRunner().invoke(main, ["move", "--help"]).output.split())
+    assert "Nothing checks yet whether the arms meet each other" in text
+
+
 def test_state_is_shown_for_a_person(driver: FakeDriver) -> None:
     shown = run("state")
     for words in (
@@ -141,7 +146,7 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence", "code"),
     [
-        (("right", "nan", *["0"] * 6), "yumi_joint_1_r is nan", 1),
+        (("right", "nan", *["0"] * 6), "position 1 is nan", 1),
         (("right", "j2=4"), "yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°", 1),
         (("right", "j8=1"), "'j8' is not a joint of the right arm", 1),
         (("right", "0", "1"), "2 angles are given; an arm has 7 joints", 2),
