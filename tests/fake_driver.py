@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from fake_robot import FakeRobot
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.gripper import Gripper
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.errors import RobotNotReady, StopNotConfirmed
@@ -35,17 +36,18 @@ class FakeManager:
     def state(self) -> RobotState:
         return replace(self.robot, speed_scale=self.speed.value)
 
-    def start_egm(self, arms: Sequence[Side] | None) -> str:
+    def start_egm(self, arms: Sequence[Side] | None, report: Callable[[str], None], check: Callable[[], None]) -> str:
         self.asked.append(arms)
         if self.blocks is not None:
             assert self.blocks.wait(WAIT)
+        check()
         return "EGM runs"
 
     def stop_egm(self) -> str:
         self.asked.append("stop")
         return "EGM has ended"
 
-    def go_to(self, mode: Mode, report: Callable[[str], None]) -> str:
+    def go_to(self, mode: Mode, report: Callable[[str], None], check: Callable[[], None] = lambda: None) -> str:
         report("motors off")
         self.asked.append(mode)
         return "The motors are off"
@@ -61,11 +63,18 @@ class FakeManager:
 class FakeGripper:
     """Fingers that are where they are sent at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, side: Side) -> None:
+        self.side = side
+        self.busy = threading.Lock()
         self.goals: list[GripperGoal] = []
         self.last_position = 0.0
+        self.on_begin: Callable[[], None] = lambda: None
 
-    def begin(self, goal: GripperGoal) -> None:
+    alone = Gripper.alone
+
+    def begin(self, goal: GripperGoal, check: Callable[[], None]) -> None:
+        self.on_begin()
+        check()
         self.goals.append(goal)
         self.last_position = goal.position
 
@@ -79,7 +88,7 @@ class FakeDriver:
     def __init__(self, log: Callable[[int, str], None] = lambda level, sentence: None) -> None:
         self.robot = FakeRobot()
         self.manager = FakeManager()
-        self.grippers = {side: FakeGripper() for side in Side}
+        self.grippers = {side: FakeGripper(side) for side in Side}
         self.recovered: list[str] = []
         self.changes: list[int] = []
         self.calibrated: list[Sequence[Side]] = []
@@ -96,12 +105,12 @@ class FakeDriver:
             force=10.0,
             mover=self.robot.executor,
             recover=self.recover,
-            calibrate=self.calibrated.append,
+            calibrate=lambda sides, check: self.calibrated.append(sides),
             on_change=lambda: self.changes.append(len(self.changes)),
         )
         self.server = EndpointServer(access, log)
 
-    def recover(self, report: Callable[[str], None], confirm: str) -> str:
+    def recover(self, report: Callable[[str], None], check: Callable[[], None], confirm: str) -> str:
         if self.manager.robot.stop != confirm:
             raise StopNotConfirmed("A person must confirm it.", self.manager.robot.stop)
         report("motors on")

@@ -81,6 +81,7 @@ class FakeRobot:
         self.goals = {side: MemoryBuffer() for side in Side}
         self.motions = MotionRegistry()
         self.feedback = {side: MemoryBuffer() for side in Side}
+        self.dual_feedback = {side: MemoryBuffer() for side in Side}
         self.speed_scale = 1.0
         self.executor = MotionExecutor(
             self.control,
@@ -89,7 +90,7 @@ class FakeRobot:
             arms,
             YUMI_LIMITS,
             ManualClock(100.0),
-            self.feedback,
+            {side: (buffer, self.dual_feedback[side]) for side, buffer in self.feedback.items()},
             lambda: self.speed_scale,
         )
 

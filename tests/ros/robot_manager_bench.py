@@ -26,7 +26,7 @@ THREADS = 6
 
 READY = RobotState(
     is_connected=True,
-    mode=OperatingMode.AUTO,
+    operating_mode=OperatingMode.AUTO,
     controller_state=ControllerState.MOTORS_ON,
     execution=ExecutionState.RUNNING,
     machines=dict.fromkeys(Side, MachineState.IDLE),

@@ -78,7 +78,7 @@ def test_driver_brought_the_robot_to_ready(idle: Client, driver: Command) -> Non
     assert (answer.success, answer.message) == (True, "ready")
     state = idle.call(Trigger, "yumi_robot_manager/get_state")
     assert state.message == (
-        "mode AUTO; controller motoron; RAPID running; right arm IDLE, EGM off; left arm IDLE, EGM off"
+        "operating mode AUTO; controller motoron; RAPID running; right arm IDLE, EGM off; left arm IDLE, EGM off"
     )
 
 

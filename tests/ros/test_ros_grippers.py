@@ -223,7 +223,7 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
     assert first.accepted
     assert not hand.command(TRAVEL).accepted
     refused = hand.trigger("calibrate")
-    assert refused.message == "A goal is being carried out; wait for its result, or cancel it."
+    assert refused.message == "The left gripper carries out another command; wait for its end."
     hand.cancel(first)
     hand.robot.gate.set()
     answer = hand.result(first)

@@ -167,7 +167,7 @@ def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
 @pytest.mark.parametrize("driver", [[]], indirect=True)
 def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "EGM runs" in run("start")
-    assert "stands at the goal" in run("move", "left", "ready", "--speed", "1")
+    assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
     assert "/r/joint_states" in run("topics")
     message = json.loads(run("echo", "r/joint_states", "--json"))
     assert message["name"][0] == "yumi_joint_1_r"

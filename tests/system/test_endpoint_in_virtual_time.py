@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from threading import RLock
+from threading import Event, RLock
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from yumi.api.motion import GOAL_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_goal import JointGoalController
+from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.errors import YumiError
 from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
@@ -51,8 +53,8 @@ class Driver(System):
             gripper_state=self.signals.state,
             force=10.0,
             mover=mover,
-            recover=lambda report, confirm: self.manager.recover(report, confirmed=confirm),
-            calibrate=lambda sides: self.manager.calibrate(*(self.grippers[side] for side in sides)),
+            recover=self.manager.recover,
+            calibrate=lambda sides, check: self.manager.calibrate(*(self.grippers[it] for it in sides), check=check),
         )
         self.server = EndpointServer(access)
 
@@ -92,6 +94,14 @@ class Driver(System):
                     self._motions.note(event)
 
 
+def poll_until(condition: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        Event().wait(0.01)
+    raise AssertionError("the condition did not come true")
+
+
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Driver]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -108,7 +118,7 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert "motoroff" in driver.done("state")
     assert driver.done("start") == "EGM runs on both arms, the controllers are active\n"
     before = json.loads(driver.done("controllers", "--json"))["right"]
-    assert driver.done("move", "right", "ready", "--speed", "1") == "The right arm stands at the goal\n"
+    assert driver.done("move", "right", "ready", "--speed-scale", "1") == "The right arm stands at the goal\n"
     state = json.loads(driver.done("state", "--json"))
     assert state["arms"]["right"]["position"] == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.002)
     assert json.loads(driver.done("controllers", "--json"))["right"] == before
@@ -122,6 +132,63 @@ def test_grippers_are_calibrated(driver: Driver) -> None:
     assert "is not calibrated" in driver.refused("grip", "left", "close")
     assert driver.done("calibrate") == "The right and left grippers are calibrated\n"
     assert driver.done("grip", "right", "open", "--width", "0.03") == "The right gripper is in place.\n"
+
+
+@pytest.fixture(params=["start_egm", "set_mode egm_both", "recover", "calibrate"])
+def ask(request: pytest.FixtureRequest) -> Callable[[], socket.socket]:
+    """Sends a request that sets something in motion, and returns its connection."""
+    method, _, mode = request.param.partition(" ")
+
+    def send() -> socket.socket:
+        connection = socket.socket(socket.AF_UNIX)
+        connection.connect(str(find_driver()))
+        connection.sendall(json.dumps({"method": method, **({"mode": mode} if mode else {})}).encode() + b"\n")
+        return connection
+
+    return send
+
+
+def test_request_of_a_client_that_went_away_while_it_waited_is_not_carried_out(
+    driver: Driver, ask: Callable[[], socket.socket]
+) -> None:
+    driver.done("mode", "ready")
+    driver.steps.clear()
+    with driver.manager._turn:
+        connection = ask()
+        poll_until(lambda: driver.server._work == 1)
+        connection.close()
+        poll_until(lambda: driver.server.client_count == 0)
+    poll_until(lambda: driver.server._work == 0)
+    assert driver.steps == []
+    assert not any(gripper.is_calibrated() for gripper in driver.grippers.values())
+
+
+def test_request_ends_before_its_next_step_when_its_client_goes_away(driver: Driver) -> None:
+    def go_away(step: str) -> None:
+        driver.steps.append(step)
+        connection.close()
+        poll_until(lambda: driver.server.client_count == 0)
+
+    driver.bringup._reports[0] = go_away
+    connection = socket.socket(socket.AF_UNIX)
+    connection.connect(str(find_driver()))
+    connection.sendall(b'{"method": "start_egm"}\n')
+    poll_until(lambda: driver.steps and driver.server._work == 0)
+    assert driver.steps == ["switch the motors on"]
+    assert "motoroff" in driver.done("state")
+
+
+def test_motors_are_switched_off_for_a_client_that_is_gone(driver: Driver) -> None:
+    driver.done("mode", "ready")
+    with driver.manager._turn:
+        connection = socket.socket(socket.AF_UNIX)
+        connection.connect(str(find_driver()))
+        connection.sendall(b'{"method": "set_mode", "mode": "motors_off"}\n')
+        poll_until(lambda: driver.server._work == 1)
+        connection.close()
+        poll_until(lambda: driver.server.client_count == 0)
+    poll_until(lambda: driver.server._work == 0)
+    assert "motoroff" in driver.done("state")
 
 
 @pytest.mark.parametrize("driver", [True], indirect=True)

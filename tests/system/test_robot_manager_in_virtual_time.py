@@ -13,7 +13,7 @@ import pytest
 from system.virtual_time_bench import System
 from yumi.control.shared_state import Problem
 from yumi.driver.readiness import Mode
-from yumi.driver.state_machine import MachineState
+from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
@@ -32,7 +32,7 @@ def system() -> System:
 def test_manager_reports_all_that_is_known(system: System) -> None:
     system.manager.start_egm()
     state = system.manager.state()
-    assert (state.is_connected, state.mode, state.reason) == (True, OperatingMode.AUTO, "")
+    assert (state.is_connected, state.operating_mode, state.reason) == (True, OperatingMode.AUTO, "")
     assert (state.controller_state, state.execution) == (ControllerState.MOTORS_ON, ExecutionState.RUNNING)
     assert set(state.machines.values()) == {MachineState.RUN_EGM_ROUTINE}
     assert set(state.egm.values()) == {"running"}
@@ -97,15 +97,39 @@ def test_tool_and_payload_are_the_load_of_the_next_egm_motion_and_stay_when_the_
     assert robots_tool(system, Side.RIGHT)[2][0] == pytest.approx(HAND.mass)
 
 
+def test_next_driver_knows_the_tool_centre_but_counts_no_payload_twice(system: System) -> None:
+    system.manager.make_ready()
+    system.manager.set_tool(Side.RIGHT, TCP, HAND)
+    system.manager.set_payload(Side.RIGHT, CUP)
+    before = robots_tool(system, Side.RIGHT, "settings")
+    system.start_driver()
+    system.bringup.check_controller()
+    manager = system.manager
+    assert manager.tcp(Side.RIGHT).position == pytest.approx(TCP.position)
+    assert manager.tcp(Side.LEFT).position == (0.0, 0.0, 0.0)
+    with pytest.raises(CommandRefused, match=r"The tool of the right arm is not known: .* Set the tool first"):
+        manager.set_payload(Side.RIGHT, CUP)
+    assert robots_tool(system, Side.RIGHT, "settings") == before
+    manager.set_tool(Side.RIGHT, TCP, HAND)
+    assert "0.330 kg" in manager.set_payload(Side.RIGHT, CUP)
+
+
+def test_tool_of_the_settings_carries_a_payload() -> None:
+    system = System(motion=EgmMotionSettings(tool=tooldata(Tool(TCP, HAND))))
+    assert system.manager.tcp(Side.LEFT).position == pytest.approx(TCP.position)
+    assert "0.330 kg" in system.manager.set_payload(Side.LEFT, CUP)
+
+
 def test_tool_is_not_changed_while_egm_runs(system: System) -> None:
     system.manager.start_egm()
     before = robots_tool(system, Side.LEFT, "settings")
     with pytest.raises(RobotNotReady, match=r"EGM runs on the left arm with .*; stop EGM \(stop_egm\), set them, then"):
-        system.manager.set_payload(Side.LEFT, CUP)
+        system.manager.set_tool(Side.LEFT, TCP, HAND)
     assert robots_tool(system, Side.LEFT, "settings") == before
 
 
 def test_payload_that_an_arm_does_not_carry_is_refused_and_nothing_is_written(system: System) -> None:
+    system.manager.set_tool(Side.LEFT, TCP, HAND)
     before = robots_tool(system, Side.LEFT, "settings")
     with pytest.raises(CommandRefused, match=r"an arm carries up to 0\.5 kg, its gripper included"):
         system.manager.set_payload(Side.LEFT, replace(CUP, mass=2.0))

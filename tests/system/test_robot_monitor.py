@@ -81,7 +81,7 @@ def monitored() -> Monitored:
         (Fault.PROGRAM_STOP, lambda state: state.execution is ExecutionState.STOPPED),
         (Fault.MOTORS_OFF, lambda state: state.controller_state is ControllerState.MOTORS_OFF),
         (Fault.EMERGENCY_STOP, lambda state: state.controller_state is ControllerState.EMERGENCY_STOP),
-        (Fault.MANUAL_MODE, lambda state: state.mode is OperatingMode.MANUAL_REDUCED),
+        (Fault.MANUAL_MODE, lambda state: state.operating_mode is OperatingMode.MANUAL_REDUCED),
         (Fault.COLLISION, lambda state: state.last_event.code in (50204, 10125)),
         (Fault.WARM_RESTART, lambda state: not state.is_connected),
     ],

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import isfinite
 from types import TracebackType
 from typing import TypeVar
 
-from yumi.api.motion import Position, checked_goal
+from yumi.api.motion import Position
 from yumi.driver import endpoint as wire
 from yumi.driver.endpoint import (
-    ControllerReport,
+    ControllerStatus,
     DriverState,
     EndpointClient,
     GripReport,
@@ -17,7 +18,8 @@ from yumi.driver.endpoint import (
     Request,
     find_driver,
 )
-from yumi.robot.joints import Side, home
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
 
 T = TypeVar("T")
 Arms = wire.Arm | Sequence[wire.Arm]
@@ -84,9 +86,9 @@ class RunningDriver:
         return self._client.watch(rate)
 
     @property
-    def controllers(self) -> Mapping[str, tuple[ControllerReport, ...]]:
+    def controllers(self) -> Mapping[str, tuple[ControllerStatus, ...]]:
         """The controllers of each arm."""
-        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerReport, ...]])
+        return self._client.ask(wire.GetControllers(), dict[str, tuple[ControllerStatus, ...]])
 
     @property
     def speed_scale(self) -> float:
@@ -134,7 +136,7 @@ class RunningDriver:
         *,
         right: Position | None = None,
         left: Position | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
         timeout: float | None = None,
         on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
@@ -147,7 +149,8 @@ class RunningDriver:
             right: joint positions [rad], (7,) in chain order; the name of a pose; or some joints by name, the others
                 stay.
             left: the same of the left arm.
-            speed: fraction of the joints' highest speeds, above 0 up to 1; None takes the controller's.
+            speed_scale: factor on the joints' highest speeds, on top of the driver's, above 0 up to 1; None takes the
+                controller's.
             acceleration: the same for accelerations and jerks.
             timeout: arms that take longer are stopped [s].
             on_motion: given how far the motions are, ten times a second.
@@ -158,14 +161,14 @@ class RunningDriver:
             GoalNotReached: a motion ended elsewhere.
         """
         goals = {
-            side: _position(side, position)
+            side: _position(position)
             for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
             if position is not None
         }
         request = wire.Move(
             right=goals.get(Side.RIGHT),
             left=goals.get(Side.LEFT),
-            speed=speed,
+            speed_scale=speed_scale,
             acceleration=acceleration,
             timeout=timeout,
         )
@@ -179,11 +182,16 @@ def _several(arms: Arms) -> tuple[wire.Arm, ...]:
     return (arms,) if isinstance(arms, str) else tuple(arms)
 
 
-def _position(side: Side, position: Position) -> wire.Position:
-    """As it is sent: what is impossible is refused here already, with the sentence that a script gets."""
-    checked = checked_goal(side, position, home(side))
+def _position(position: Position) -> wire.Position:
+    """As it is sent. JSON has finite numbers only; all else is for the driver, which knows the names of its joints."""
     if isinstance(position, str):
         return position
-    if isinstance(position, Mapping):
-        return {name: float(value) for name, value in position.items()}
-    return checked
+    try:
+        pairs = position.items() if isinstance(position, Mapping) else enumerate(position, 1)
+        values = {name: float(value) for name, value in pairs}
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(position)[:100]}.") from error
+    for name, value in values.items():
+        if not isfinite(value):
+            raise CommandRefused(f"Goal refused: position {name} is {value}; a position is a finite number of radians.")
+    return {str(name): it for name, it in values.items()} if isinstance(position, Mapping) else tuple(values.values())

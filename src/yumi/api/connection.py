@@ -126,13 +126,13 @@ class Connection:
         finally:
             server.stop()
 
-    def _recover_for_client(self, report: Report, confirm: str) -> str:
+    def _recover_for_client(self, report: Report, check: Callable[[], None], confirm: str) -> str:
         self._control.check()  # another one can be started by the script alone, which has this endpoint, too
-        return self.recover(confirm, report)
+        return self.recover(confirm, report, check)
 
-    def _calibrate_for_client(self, sides: Sequence[Side]) -> None:
+    def _calibrate_for_client(self, sides: Sequence[Side], check: Callable[[], None]) -> None:
         for side in sides:
-            self.calibrate(side)
+            self.calibrate(side, check)
 
     def datagram(self, side: Side) -> bytes:
         """The newest datagram of an arm's robot."""
@@ -178,9 +178,10 @@ class Connection:
         self._motions.explain = manager.monitor.explain
         manager.start()
         stack.callback(manager.stop)
-        goals = {side: buffers.goals for side, buffers in parts.control.buffers.items()}
+        buffers = parts.control.buffers
+        goals = {side: each.goals for side, each in buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        feedback = {side: buffers.trajectory for side, buffers in parts.control.buffers.items()}
+        feedback = {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()}
         self.executor = MotionExecutor(
             parts.control,
             goals,
@@ -192,12 +193,13 @@ class Connection:
             lambda: manager.speed.in_force,
         )
 
-    def recover(self, confirm: str = "", report: Report | None = None) -> str:
+    def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:
         """Bring the robot back to where it may move, after whatever stopped it.
 
         Args:
             confirm: id of the stop that a person has confirmed.
-            report: gets each step.
+            report: gets each step before it is done.
+            check: raises where it is not wanted any more.
 
         Returns:
             What had stopped it, and what it does now.
@@ -214,13 +216,15 @@ class Connection:
             done = "The robot was connected anew."
         else:
             self._come_to_rest()
-            done = self.manager.recover(report or partial(log.info, "%s"), confirmed=confirm)
+            done = self.manager.recover(report or partial(log.info, "%s"), check, confirmed=confirm)
             log.info("%s", done)
-            self.manager.start_egm()  # also where EGM had been ended by close(), or had not begun
+            self.manager.start_egm(
+                None, report or (lambda step: None), check
+            )  # also where EGM had been ended by close(), or had not begun
         self._motions.clear_faults()
         return done
 
-    def calibrate(self, side: Side) -> None:
+    def calibrate(self, side: Side, check: Callable[[], None] = lambda: None) -> None:
         """Close the fingers of a gripper and call that zero; EGM, during which that is impossible, is paused.
 
         It stays so where that fails: what made it fail may have stopped the robot, and :meth:`recover` is the way back.
@@ -228,10 +232,11 @@ class Connection:
         Raises:
             RobotNotReady: the gripper did not become calibrated, or EGM did not start again.
         """
+        check()
         is_in_egm = side in self.manager.egm_arms
         if is_in_egm:
             self._end_motion()
-        self.manager.calibrate(self.grippers[side])
+        self.manager.calibrate(self.grippers[side], check=check)
         if is_in_egm:
             self.manager.start_egm()
 

@@ -159,7 +159,8 @@ class Gripper:
             RobotNotReady: the gripper did not become calibrated.
         """
         self._check_not_stopped()
-        self._calibrate()
+        with self._gripper().alone():
+            self._calibrate()
 
     def clear_error(self) -> None:
         """Acknowledge the gripper's error; raises RobotNotReady when it still reports one."""
@@ -198,10 +199,10 @@ class Gripper:
         self._gripper().drop(channel)
 
     def _command(self, goal: GripperGoal) -> Grip:
-        self._check_not_stopped()
         gripper = self._gripper()
-        gripper.begin(goal)
-        outcome = gripper.wait(goal)
+        with gripper.alone():
+            gripper.begin(goal, self._check_not_stopped)
+            outcome = gripper.wait(goal)
         assert outcome is not None, "it is not cancelled"
         return Grip(outcome, 2.0 * gripper.last_position)
 

@@ -28,7 +28,7 @@ from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome,
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
 from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
-from yumi.control.motion import STANDING, Setpoint, slower, travel
+from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, plan_trajectory, time_to_start
 from yumi.driver.readiness import why_arm_does_not_follow
@@ -141,6 +141,8 @@ def _index(side: Side, name: object) -> int:
     )
 
 
+_FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
+
 LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
 
@@ -174,18 +176,23 @@ class Motion:
         self._way = way
 
     @property
+    def way(self) -> Way:
+        """How far it is: :attr:`progress` and :attr:`remaining` at the same moment."""
+        if not self.is_done:
+            way = self._way()
+            self._last = way.progress
+            return way
+        return Way(1.0 if self.future.exception() is None else self._last, 0.0)
+
+    @property
     def progress(self) -> float:
         """How much of its way the arm has covered, 0 to 1; stays where a motion that ended elsewhere was seen last."""
-        if self.is_done and self.future.exception() is None:
-            return 1.0
-        if not self.is_done:
-            self._last = self._way().progress
-        return self._last
+        return self.way.progress
 
     @property
     def remaining(self) -> float | None:
         """How long it still takes at the present ``speed_scale`` [s]; 0 when it has ended, None when it is unknown."""
-        return 0.0 if self.is_done else self._way().remaining
+        return self.way.remaining
 
     @property
     def is_done(self) -> bool:
@@ -360,7 +367,8 @@ class MotionExecutor:
         arms: those on which EGM runs.
         limits: what a trajectory may ask of the joints.
         clock: of the trajectories' starts, which the control process shares.
-        feedback: the buffer of each arm's trajectory controller; without it the progress of trajectories is unknown.
+        feedback: the buffers of the controllers that follow trajectories on each arm; without them the progress of
+            trajectories is unknown.
         speed_scale: the factor on all speeds now.
     """
 
@@ -372,7 +380,7 @@ class MotionExecutor:
         arms: tuple[Side, ...],
         limits: JointLimits,
         clock: Clock,
-        feedback: Mapping[Side, Buffer[TrajectoryFeedback]] | None = None,
+        feedback: Mapping[Side, Sequence[Buffer[TrajectoryFeedback]]] | None = None,
         speed_scale: Callable[[], float] = lambda: FULL,
     ) -> None:
         self.arms = arms
@@ -396,8 +404,18 @@ class MotionExecutor:
         return self._control.snapshot(side)
 
     def is_moving(self, side: Side) -> bool:
-        """Whether a motion of the arm is under way, or it moves by another controller."""
-        return self._motions.is_open(side) or max(map(abs, self._control.snapshot(side).velocity)) > STANDING
+        """Whether a motion of the arm is under way, it follows a trajectory however slowly, or moves otherwise."""
+        now = self._clock.now()
+        return (
+            self._motions.is_open(side)
+            or any(each.goal and now - each.time < _FRESH for each in self._trajectories(side))
+            or max(map(abs, self._control.snapshot(side).velocity)) > STANDING
+        )
+
+    def _trajectories(self, side: Side) -> list[TrajectoryFeedback]:
+        """What the controllers that follow trajectories on an arm have said last."""
+        newest = (buffer.read() for buffer in self._feedback.get(side, ()))
+        return [each[1] for each in newest if each is not None]
 
     def fault(self, side: Side) -> str | None:
         """What stopped the arm, in a sentence; None when nothing did."""
@@ -428,14 +446,19 @@ class MotionExecutor:
         for side in checked:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
+        limits = {side: self._limits_of_goals(side, speed, acceleration) for side in checked}
         motions = {side: self._motions.begin(side) for side in checked}
         commands = [
             ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
             for side, goal in checked.items()
         ]
+        sent = self._send(commands, tuple(motions.values()))
         for side, goal in checked.items():
-            motions[side].follow_way(partial(self._way_to_goal, side, starts[side], goal, speed, acceleration))
-        return self._send(commands, tuple(motions.values()))
+            plan = None
+            with suppress(CommandRefused):  # a way that bends, as the arm moved when it got its goal
+                plan = travel(Setpoint(starts[side]), goal, limits[side])
+            motions[side].follow_way(partial(self._way_to_goal, side, starts[side], goal, plan))
+        return sent
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
@@ -500,22 +523,21 @@ class MotionExecutor:
             self._streaming[side] = (snapshot.session, snapshot.activation)
         write_goal(self._goals[side], snapshot.session, checked)
 
-    def _way_to_goal(
-        self, side: Side, start: Joints, goal: Joints, speed: float | None, acceleration: float | None
-    ) -> Way:
-        """By how far the arm is on the straight way, whose times are those of a motion that begins at rest."""
-        whole = dist(start, goal)
-        progress = 1.0 - min(1.0, dist(self._control.snapshot(side).position, goal) / whole) if whole else 1.0
+    def _limits_of_goals(self, side: Side, speed: float | None, acceleration: float | None) -> JointLimits:
+        """What the controller of single points keeps on an arm."""
         values = {
             it.parameter.name: it.value
             for it in self._control.call(Commands.list_parameters, side, GOAL_CONTROLLER)
             if isinstance(it.value, float)
         }
-        speed = speed or values["speed_scale"]
-        acceleration = acceleration or values["acceleration_scale"]
-        try:
-            motion = travel(Setpoint(start), goal, slower(YUMI_LIMITS, speed, acceleration, values["top_speed"]))
-        except CommandRefused:
+        scales = speed or values["speed_scale"], acceleration or values["acceleration_scale"]
+        return slower(YUMI_LIMITS, *scales, values["top_speed"])
+
+    def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> Way:
+        """By how far the arm is on the straight way, whose times are those of a motion that begins at rest."""
+        whole = dist(start, goal)
+        progress = 1.0 - min(1.0, dist(self._control.snapshot(side).position, goal) / whole) if whole else 1.0
+        if motion is None:
             return Way(progress, None)
         # Distances on the way grow with time: the time at which it is as far as the arm is now.
         early, late = 0.0, motion.duration
@@ -528,11 +550,10 @@ class MotionExecutor:
         return Way(progress, (motion.duration - late) / self._speed_scale())
 
     def _way_on_trajectory(self, motion: Motion, duration: float) -> Way:
-        newest = self._feedback[motion.side].read() if motion.side in self._feedback else None
-        if newest is None or newest[1].goal != motion.identity:
+        newest = next((it for it in self._trajectories(motion.side) if it.goal == motion.identity), None)
+        if newest is None:
             return Way(0.0, None)
-        time = min(max(newest[1].progress, 0.0), duration)
-        scale = newest[1].scale
+        time, scale = min(max(newest.progress, 0.0), duration), newest.scale
         return Way(time / duration if duration else 1.0, (duration - time) / scale if scale > 0.0 else None)
 
     def _take_over(self, side: Side, name: str) -> None:

@@ -23,8 +23,6 @@ ARM = click.Choice(["right", "left"])
 ARMS = click.Choice(["right", "left", "both"])
 MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
 
-Command = Callable[..., Any]
-
 
 def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the driver that runs, and print what it returns: a sentence, or JSON with ``--json``."""
@@ -40,7 +38,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
             with attach(robot, on_step=report) as driver:
                 result = command(driver, *args, **options)
         except YumiError as error:
-            raise type_for_shell(error) from error
+            raise in_shell_words(error) from error
         if is_json:
             click.echo(msgspec.json.encode(result))
         else:
@@ -49,7 +47,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
     return with_driver
 
 
-def type_for_shell(error: YumiError) -> YumiError:
+def in_shell_words(error: YumiError) -> YumiError:
     """The same refusal, with the commands of the shell in place of services and methods."""
     text = str(error)
     for service, shell in (
@@ -109,8 +107,8 @@ def _state_lines(state: DriverState) -> list[str]:
     lines = [f"robot {state.robot}, driver process {state.process}"]
     if state.is_connected:
         lines.append(
-            f"mode {state.mode}, {state.motors}, RAPID {state.program}, speed_scale {state.speed_scale:g}, speed ratio "
-            f"{state.speed_ratio} %"
+            f"operating mode {state.operating_mode}, {state.motors}, RAPID {state.program}, "
+            f"speed_scale {state.speed_scale:g}, speed ratio {state.speed_ratio} %"
         )
     lines.append(f"cannot move: {state.reason}" if state.reason else "can move")
     if state.cause and state.cause not in state.reason:
@@ -199,7 +197,7 @@ def mode(driver: RunningDriver, name: str | None) -> object:
         return driver.set_mode(name)  # type: ignore[arg-type]
     now = driver.state
     egm = ", ".join(f"{word} arm EGM {each}" for word, each in now.egm.items())
-    return f"mode {now.mode}, {now.motors}, RAPID {now.program}, {egm}"
+    return f"operating mode {now.operating_mode}, {now.motors}, RAPID {now.program}, {egm}"
 
 
 @click.command()
@@ -307,7 +305,7 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 @click.argument("goal", nargs=-1, required=True, shell_complete=_complete_goal)
 @click.option("--degrees", "in_degrees", is_flag=True, help="Angles are degrees; without, radians.")
 @click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
-@click.option("--speed", type=SCALE, help="Share of the joints' highest speeds.")
+@click.option("--speed-scale", type=SCALE, help="Factor on the joints' highest speeds, on top of the driver's.")
 @click.option("--timeout", type=Measure("time", 0.0, 3600.0, is_open=True), help="Stop arms that take longer [s].")
 @of_driver
 def move(
@@ -316,13 +314,15 @@ def move(
     goal: tuple[str, ...],
     in_degrees: bool,
     abb: bool,
-    speed: float | None,
+    speed_scale: float | None,
     timeout: float | None,
 ) -> object:
     """Move ARM to GOAL and wait until it stands there; Ctrl-C stops it. EGM must run: yumi start.
 
     GOAL is a pose (home, ready, calibration), some joints as NAME=ANGLE (the others stay), or seven angles in chain
     order, axes 1 2 7 3 4 5 6.
+
+    Nothing checks yet whether the arms meet each other, or the robot's body, on their way: see that the way is free.
 
     \b
     Examples:
@@ -346,7 +346,7 @@ def move(
         return driver.move_to(
             right=position if arm != "left" else None,
             left=position if arm != "right" else None,
-            speed=speed,
+            speed_scale=speed_scale,
             timeout=timeout,
             on_motion=show if is_shown else lambda motions: None,
         )

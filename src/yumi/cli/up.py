@@ -257,7 +257,7 @@ def _endpoint_of(
         tuple(Side),
         parts.plan.limits,
         SystemClock(),
-        {side: each.trajectory for side, each in buffers.items()},
+        {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
     )
     access = DriverAccess(
@@ -269,10 +269,11 @@ def _endpoint_of(
         gripper_state=parts.signals.state,
         force=settings.gripper.force,
         mover=mover,
-        recover=lambda report, confirm: manager.recover(report, confirmed=confirm),
-        calibrate=lambda sides: manager.calibrate(*(parts.grippers[side] for side in sides)),
+        recover=manager.recover,
+        calibrate=lambda sides, check: manager.calibrate(*(parts.grippers[side] for side in sides), check=check),
         check_arms=front.check_arms,
         on_change=front.update_activity,
+        namespace=settings.ros.root,
     )
     return EndpointServer(access, front.log)
 

@@ -38,7 +38,7 @@ INTERRUPTION = 5
 DOUBTS_REPORTED = 1.0
 """Positions that are not believed are reported at most so often, as long as the arm goes on [s]."""
 
-STANDING = 1e-3
+AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
 
@@ -107,7 +107,7 @@ class ArmLoop:
         """
         if self._last is None:
             return True
-        return self._limiter.is_at_rest and max(map(abs, self._last.state.velocity)) < STANDING
+        return self._limiter.is_at_rest and max(map(abs, self._last.state.velocity)) < AT_REST
 
     def check_follows(self) -> None:
         """Refuse what the arm could not do because it holds; raises CommandRefused."""

@@ -228,6 +228,7 @@ class Bringup:
         self._addresses = addresses or self._addresses
         checks = LaunchChecks(self.client, self._addresses)
         checks.run()
+        self.machines.read_tools()
         self._is_checked = True
         self._remarks = [remark for remark in checks.remarks if remark not in self._reported_remarks]
 
@@ -263,7 +264,7 @@ class Bringup:
     def steps_to_ready(self) -> list[str]:
         """What :meth:`make_ready` will do to the robot as it is now, in words; nothing where it will be refused."""
         state = self.panel.state()
-        if state.mode is not OperatingMode.AUTO or unmet(NO_STOP, state):
+        if state.operating_mode is not OperatingMode.AUTO or unmet(NO_STOP, state):
             return []
         return [step.name for step in self._steps(state)]
 

@@ -39,7 +39,7 @@ ANSWER = 10.0
 
 Arm = Literal["right", "left"]
 ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
-Position = tuple[float, float, float, float, float, float, float] | dict[str, float] | str
+Position = tuple[float, ...] | dict[str, float] | str
 """Joint positions [rad]: all seven in chain order, some by name (the others stay), or the name of a pose."""
 
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
@@ -72,7 +72,7 @@ class Subscribe(Request, frozen=True):
 
 
 class GetControllers(Request, frozen=True):
-    """The controllers of each arm: :class:`ControllerReport`."""
+    """The controllers of each arm: :class:`ControllerStatus`."""
 
 
 class StartEgm(Request, frozen=True):
@@ -115,12 +115,13 @@ class Grip(Request, frozen=True):
 class Move(Request, frozen=True):
     """Move arms to positions; the answer comes when they stand there.
 
-    A client that goes away meanwhile stops them, as does ``timeout`` [s].
+    A client that goes away meanwhile stops them, as does ``timeout`` [s]. ``speed_scale`` is a factor on the joints'
+    highest speeds, on top of the driver's.
     """
 
     right: Position | None = None
     left: Position | None = None
-    speed: Scale | None = None
+    speed_scale: Scale | None = None
     acceleration: Scale | None = None
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
@@ -162,8 +163,8 @@ AnyRequest = (
 class ArmMode(Enum):
     """What an arm does."""
 
-    SILENT = "silent"
-    """The robot sends no datagrams for it: EGM is not running."""
+    NO_EGM = "no_egm"
+    """The robot sends no datagrams for it: EGM does not run."""
 
     IDLE = "idle"
     """The robot sends where it is, but does not follow: motors off, or RAPID stopped."""
@@ -268,7 +269,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     cycles: CycleCounts | None = None
 
 
-class ControllerReport(msgspec.Struct, frozen=True):
+class ControllerStatus(msgspec.Struct, frozen=True):
     """A controller of an arm: its name, ros2_control's type, its lifecycle state, and whether it commands the arm."""
 
     name: str
@@ -314,7 +315,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         robot: its address.
         process: number of the driver's process.
         is_connected: whether the controller answers.
-        mode: the mode switch: AUTO, MANR or MANF.
+        operating_mode: the mode switch: AUTO, MANR or MANF.
         motors: of the controller: motoron, motoroff, or the stop that keeps them off.
         program: whether RAPID runs.
         machines: the state machine of each arm.
@@ -334,7 +335,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     robot: str
     process: int
     is_connected: bool
-    mode: str | None
+    operating_mode: str | None
     motors: str | None
     program: str | None
     machines: dict[str, str | None]
@@ -345,7 +346,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     cause: str
     stop: str
     arms: dict[str, ArmReport]
-    controllers: dict[str, tuple[ControllerReport, ...]]
+    controllers: dict[str, tuple[ControllerStatus, ...]]
     grippers: dict[str, GripperReport | None]
     events: tuple[EventReport, ...] = ()
 
@@ -401,7 +402,7 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         worst_jitter=it.worst_jitter,
     )
     if not it.is_streaming:
-        mode = ArmMode.FAULT if is_fault else ArmMode.SILENT
+        mode = ArmMode.FAULT if is_fault else ArmMode.NO_EGM
         return ArmReport(mode=mode, session=it.session, cycles=counts)
     if is_fault or it.problem is not Problem.NONE:
         mode = ArmMode.FAULT

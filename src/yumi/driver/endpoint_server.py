@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for_futures
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from threading import Event as Flag
 from threading import Lock
@@ -24,8 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from yumi.control import events as control_events
-from yumi.control.events import Event, is_fault
+from yumi.control.events import ControllerReport, Event, is_fault
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import Snapshot
 from yumi.driver.endpoint import (
@@ -34,7 +33,7 @@ from yumi.driver.endpoint import (
     AnyRequest,
     ArmReport,
     Calibrate,
-    ControllerReport,
+    ControllerStatus,
     DriverState,
     EventReport,
     Failure,
@@ -60,6 +59,7 @@ from yumi.driver.endpoint import (
     sides_of,
 )
 from yumi.driver.gripper import Gripper
+from yumi.driver.gripper_io import Check
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
@@ -84,7 +84,7 @@ EVENTS = 100
 
 _RECENT = 20  # events in a state that is asked for once
 _FRESH = 0.010  # [s] a state that was made for one client serves another one for so long
-_LOOK = 0.1  # [s] between two polls of what is waited for
+_POLL_PERIOD = 0.1  # [s] between two polls of what is waited for
 _CREDENTIALS = struct.Struct("3i")
 _LEVELS = {logging.INFO: "info", logging.WARNING: "warning", logging.ERROR: "error"}
 
@@ -96,10 +96,7 @@ class RunningMotion(Protocol):
     future: Future[None]
 
     @property
-    def progress(self) -> float: ...
-
-    @property
-    def remaining(self) -> float | None: ...
+    def way(self) -> tuple[float, float | None]: ...
 
 
 class Mover(Protocol):
@@ -141,8 +138,9 @@ class DriverAccess(NamedTuple):
         gripper_state: what is known of a gripper without asking the controller.
         force: of a grip where a request names none [N].
         mover: moves the arms.
-        recover: recovers, with a report of each step and the stop that was confirmed; returns what was done.
-        calibrate: calibrates grippers.
+        recover: recovers, with a report of each step, a check that raises where it is not wanted any more, and the stop
+            that was confirmed; returns what was done.
+        calibrate: calibrates grippers, with such a check.
         check_arms: refuses what needs an arm that a user has deactivated.
         on_change: called after each request that may have changed controllers or EGM.
         namespace: of its ROS nodes.
@@ -156,19 +154,35 @@ class DriverAccess(NamedTuple):
     gripper_state: Callable[[Side], GripperState | None]
     force: float
     mover: Mover
-    recover: Callable[[Report, str], str]
-    calibrate: Callable[[Sequence[Side]], None]
+    recover: Callable[[Report, Check, str], str]
+    calibrate: Callable[[Sequence[Side], Check], None]
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
     on_change: Callable[[], None] = lambda: None
     namespace: str = ""
 
 
 class Caller(NamedTuple):
-    """Who has asked: what takes the steps of a request, and whether the client is still there."""
+    """Who has asked.
 
-    report: Callable[[str], None]
-    report_motions: Callable[[dict[str, MotionReport]], None]
+    Attributes:
+        show: takes each step of the request.
+        show_motions: takes how far motions are.
+        is_gone: whether the client is not there any more, or the driver ends.
+    """
+
+    show: Callable[[str], None]
+    show_motions: Callable[[dict[str, MotionReport]], None]
     is_gone: Callable[[], bool]
+
+    def check(self) -> None:
+        """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""
+        if self.is_gone():
+            raise RobotNotReady("What was asked for was ended before its next step: who asked for it is gone.")
+
+    def report(self, step: str) -> None:
+        """Take a step that comes next; raises as :meth:`check`."""
+        self.check()
+        self.show(step)
 
 
 class Handlers:
@@ -177,8 +191,7 @@ class Handlers:
     def __init__(self, access: DriverAccess) -> None:
         self._access = access
         self._moving = Lock()  # one motion of the arms at a time
-        self._gripping = {side: Lock() for side in Side}
-        self._controllers: dict[Side, tuple[int, tuple[ControllerReport, ...]]] = {}
+        self._controllers: dict[Side, tuple[int, tuple[ControllerStatus, ...]]] = {}
         self._events: deque[EventReport] = deque(maxlen=EVENTS)
         self._count = 0
         self._lock = Lock()
@@ -222,7 +235,7 @@ class Handlers:
             robot=access.robot,
             process=os.getpid(),
             is_connected=robot.is_connected,
-            mode=robot.mode.value if robot.mode else None,
+            operating_mode=robot.operating_mode.value if robot.operating_mode else None,
             motors=robot.controller_state.value if robot.controller_state else None,
             program=robot.execution.value if robot.execution else None,
             machines={side.word: machine.name if machine else None for side, machine in robot.machines.items()},
@@ -237,7 +250,7 @@ class Handlers:
             grippers={side.word: self._gripper(side) for side in Side},
         )
 
-    def controllers(self) -> dict[str, tuple[ControllerReport, ...]]:
+    def controllers(self) -> dict[str, tuple[ControllerStatus, ...]]:
         """Asked for again only when an arm's snapshot says that they have changed."""
         control = self._access.control
         for side in Side:
@@ -246,7 +259,7 @@ class Handlers:
                 continue
             with suppress(RobotNotReady):  # the control process has ended: what was known last
                 infos = control.call(Commands.list_controllers, side)
-                reports = (ControllerReport(it.name, it.kind, it.state.value, bool(it.claimed)) for it in infos)
+                reports = (ControllerStatus(it.name, it.kind, it.state.value, bool(it.claimed)) for it in infos)
                 self._controllers[side] = activity, tuple(reports)
         return {side.word: self._controllers.get(side, (0, ()))[1] for side in Side}
 
@@ -276,22 +289,27 @@ class Handlers:
     def start_egm(self, request: StartEgm, caller: Caller) -> str:
         arms = sides_of(request.arms)
         self._access.check_arms(arms or tuple(Side))
-        return self._access.manager.start_egm(arms or None)
+        return self._access.manager.start_egm(arms or None, caller.report, caller.check)
 
     def set_mode(self, request: SetMode, caller: Caller) -> str:
         mode = Mode(request.mode)
         self._access.check_arms(mode.arms)
-        return self._access.manager.go_to(mode, caller.report)
+        if mode is Mode.MOTORS_OFF:  # a stop is carried out for who is gone, too
+            return self._access.manager.go_to(mode, caller.show)
+        return self._access.manager.go_to(mode, caller.report, caller.check)
 
     def recover(self, request: Recover, caller: Caller) -> str:
         self._access.check_arms(self._access.manager.egm_arms)
-        return self._access.recover(caller.report, request.confirm)
+        return self._access.recover(caller.report, caller.check, request.confirm)
 
     def calibrate(self, request: Calibrate, caller: Caller) -> str:
         sides = sides_of(request.arms)
         if not sides:
             raise CommandRefused("No gripper is named; name right, left or both.")
-        self._access.calibrate(sides)
+        with ExitStack() as stack:
+            for side in sides:
+                stack.enter_context(self._access.grippers[side].alone())
+            self._access.calibrate(sides, caller.check)
         words = " and ".join(side.word for side in sides)
         return f"The {words} gripper{'s are' if len(sides) > 1 else ' is'} calibrated"
 
@@ -306,15 +324,10 @@ class Handlers:
             goal = go_to(TRAVEL if request.width is None else request.width / 2.0)
         else:
             goal = grip(Direction.INWARDS, access.force if request.force is None else request.force)
-        access.manager.check_not_stopped()
-        if not self._gripping[side].acquire(blocking=False):
-            raise CommandRefused(f"The {side.word} gripper carries out another command; wait for its end.")
-        try:
-            gripper = access.grippers[side]
-            gripper.begin(goal)
+        gripper = access.grippers[side]
+        with gripper.alone():
+            gripper.begin(goal, access.manager.check_not_stopped)
             outcome = gripper.wait(goal, is_cancelled=caller.is_gone)
-        finally:
-            self._gripping[side].release()
         if outcome is None:
             raise GoalNotReached(f"The {side.word} gripper was stopped: who asked for it is gone.")
         return GripReport(outcome, 2.0 * gripper.last_position)
@@ -347,7 +360,7 @@ class Handlers:
                         "it stands."
                     )
             try:
-                motions = access.mover.move(goals, request.speed, request.acceleration, others_stay=True)
+                motions = access.mover.move(goals, request.speed_scale, request.acceleration, others_stay=True)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise
@@ -373,10 +386,11 @@ class Handlers:
         futures = [motion.future for motion in motions]
         try:
             while not all(future.done() for future in futures):
-                done, _ = wait_for_futures(futures, _LOOK, FIRST_EXCEPTION)
+                done, _ = wait_for_futures(futures, _POLL_PERIOD, FIRST_EXCEPTION)
                 for future in done:
                     future.result()
-                caller.report_motions({it.side.word: MotionReport(it.progress, it.remaining) for it in motions})
+                with suppress(YumiError):  # how far they are is only shown
+                    caller.show_motions({it.side.word: MotionReport(*it.way) for it in motions})
                 if caller.is_gone():
                     raise GoalNotReached("The motion was stopped: who asked for it is gone.")
                 if deadline is not None and time.monotonic() > deadline:
@@ -470,7 +484,7 @@ class EndpointServer:
 
     def note_event(self, event: Event) -> None:
         """Keep an event of the control process, unless it is a controller's own."""
-        if not isinstance(event, control_events.ControllerReport):
+        if not isinstance(event, ControllerReport):
             self._handlers.note(logging.WARNING if is_fault(event) else logging.INFO, str(event))
 
     @property
@@ -523,7 +537,7 @@ class EndpointServer:
                 for client in tuple(self._clients):
                     client.is_gone = True
                     client.writer.transport.abort()
-                await asyncio.wait(others, timeout=_LOOK)
+                await asyncio.wait(others, timeout=_POLL_PERIOD)
             server.close()
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -593,18 +607,19 @@ class EndpointServer:
         try:
             result = msgspec.Raw(msgspec.json.encode(self._handlers.handle(request, caller)))
             answer = Answer(id=request.id, result=result)
-        except YumiError as error:
-            answer = Answer(id=request.id, error=failure_of(error))
-        except Exception as error:  # a fault of ours: the client must not wait for ever
-            _log.exception("A request of the local endpoint failed: %s", request)
-            answer = _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
+        except Exception as error:  # a fault of ours, too: the client must not wait for ever
+            answer = _failed(request, error)
         client.send_soon(answer)
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
         due = loop.time()
         while not client.is_gone:
-            state = await loop.run_in_executor(self._workers, self._state)
+            try:
+                state = await loop.run_in_executor(self._workers, self._state)
+            except Exception as error:  # as of other requests; the subscription has ended
+                client.send(_failed(request, error))
+                return
             events = self._handlers.events_since(known)
             known = events[-1].number if events else known
             client.send(Answer(id=request.id, state=state, events=events))
@@ -622,6 +637,14 @@ class EndpointServer:
 
 def _refused(number: int, sentence: str) -> Answer:
     return Answer(id=number, error=Failure("CommandRefused", sentence))
+
+
+def _failed(request: Request, error: Exception) -> Answer:
+    """Why a request failed; what is no refusal is a fault of the driver, which its log shows whole."""
+    if isinstance(error, YumiError):
+        return Answer(id=request.id, error=failure_of(error))
+    _log.error("A request of the local endpoint failed: %s", request, exc_info=error)
+    return _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
 
 
 def _id_of(line: bytes) -> int:

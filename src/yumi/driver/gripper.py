@@ -5,8 +5,9 @@ Whatever is reported here was measured by the gripper; elapsed time decides only
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from threading import Lock
 
 from yumi.clock import POLL_PERIOD, Clock, comes_true, wait_until
 from yumi.driver.gripper_io import Check, GripperRoutines, GripperSignals, forbid_nothing
@@ -79,6 +80,7 @@ class Gripper:
         side: which arm carries it.
         modules: what it is made of.
         last_position: where its fingers were when they were last read [m].
+        busy: held while a command has the fingers move, see :meth:`alone`; a stop needs it not.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class Gripper:
         self.side = side
         self.modules = modules
         self.last_position = 0.0
+        self.busy = Lock()
         self._client = client
         self._signals = signals
         self._routines = routines
@@ -103,6 +106,20 @@ class Gripper:
         self._usual_speed = usual_speed
         self._polled = self._stands_since = self._stood = 0.0  # the fingers, as far as they were polled
         self._is_stopped = self._is_jogging = False
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Nothing else has the fingers move within the block, neither a goal of ROS nor a client or script.
+
+        Raises:
+            CommandRefused: another command is being carried out.
+        """
+        if not self.busy.acquire(blocking=False):
+            raise CommandRefused(f"The {self.side.word} gripper carries out another command; wait for its end.")
+        try:
+            yield
+        finally:
+            self.busy.release()
 
     # What it shows
 

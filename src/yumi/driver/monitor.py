@@ -147,8 +147,10 @@ def _changes(before: RobotState, after: RobotState) -> tuple[list[str], list[str
         return ["the controller answers"], _changes(_WORKING, after)[1]
     better: list[str] = []
     worse: list[str] = []
-    if after.mode is not before.mode and after.mode is not None:
-        (better if after.mode is OperatingMode.AUTO else worse).append(f"operating mode {after.mode.value}")
+    if after.operating_mode is not before.operating_mode and after.operating_mode is not None:
+        (better if after.operating_mode is OperatingMode.AUTO else worse).append(
+            f"operating mode {after.operating_mode.value}"
+        )
     if after.controller_state is not before.controller_state and after.controller_state is not None:
         if after.controller_state is ControllerState.MOTORS_ON:
             better.append("motors on")
@@ -557,7 +559,7 @@ def changed(state: RobotState, change: Change) -> RobotState:
     for name, text in change.fields.items():
         try:
             if name == "opmode":
-                state = replace(state, mode=OperatingMode(text))
+                state = replace(state, operating_mode=OperatingMode(text))
             elif name == "ctrlstate":
                 state = replace(state, controller_state=ControllerState(text))
             elif name == "ctrlexecstate":

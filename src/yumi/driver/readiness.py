@@ -61,7 +61,7 @@ class RobotState:
 
     Attributes:
         is_connected: whether the controller answers.
-        mode: position of the mode switch.
+        operating_mode: position of the mode switch.
         controller_state: motors, or the stop that keeps them off.
         execution: whether RAPID runs.
         machines: the state machine of each arm.
@@ -75,7 +75,7 @@ class RobotState:
     """
 
     is_connected: bool = False
-    mode: OperatingMode | None = None
+    operating_mode: OperatingMode | None = None
     controller_state: ControllerState | None = None
     execution: ExecutionState | None = None
     machines: Mapping[Side, MachineState | None] = field(default_factory=lambda: dict.fromkeys(Side))
@@ -93,18 +93,19 @@ class RobotState:
         if not self.is_connected:
             return f"{self.reason}; {arms}"
         mode, controller, rapid = (
-            "unknown" if value is None else value.value for value in (self.mode, self.controller_state, self.execution)
+            "unknown" if value is None else value.value
+            for value in (self.operating_mode, self.controller_state, self.execution)
         )
         cause = f"; cause: {self.cause}" if self.cause else ""
         stop = f"; waits for a person to confirm the stop {self.stop}" if self.stop else ""
-        return f"mode {mode}; controller {controller}; RAPID {rapid}; {arms}{cause}{stop}"
+        return f"operating mode {mode}; controller {controller}; RAPID {rapid}; {arms}{cause}{stop}"
 
     @property
     def is_stopped(self) -> bool:
         """Whether something keeps the program of the robot from running."""
         return (
             not self.is_connected
-            or self.mode is not OperatingMode.AUTO
+            or self.operating_mode is not OperatingMode.AUTO
             or self.controller_state is not ControllerState.MOTORS_ON
             or self.execution is not ExecutionState.RUNNING
         )
@@ -157,7 +158,7 @@ CONNECTED = Condition(
 )
 AUTOMATIC = Condition(
     "the controller is in AUTO",
-    lambda state, _: state.mode is OperatingMode.AUTO,
+    lambda state, _: state.operating_mode is OperatingMode.AUTO,
     "the controller is in {mode}",
     "turn it to AUTO on the FlexPendant, nothing else can",
 )
@@ -258,7 +259,7 @@ def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH) -> str
     """Why a condition is not met."""
     after = " after an emergency stop" if state.controller_state is ControllerState.EMERGENCY_STOP_RESET else ""
     return condition.reason.format(
-        mode=state.mode.value if state.mode else "an unknown mode",
+        mode=state.operating_mode.value if state.operating_mode else "an unknown mode",
         after_stop=after,
         machines=", ".join(
             f"{side.word} arm: {machine_name(state, side)}" for side in arms if not condition.is_met(state, (side,))

@@ -22,7 +22,7 @@ from yumi.driver.panel import RapidRoutines
 from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
 from yumi.driver.stops import StopLog
-from yumi.errors import RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Pose, Side
@@ -205,16 +205,24 @@ class RobotManager:
                 self._stops.close(confirmed)
         return "The robot is ready"
 
-    def start_egm(self, arms: Sequence[Side] | None = None) -> str:
+    def start_egm(
+        self,
+        arms: Sequence[Side] | None = None,
+        report: Report = lambda step: None,
+        check: Callable[[], None] = lambda: None,
+    ) -> str:
         """Start EGM and activate what commands the arms; makes the robot ready first if need be.
 
         Args:
             arms: which arms; None takes all that are configured. The others stand still.
+            report: gets each step before it is done; raises where it must not be done any more.
+            check: called once nothing else is done to the robot; raises where this is not wanted any more.
 
         Raises:
             YumiError: a step failed; the message says which.
         """
-        with self._moving():
+        with self._moving(), self._bringup.reporting(report):
+            check()
             return self._egm.start(tuple(arms) if arms else self._arms)
 
     def stop_egm(self) -> str:
@@ -223,14 +231,15 @@ class RobotManager:
             self._egm.stop()
         return "EGM has ended on both arms"
 
-    def go_to(self, mode: Mode, report: Report) -> str:
-        """Bring the robot to a mode; ``report`` gets each step.
+    def go_to(self, mode: Mode, report: Report, check: Callable[[], None] = lambda: None) -> str:
+        """Bring the robot to a mode; ``report`` and ``check`` as of :meth:`start_egm`.
 
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
         turn = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
         with turn, self._bringup.reporting(report):
+            check()
             if mode.arms:
                 return self._egm.start(mode.arms)
             if mode is Mode.READY:
@@ -248,8 +257,8 @@ class RobotManager:
         A controller that does not answer is waited for out of turn: a stop request comes at once, and ends the waiting.
 
         Args:
-            report: gets each step.
-            check: raises when a controller that does not answer must be waited for no longer.
+            report: as of :meth:`start_egm`.
+            check: the same, and ends the waiting for a controller that does not answer.
             confirmed: id of the stop that a person has confirmed, as in :attr:`RobotState.stop`; needed after an
                 emergency stop, a guard stop or a collision.
 
@@ -265,6 +274,7 @@ class RobotManager:
 
         is_new = self._recovery.reach(report, check_all)
         with self._moving(confirmed, is_checked=True, requests=requests), self._bringup.reporting(report):
+            check()
             return self._recovery.run(is_new=is_new, confirmed=confirmed)
 
     @property
@@ -368,13 +378,27 @@ class RobotManager:
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
         """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.tool.Tool`. Raises YumiError."""
-        return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload))
+        return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload) if tool else Tool(tcp, load))
 
     def set_payload(self, side: Side, payload: Mass) -> str:
-        """Have the next EGM motion of an arm carry a payload beside its tool. Raises YumiError."""
-        return self._write_tool(side, lambda tool: replace(tool, payload=payload))
+        """Have the next EGM motion of an arm carry a payload beside its tool.
 
-    def _write_tool(self, side: Side, change: Callable[[Tool], Tool]) -> str:
+        Raises:
+            YumiError: neither :meth:`set_tool` nor the settings have named the tool, or it was not done.
+        """
+
+        def change(tool: Tool | None) -> Tool:
+            if tool is None:
+                raise CommandRefused(
+                    f"The tool of the {side.word} arm is not known: the robot has one load for tool and payload, and "
+                    "an earlier driver may have set it. Set the tool first (set_tool), or name it in the settings "
+                    "(egm_motion.tool)."
+                )
+            return replace(tool, payload=payload)
+
+        return self._write_tool(side, change)
+
+    def _write_tool(self, side: Side, change: Callable[[Tool | None], Tool]) -> str:
         with self._changing():
             self.panel.check_automatic()
             machines = self._bringup.machines
@@ -394,8 +418,8 @@ class RobotManager:
         """All I/O signals of the controller by name; raises YumiError."""
         return self._client.signals()
 
-    def calibrate(self, *grippers: Gripper) -> None:
-        """Close the fingers of these grippers and call that zero, at the same time.
+    def calibrate(self, *grippers: Gripper, check: Callable[[], None] = lambda: None) -> None:
+        """Close the fingers of these grippers and call that zero, at the same time; ``check`` as of :meth:`start_egm`.
 
         Raises:
             RobotNotReady: EGM runs on an arm, a stop was requested meanwhile, or one did not become calibrated.
@@ -403,11 +427,12 @@ class RobotManager:
         with self._moving():
             requests = self._stop_requests
 
-            def check() -> None:
+            def check_stops() -> None:
                 self._check_no_stop_since(requests)
                 self.check_not_stopped()
 
-            grippers[0].calibrate(*grippers[1:], check=check)
+            check()
+            grippers[0].calibrate(*grippers[1:], check=check_stops)
 
     def write_signal(self, name: str, value: str | float) -> None:
         """Set an I/O signal. Raises YumiError; nothing was changed then.

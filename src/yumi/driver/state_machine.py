@@ -9,6 +9,7 @@ The setting ``speed_scale``: its value, what each arm's control loop gets of it,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import hypot, isclose
@@ -19,7 +20,7 @@ from yumi.clock import Clock, wait_until
 from yumi.control.controller import Buffer
 from yumi.control.limiter import FULL
 from yumi.control.shared_state import Factor
-from yumi.errors import CommandRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
+from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Quaternion, Side, Vector
 from yumi.robot.tool import Tool, inertia_of, principal_inertia
@@ -311,7 +312,8 @@ class StateMachines:
         self._client = client
         self._motion = motion
         self._clock = clock
-        self._tools: dict[Side, Tool] = {}
+        self._tools: dict[Side, Tool] = {}  # of :meth:`set_tool`
+        self._tcps: dict[Side, Pose] = {}  # as the robot's settings had them when they were read or written last
 
     def state(self, side: Side) -> MachineState:
         """The state of one arm's machine.
@@ -334,29 +336,46 @@ class StateMachines:
     def are_idle(self) -> bool:
         return all(self.state(side) is MachineState.IDLE for side in Side)
 
-    def tool(self, side: Side) -> Tool:
-        """What :meth:`set_tool` has set; before, what the arm has by its settings, on the robot or here.
+    def tool(self, side: Side) -> Tool | None:
+        """What :meth:`set_tool` has set, or the tool of the settings; None where neither names one.
+
+        What the robot has is no answer: its load may be that of a tool together with what an earlier driver had it
+        carry, and outlives that driver.
 
         Raises:
-            CommandRefused: that is a tool which an arm cannot carry.
-            ProtocolError: the robot's settings have an unknown layout.
+            CommandRefused: the tool of the settings is one that an arm cannot carry.
         """
-        if side not in self._tools:
-            record = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
-            merged = cast("tuple[Any, ...]", merge_egm_settings(record, self._motion, is_allowed=False))
-            _, (place, turn), (mass, centre, axes, *moments) = merged[3][0]
-            if not any(turn):  # a program that has not run yet holds zeros
-                return Tool()
-            return Tool(
-                Pose(tuple(value * 1e-3 for value in place), turn),
-                Mass(mass, tuple(value * 1e-3 for value in centre), inertia_of(axes, moments)),
-            )
-        return self._tools[side]
+        if side in self._tools or not self._motion.tool:
+            return self._tools.get(side)
+        _, _, (mass, centre, axes, *moments) = cast("tuple[Any, ...]", rapid_values.decode(self._motion.tool))
+        load = Mass(mass, tuple(value * 1e-3 for value in centre), inertia_of(axes, moments))
+        return Tool(self._motion.tool_to_tool0, load)
+
+    def read_tools(self) -> None:
+        """Read once which tool each arm has on the robot, for :meth:`tcp`: an earlier driver may have set it.
+
+        Settings that cannot be read are left to EGM's start, which says what is wrong with them.
+        """
+        for side in Side:
+            with suppress(ControllerRefused, ProtocolError):
+                record = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
+                self._note_tcp(side, merge_egm_settings(record, self._motion, is_allowed=False))
+
+    def _note_tcp(self, side: Side, record: RapidValue) -> None:
+        _, (place, turn), _ = cast("tuple[Any, ...]", record)[3][0]
+        length = hypot(*turn)
+        if length:  # a program that has not run yet holds zeros
+            self._tcps[side] = Pose(tuple(it * 1e-3 for it in place), tuple(it / length for it in turn))
 
     def tcp(self, side: Side) -> Pose:
-        """The frame in tool0 of the tool that EGM starts with next, by :meth:`set_tool` or the settings [m]."""
-        tool = self._tools.get(side)
-        return tool.tcp if tool else self._motion.tool_to_tool0
+        """The frame in tool0 of the tool that EGM starts with next [m].
+
+        By :meth:`set_tool`, else by the settings, else as the robot had it when it was connected or EGM was started.
+        """
+        if side in self._tools:
+            return self._tools[side].tcp
+        own = self._motion.tool_to_tool0
+        return own if self._motion.tool else self._tcps.get(side, own)
 
     def set_tool(self, side: Side, tool: Tool) -> None:
         """Have the next EGM motion of an arm use ``tool`` and its payload; written now, and at each start of EGM.
@@ -420,6 +439,7 @@ class StateMachines:
             motion = replace(motion, tool=tooldata(self._tools[side]))
         current = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         desired = merge_egm_settings(current, motion, is_allowed=is_allowed)
+        self._note_tcp(side, desired)
         if _equal(current, desired):
             return
         self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(desired))

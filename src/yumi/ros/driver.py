@@ -116,10 +116,11 @@ class RosDriver:
         self._timers = TimerThread(clock, log_error)
         slow_timers = {side: TimerThread(clock, log_error, f"slow-timers-{side.value}") for side in Side}
 
+        buffers, robot, polled = control.buffers, manager.monitor.state, manager.monitor.joints
         self._trajectories = TrajectoryControllers(
             dual,
-            {side: buffers.trajectory for side, buffers in control.buffers.items()},
-            {side: buffers.dual_trajectory for side, buffers in control.buffers.items()},
+            {side: each.trajectory for side, each in buffers.items()},
+            {side: each.dual_trajectory for side, each in buffers.items()},
             control,
             clock,
             limits,
@@ -163,9 +164,9 @@ class RosDriver:
 
         self._commands: list[CommandTopic] = []
         for side, node in self._streams.items():
-            buffers, snapshot = control.buffers[side], partial(control.snapshot, side)
-            self._commands.append(JointCommandTopic(node, side, buffers.goals, snapshot, clock.now))
-            self._commands.append(JointVelocityTopic(node, side, buffers.speeds, snapshot, clock.now))
+            snapshot = partial(control.snapshot, side)
+            self._commands.append(JointCommandTopic(node, side, buffers[side].goals, snapshot, clock.now))
+            self._commands.append(JointVelocityTopic(node, side, buffers[side].speeds, snapshot, clock.now))
         for topic in self._commands:
             topic.why_stopped = manager.monitor.cause
 
@@ -179,11 +180,10 @@ class RosDriver:
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", *streams)
 
-        robot, boxes_of, polled = manager.monitor.state, control.buffers, manager.monitor.joints
         manager.monitor.reads_joints = True
         base = settings.ros.frames + prefixed("yumi_base_link")
         self._states = [
-            JointStatePublisher(arm.node, side, boxes_of[side], clock, polled, base) for side, arm in self._arms.items()
+            JointStatePublisher(arm.node, side, buffers[side], clock, polled, base) for side, arm in self._arms.items()
         ]
         self._threads: tuple[Any, ...] = (
             *(self._timers, *slow_timers.values(), signal_timers),
@@ -192,7 +192,7 @@ class RosDriver:
         self._state = RobotStateTopic(self._node, robot, clock, self._timers)
         self._merged = MergedJointStates(
             self._stream,
-            boxes_of,
+            buffers,
             self._grippers.fingers,
             settings.ros.merged_rate,
             clock,
@@ -206,7 +206,7 @@ class RosDriver:
             robot_description(limits, {side: grippers.settings.modules(side) for side in Side}),
             settings.ros,
             manager.tcp,
-            lambda side: newest_state(boxes_of[side], polled(side)),
+            lambda side: newest_state(buffers[side], polled(side)),
             self._grippers.fingers,
             clock,
             self._timers,

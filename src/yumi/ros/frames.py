@@ -88,9 +88,9 @@ class FramePublisher:
             return
         frames = read_frames(urdf)
         for side in Side:
-            arm, hand = frozenset(joint_names(side)), frozenset(finger_names(side))
+            arm, finger_joints = frozenset(joint_names(side)), frozenset(finger_names(side))
             self._moving[side] = [(each, self._transform(each)) for each in frames if each.joint in arm]
-            self._sliding[side] = [(each, self._transform(each)) for each in frames if each.joint in hand]
+            self._sliding[side] = [(each, self._transform(each)) for each in frames if each.joint in finger_joints]
         self._fixed = [each for each in frames if not each.joint]
         self._tf: Any = node.create_publisher(TFMessage, "/tf", _TF)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)

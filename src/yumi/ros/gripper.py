@@ -34,29 +34,21 @@ WhyNot = Callable[[], str | None]
 """Why a gripper may not move now; None when it may."""
 
 
-class GripperLock:
-    """Lets one goal or service at a time move the fingers; safe from any thread.
+class GoalFailures:
+    """The goals of a gripper that were refused or failed: ROS's results have no text for it; safe from any thread.
 
     Attributes:
-        failures: how many goals were refused or failed, and why the last one was: ROS's results have no text for it.
+        newest: how many there were, and why the last one was.
     """
 
     def __init__(self) -> None:
-        self.failures = (0, "")
-        self._count_lock = Lock()
+        self.newest = (0, "")
         self._lock = Lock()
 
-    def acquire(self) -> bool:
-        """Whether nothing else moves the fingers; then :meth:`release` must follow."""
-        return self._lock.acquire(blocking=False)
-
-    def release(self) -> None:
-        self._lock.release()
-
-    def fail(self, reason: str) -> None:
+    def note(self, reason: str) -> None:
         """Count a goal that was refused or failed."""
-        with self._count_lock:
-            self.failures = (self.failures[0] + 1, reason)
+        with self._lock:
+            self.newest = (self.newest[0] + 1, reason)
 
 
 class GripperActionServer(ABC):
@@ -68,20 +60,20 @@ class GripperActionServer(ABC):
         force: holding force where a goal names none [N].
         group: callback group that lets a goal run while others are refused.
         why_not: why no goal is accepted now; None when they are.
-        lock: shared by all that moves the fingers.
+        failures: counts goals that are refused or fail.
     """
 
     kind: Any
     name: str
 
     def __init__(
-        self, node: Any, gripper: Gripper, force: float, group: Any, why_not: WhyNot, lock: GripperLock
+        self, node: Any, gripper: Gripper, force: float, group: Any, why_not: WhyNot, failures: GoalFailures
     ) -> None:
         self._log = node.get_logger()
         self._gripper = gripper
         self._force = force
         self._why_not = why_not
-        self._lock = lock
+        self._failures = failures
         self._server = ActionServer(
             node,
             self.kind,
@@ -118,10 +110,10 @@ class GripperActionServer(ABC):
         except CommandRefused as error:
             reason = str(error)
         if reason is None:
-            if self._lock.acquire():  # released when the goal has ended
+            if self._gripper.busy.acquire(blocking=False):  # released when the goal has ended
                 return GoalResponse.ACCEPT
-            reason = "another goal is being carried out; wait for its result, or cancel it."
-        self._lock.fail(reason)
+            reason = "another command is being carried out; wait for its end, or cancel it."
+        self._failures.note(reason)
         self._log.warning(f"Gripper goal refused: {reason}")
         return GoalResponse.REJECT
 
@@ -146,11 +138,11 @@ class GripperActionServer(ABC):
         except YumiError as error:
             stop = self._why_not()  # the robot may have been stopped meanwhile
             cause = f" {stop}" if stop and stop not in str(error) else ""
-            self._lock.fail(f"{error}{cause}")
+            self._failures.note(f"{error}{cause}")
             self._log.error(f"Gripper goal failed: {error}{cause}")
             handle.abort()
         finally:
-            self._lock.release()
+            self._gripper.busy.release()
         return self.result(
             self._gripper.last_position,
             command.force if outcome is Outcome.HOLDING else 0.0,
@@ -220,7 +212,6 @@ class GripperServices:
         gripper: the gripper.
         group: callback group for what takes seconds.
         why_not: why nothing may move now; None when it may.
-        lock: shared by all that moves the fingers.
         calibrate: calibrates the gripper.
     """
 
@@ -230,14 +221,13 @@ class GripperServices:
         gripper: Gripper,
         group: Any,
         why_not: WhyNot,
-        lock: GripperLock,
         calibrate: Callable[[Gripper], None],
     ) -> None:
         self._node = node
         self._log = node.get_logger()
         self._group = group
         self._why_not = why_not
-        self._lock = lock
+        self._gripper = gripper
         jog = partial(gripper.jog, check=self._check)
 
         self._serve_motion("calibrate", partial(calibrate, gripper), "The gripper is calibrated: closed is 0.")
@@ -277,12 +267,8 @@ class GripperServices:
 
         def move(_: Any) -> None:
             self._check()
-            if not self._lock.acquire():
-                raise CommandRefused("A goal is being carried out; wait for its result, or cancel it.")
-            try:
+            with self._gripper.alone():
                 action()
-            finally:
-                self._lock.release()
 
         self._serve(Trigger, name, move, sentence)
 
@@ -315,7 +301,7 @@ class GripperTopics:
         picked_pressure: a vacuum module whose pressure is not above this has picked something [Pa].
         channels: its vacuum modules.
         timers: keeps the rate.
-        lock: knows why the last goal was refused or failed.
+        failures: why the last goal was refused or failed.
         frames: what stands before the names of frames.
     """
 
@@ -327,7 +313,7 @@ class GripperTopics:
         picked_pressure: float,
         channels: tuple[int, ...],
         timers: TimerThread,
-        lock: GripperLock,
+        failures: GoalFailures,
         frames: str = "",
     ) -> None:
         self._frame = frames + prefixed(f"gripper_{side.value}_")
@@ -344,15 +330,15 @@ class GripperTopics:
             self._pressures[each] = node.create_publisher(FluidPressure, f"{topic}/pressure", _DEPTH)
             self._picked[each] = node.create_publisher(Bool, f"{topic}/object_picked", LATCHED)
         self._last_picked: dict[int, bool] = {}
-        self._lock = lock
-        self._failures = lock.failures
+        self._failures = failures
+        self._published_failures = failures.newest
         self._last: ServoState | None = None
         self._count = 0
         timers.every(PERIOD, f"{side.value}/gripper", self._publish)
 
     def _publish(self) -> None:
-        reading, failures = self._reading(), self._lock.failures
-        has_failed, self._failures = failures != self._failures, failures
+        reading, failures = self._reading(), self._failures.newest
+        has_failed, self._published_failures = failures != self._published_failures, failures
         if reading is not None:
             self._publish_reading(reading)
             has_changed, self._last = reading.state is not self._last, reading.state
@@ -477,13 +463,13 @@ class Grippers:
         self._actions: list[GripperActionServer] = []
         self._topics = []
         for side, node in nodes.items():
-            gripper, group, lock = parts.grippers[side], ReentrantCallbackGroup(), GripperLock()
-            GripperServices(node, gripper, group, partial(why_not, side), lock, calibrate)
+            gripper, group, failures = parts.grippers[side], ReentrantCallbackGroup(), GoalFailures()
+            GripperServices(node, gripper, group, partial(why_not, side), calibrate)
             for kind in (GripperAction, ParallelGripperAction):
-                self._actions.append(kind(node, gripper, parts.settings.force, group, partial(why_not, side), lock))
+                self._actions.append(kind(node, gripper, parts.settings.force, group, partial(why_not, side), failures))
             pressure, channels = parts.settings.picked_pressure, parts.settings.modules(side).vacuum_channels
-            reading = partial(self._reading, side)
-            self._topics.append(GripperTopics(streams[side], side, reading, pressure, channels, timers, lock, frames))
+            reading, stream = partial(self._reading, side), streams[side]
+            self._topics.append(GripperTopics(stream, side, reading, pressure, channels, timers, failures, frames))
 
     def start(self) -> None:
         self._thread.start()

@@ -502,7 +502,7 @@ def robot_state(state: RobotState, time_ns: int) -> RobotStateMessage:
         cause=state.cause,
         stop=state.stop,
         speed_scale=state.speed_scale,
-        operating_mode=_word(state.mode),
+        operating_mode=_word(state.operating_mode),
         controller_state=_word(state.controller_state),
         rapid_execution=_word(state.execution),
         right_state_machine=_machine(state, Side.RIGHT),
@@ -540,7 +540,7 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
     if state.reason:
         level = DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR
     values: Mapping[str, str] = {
-        "mode": _word(state.mode),
+        "operating_mode": _word(state.operating_mode),
         "motors": _word(state.controller_state),
         "rapid": _word(state.execution),
         **{f"state_machine_{side.word}": _machine(state, side) for side in Side},

@@ -47,7 +47,7 @@ def test_arm_reports_what_is_measured(arm: Arm) -> None:
 @pytest.mark.parametrize(
     ("values", "mode"),
     [
-        ({"is_streaming": False, "is_running": False}, ArmMode.SILENT),
+        ({"is_streaming": False, "is_running": False}, ArmMode.NO_EGM),
         ({"is_running": False}, ArmMode.IDLE),
         ({}, ArmMode.HOLDING),
         ({"velocity": (0.0, 0.0, -0.3, 0.0, 0.0, 0.0, 0.0)}, ArmMode.MOVING),

@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from inspect import iscoroutinefunction, signature
+from threading import Lock
 from typing import cast
 
 import pytest
@@ -22,9 +23,14 @@ RIGHT = home(Side.RIGHT)
 
 
 class FakeGripper:
+    side = Side.LEFT
     last_position = 0.01
+    alone = driver.Gripper.alone
 
-    def begin(self, order: GripperGoal) -> None: ...
+    def __init__(self) -> None:
+        self.busy = Lock()
+
+    def begin(self, order: GripperGoal, check: Callable[[], None]) -> None: ...
 
     def wait(self, order: GripperGoal) -> Outcome:
         return Outcome.HOLDING

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import pytest
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from yumi.api.attach import RunningDriver, attach
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.events import SessionLost
 from yumi.driver import endpoint_server
@@ -73,7 +73,7 @@ def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: Runni
     driver.server.note(logging.WARNING, "Motors off: an emergency stop.")
     state = attached.state
     right = state.arms["right"]
-    assert (state.robot, state.process, state.mode, state.motors) == (ROBOT, os.getpid(), "AUTO", "motoron")
+    assert (state.robot, state.process, state.operating_mode, state.motors) == (ROBOT, os.getpid(), "AUTO", "motoron")
     assert (right.mode, right.position, right.session) == (ArmMode.HOLDING, home(Side.RIGHT), 1)
     assert right.pose is not None
     assert right.cycles is not None
@@ -145,6 +145,27 @@ def test_gripper_does_not_move_while_a_stop_waits(driver: FakeDriver, attached: 
     assert driver.grippers[Side.LEFT].goals == []
 
 
+def test_stop_that_comes_while_a_gripper_command_begins_counts(driver: FakeDriver, attached: RunningDriver) -> None:
+    def stop() -> None:
+        driver.manager.robot = replace(driver.manager.robot, stop="50204-1")
+
+    driver.grippers[Side.LEFT].on_begin = stop
+    with pytest.raises(RobotNotReady, match="A stop waits"):
+        attached.open_gripper("left")
+    assert driver.grippers[Side.LEFT].goals == []
+
+
+def test_gripper_that_others_command_is_left_to_them(driver: FakeDriver, attached: RunningDriver) -> None:
+    with driver.grippers[Side.LEFT].alone():
+        with pytest.raises(CommandRefused, match="The left gripper carries out another command"):
+            attached.open_gripper("left")
+        with pytest.raises(CommandRefused, match="The left gripper carries out another command"):
+            attached.calibrate()
+        attached.open_gripper("right")
+    assert (driver.grippers[Side.LEFT].goals, driver.calibrated) == ([], [])
+    attached.calibrate()
+
+
 @pytest.mark.parametrize(
     ("position", "goal"),
     [
@@ -158,10 +179,21 @@ def test_arm_moves_to_a_position_a_pose_or_some_joints(
     driver: FakeDriver, attached: RunningDriver, position: Any, goal: Any
 ) -> None:
     driver.arrive()
-    assert "stands at the goal" in attached.move_to(right=position, speed=0.2)
+    assert "stands at the goal" in attached.move_to(right=position, speed_scale=0.2)
     message = driver.robot.control.commands[0].message
     assert isinstance(message, JointGoal)
     assert (message.position, message.speed_scale) == (goal, 0.2)
+
+
+def test_joints_are_named_to_the_driver_as_they_are(
+    driver: FakeDriver, attached: RunningDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def move(goals: Any, *rest: Any, **options: Any) -> None:
+        raise CommandRefused(str(goals[Side.RIGHT]))
+
+    monkeypatch.setattr(driver.robot.executor, "move", move)
+    with pytest.raises(CommandRefused, match="cell_yumi_joint_1_r"):  # a prefix that only the driver knows
+        attached.move_to(right={"cell_yumi_joint_1_r": 0.2})
 
 
 def test_both_arms_move_at_once(driver: FakeDriver, attached: RunningDriver) -> None:
@@ -197,7 +229,9 @@ def test_arm_whose_motion_was_stopped_holds(driver: FakeDriver, attached: Runnin
 @pytest.mark.parametrize(
     ("position", "sentence"),
     [
-        ({"j1": nan}, "yumi_joint_1_r is nan"),
+        ({"j1": nan}, "position j1 is nan"),
+        ([*[0.0] * 6, inf], "position 7 is inf"),
+        ({"j1": "far"}, "expected seven angles in radians"),
         ({"j2": 4.0}, "-143.5° to 43.5°"),
         ({"j8": 0.0}, "'j8' is not a joint"),
         ("nowhere", "there is no pose 'nowhere'; there are home, calibration, ready"),
@@ -238,6 +272,22 @@ def test_motion_is_stopped_when_its_time_is_up(driver: FakeDriver, attached: Run
     with pytest.raises(GoalNotReached, match=r"it took longer than 0\.05 s"):
         attached.move_to(left="home", timeout=0.05)
     assert isinstance(driver.robot.control.commands[-1].message, StopMotion)
+
+
+def test_motion_goes_on_when_it_cannot_be_said_how_far_it_is(
+    driver: FakeDriver, attached: RunningDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def way(motion: Motion) -> Way:
+        asked.append(motion)
+        if len(asked) == 2:
+            driver.robot.end(driver.robot.control.commands[0])
+        raise RobotNotReady("The control process does not answer.")
+
+    monkeypatch.setattr(Motion, "way", property(way))
+    assert attached.move_to(right="home") == "The right arm stands at the goal"
+    assert len(asked) >= 2
 
 
 def test_motion_of_a_client_that_goes_away_is_stopped(driver: FakeDriver) -> None:
@@ -291,8 +341,8 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -
         (b'{"id": 7, "method": "move", "arm": "right"}', "unknown field `arm`"),
         (b'{"id": 7, "method": "move"}', "No arm has a goal"),
         (b'{"id": 7, "method": "move", "right": [0, 0, 0, 0, 0, 0, NaN]}', "JSON is malformed"),
-        (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "Expected `array` of length 7"),
-        (b'{"id": 7, "method": "move", "right": "home", "speed": 2}', "Expected `float` <= 1.0"),
+        (b'{"id": 7, "method": "move", "right": [0, 0, 0]}', "it has 3 positions"),
+        (b'{"id": 7, "method": "move", "right": "home", "speed_scale": 2}', "Expected `float` <= 1.0"),
         (b'{"id": 7, "method": "subscribe", "rate": 1000}', "Expected `float` <= 60.0"),
         (b'{"id": 7, "method": "set_mode", "mode": "fast"}', "Invalid enum value 'fast'"),
         (b'{"id": 7, "method": "grip", "arm": "right", "action": "open", "width": 0.2}', "out of range"),
@@ -312,6 +362,18 @@ def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, lin
 def test_fault_of_ours_is_answered_too(driver: FakeDriver, caplog: pytest.LogCaptureFixture) -> None:
     driver.manager.stop_egm = lambda: {}["gone"]  # type: ignore[method-assign]
     assert "failed with KeyError: 'gone'" in answer_to(b'{"method": "stop_egm"}')["error"]["message"]
+    assert "A request of the local endpoint failed" in caplog.text
+
+
+def test_fault_of_ours_ends_a_subscription_with_its_sentence(
+    driver: FakeDriver, attached: RunningDriver, caplog: pytest.LogCaptureFixture
+) -> None:
+    states = attached.watch(60.0)
+    next(states)
+    driver.manager.state = lambda: {}["gone"]  # type: ignore[method-assign]
+    with pytest.raises(CommandRefused, match="failed with KeyError: 'gone'"):
+        for _ in states:
+            pass
     assert "A request of the local endpoint failed" in caplog.text
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from fake_robot import FakeRobot, Switch
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionRegistry
-from yumi.control.controller import UNKNOWN, Goal, read_goal
+from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import (
@@ -316,6 +316,31 @@ def test_motion_takes_longer_when_the_speed_is_scaled_down(robot: FakeRobot) -> 
     robot.speed_scale = 0.1
     assert before is not None
     assert motion.remaining == pytest.approx(10.0 * before)
+
+
+def test_motion_that_is_watched_asks_the_control_process_for_nothing(
+    robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
+    monkeypatch.setattr(robot.control, "call", None)
+    way = motion.way
+    assert (way.progress, way.remaining) == (motion.progress, motion.remaining)
+    assert way.remaining is not None
+
+
+def test_arm_on_a_trajectory_moves_however_slowly(robot: FakeRobot) -> None:
+    now = 100.0
+
+    def show(buffer: MemoryBuffer, number: int, time: float) -> bool:
+        buffer.write(TrajectoryFeedback(number, time, 1.0, 1.0, 0.0, 0.0, RIGHT, ZERO, RIGHT, ZERO, RIGHT, ZERO, 0.02))
+        return robot.executor.is_moving(Side.RIGHT)
+
+    assert not robot.executor.is_moving(Side.RIGHT)
+    for buffer in (robot.feedback[Side.RIGHT], robot.dual_feedback[Side.RIGHT]):
+        assert show(buffer, 7, now - 1.0)
+        assert not robot.executor.is_moving(Side.LEFT)
+        assert not show(buffer, 7, now - 2.0)  # its controller was deactivated
+        assert not show(buffer, 0, now)
 
 
 def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:

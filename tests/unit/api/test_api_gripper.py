@@ -1,13 +1,15 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
+from threading import Lock
 from typing import cast
 
 import pytest
 
 from yumi.api.gripper import Grip, Gripper
 from yumi.driver import gripper as driver
-from yumi.errors import CommandRefused, GoalNotReached
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.gripper import Direction, GripperGoal, Outcome, VacuumState, go_to, grip
 from yumi.robot.joints import Side
 
@@ -15,8 +17,13 @@ from yumi.robot.joints import Side
 class FakeGripper:
     """Ends every command as the test says, with its fingers where the test says."""
 
+    side = Side.LEFT
+    alone = driver.Gripper.alone
+
     def __init__(self) -> None:
+        self.busy = Lock()
         self.begun: list[GripperGoal] = []
+        self.on_begin: Callable[[], None] = lambda: None
         self.outcome = Outcome.HOLDING
         self.last_position = 0.01
         self.log: list[str] = []
@@ -28,7 +35,9 @@ class FakeGripper:
     def clear_error(self) -> None:
         self.log.append("clear_error")
 
-    def begin(self, order: GripperGoal) -> None:
+    def begin(self, order: GripperGoal, check: Callable[[], None]) -> None:
+        self.on_begin()
+        check()
         self.begun.append(order)
 
     def wait(self, order: GripperGoal) -> Outcome:
@@ -66,6 +75,29 @@ def gripper(fake: FakeGripper) -> Gripper:
 def test_gripper_grasps_with_the_force_it_is_given_or_the_usual_one(gripper: Gripper, fake: FakeGripper) -> None:
     assert gripper.grasp() == gripper.grasp(force=4.0) == Grip(Outcome.HOLDING, 0.02)
     assert fake.begun == [grip(Direction.INWARDS, 10.0), grip(Direction.INWARDS, 4.0)]
+
+
+def test_stop_that_comes_while_a_command_begins_counts(fake: FakeGripper) -> None:
+    stops: list[str] = []
+
+    def check() -> None:
+        if stops:
+            raise RobotNotReady("A stop waits.", stops[0])
+
+    fake.on_begin = lambda: stops.append("50204-1")
+    gripper = Gripper(Side.LEFT, lambda: cast("driver.Gripper", fake), 10.0, check_not_stopped=check)
+    with pytest.raises(RobotNotReady, match="A stop waits"):
+        gripper.open()
+    assert fake.begun == []
+
+
+def test_command_is_refused_while_another_one_is_carried_out(gripper: Gripper, fake: FakeGripper) -> None:
+    with fake.alone():
+        for command in (gripper.open, gripper.close, gripper.calibrate):
+            with pytest.raises(CommandRefused, match="The left gripper carries out another command; wait for its end"):
+                command()
+    assert (fake.begun, fake.log) == ([], [])
+    gripper.close()
 
 
 def test_gripper_accepts_the_width_it_expects(gripper: Gripper) -> None:

@@ -6,13 +6,17 @@ import os
 from pathlib import Path
 from threading import Event
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 from click.testing import CliRunner
 
+from yumi.api.motion import MotionRegistry
 from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.cli.options import limit_discovery
+from yumi.cli.up import _endpoint_of
+from yumi.driver.settings import override, read_settings
 from yumi.robot.joints import Side
 
 VARIABLES = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER")
@@ -161,3 +165,19 @@ def test_demo_refuses_a_port_without_a_robot() -> None:
     result = CliRunner().invoke(main, ["demo", "--rws-port", "8080"])
     assert result.exit_code == 1
     assert "name it with --robot" in result.output
+
+
+@pytest.mark.parametrize(
+    ("namespace", "name"), [("", "127.0.0.1:80.sock"), ("lab/cell1", "lab_cell1@127.0.0.1:80.sock")]
+)
+def test_socket_of_a_driver_in_a_namespace_is_named_after_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, namespace: str, name: str
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    settings = override(read_settings(), {"robot": {"address": "127.0.0.1"}, "ros": {"namespace": namespace}}, "test")
+    parts = MagicMock()
+    parts.control.buffers = {}
+    server = _endpoint_of(parts, settings, MotionRegistry(is_script=False), MagicMock())
+    server.start()
+    server.stop()
+    assert server.path.name == name

@@ -54,11 +54,16 @@ def goals(driver: FakeDriver) -> list[JointGoal]:
     return [command.message for command in driver.robot.control.commands if isinstance(command.message, JointGoal)]
 
 
+def test_help_of_move_says_that_nothing_checks_whether_the_arms_meet() -> None:
+    text = " ".join(CliRunner().invoke(main, ["move", "--help"]).output.split())
+    assert "Nothing checks yet whether the arms meet each other" in text
+
+
 def test_state_is_shown_for_a_person(driver: FakeDriver) -> None:
     shown = run("state")
     for words in (
         f"robot {ROBOT}",
-        "mode AUTO, motoron, RAPID running, speed_scale 1",
+        "operating mode AUTO, motoron, RAPID running, speed_scale 1",
         "can move",
         f"right arm: EGM off, holding, commanded by {GOAL_CONTROLLER}",
         "j7 -135.00",
@@ -89,7 +94,7 @@ def test_commands_reach_the_driver(driver: FakeDriver) -> None:
     assert run("start") == "EGM runs\n"
     run("start", "right")
     run("mode", "ready")
-    assert "mode AUTO" in run("mode")
+    assert "operating mode AUTO" in run("mode")
     assert json.loads(run("stop", "--json")) == "EGM has ended"
     run("calibrate")
     assert run("speed-scale", "0.3") == "speed_scale is 0.3\n"
@@ -125,7 +130,7 @@ def test_arm_is_moved_to_a_pose_joints_or_angles(
     driver: FakeDriver, words: tuple[str, ...], goal: tuple[float, ...]
 ) -> None:
     driver.arrive()
-    assert run("move", "right", *words, "--speed", "0.2") == "The right arm stands at the goal\n"
+    assert run("move", "right", *words, "--speed-scale", "0.2") == "The right arm stands at the goal\n"
     (sent,) = goals(driver)
     assert sent.position == pytest.approx(goal)
     assert sent.speed_scale == 0.2
@@ -141,14 +146,14 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence", "code"),
     [
-        (("right", "nan", *["0"] * 6), "yumi_joint_1_r is nan", 1),
+        (("right", "nan", *["0"] * 6), "position 1 is nan", 1),
         (("right", "j2=4"), "yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°", 1),
         (("right", "j8=1"), "'j8' is not a joint of the right arm", 1),
         (("right", "0", "1"), "2 angles are given; an arm has 7 joints", 2),
         (("right", "hoem"), "'hoem' is not an angle; give a pose (home, calibration, ready)", 2),
         (("right", "j1=1", "j1=2"), "A joint is named twice", 2),
         (("right", "j1=1", "--abb"), "--abb is for seven angles", 2),
-        (("right", "home", "--speed", "2"), "not in the range", 2),
+        (("right", "home", "--speed-scale", "2"), "not in the range", 2),
     ],
 )
 def test_impossible_goal_is_refused_and_changes_nothing(

@@ -29,7 +29,7 @@ from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 READY = RobotState(
     is_connected=True,
-    mode=OperatingMode.AUTO,
+    operating_mode=OperatingMode.AUTO,
     controller_state=ControllerState.MOTORS_ON,
     execution=ExecutionState.RUNNING,
     machines=dict.fromkeys(Side, MachineState.IDLE),
@@ -51,7 +51,7 @@ def test_robot_that_is_ready_meets_every_condition_of_ready() -> None:
     ("state", "reason"),
     [
         (RobotState(), "the controller does not answer"),
-        (replace(READY, mode=OperatingMode.MANUAL_REDUCED), "the controller is in MANR"),
+        (replace(READY, operating_mode=OperatingMode.MANUAL_REDUCED), "the controller is in MANR"),
         (stopped_by(ControllerState.EMERGENCY_STOP), "the emergency stop is pressed"),
         (stopped_by(ControllerState.EMERGENCY_STOP_RESET), "the motors are off after an emergency stop"),
         (stopped_by(ControllerState.GUARD_STOP), "a guard stop keeps the motors off"),
@@ -84,7 +84,7 @@ def test_arm_in_egm_is_ready() -> None:
     [
         (
             Request.WRITE,
-            replace(READY, mode=OperatingMode.MANUAL_FULL),
+            replace(READY, operating_mode=OperatingMode.MANUAL_FULL),
             "The controller is in MANF; turn it to AUTO on the FlexPendant, nothing else can.",
         ),
         (

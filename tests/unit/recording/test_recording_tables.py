@@ -36,7 +36,7 @@ def file(tmp_path: Path) -> Path:
                 writer.add_frame(side, frame)
         writer.add_event(recorded_event(LOST, 0.1))
         writer.add_value("l/gripper", 0.05, GRIPPER)
-        writer.add_value("state", 0.06, RobotState(is_connected=True, mode=OperatingMode.AUTO))
+        writer.add_value("state", 0.06, RobotState(is_connected=True, operating_mode=OperatingMode.AUTO))
     return tmp_path / "session.mcap"
 
 
@@ -53,7 +53,7 @@ def test_events_grippers_and_state_are_tables_too(file: Path) -> None:
     (event,), (gripper,), (state,) = (list(rows(file, what)) for what in ("events", "grippers", "state"))
     assert (event["arm"], event["kind"], event["is_fault"]) == ("right", "SessionLost", True)
     assert (gripper["arm"], gripper["state"], gripper["position"]) == ("left", "KEEP_OBJECT", 0.01)
-    assert (state["mode"], state["is_connected"], state["egm.r"]) == ("AUTO", True, "off")
+    assert (state["operating_mode"], state["is_connected"], state["egm.r"]) == ("AUTO", True, "off")
 
 
 def test_unknown_table_is_refused(file: Path) -> None:
