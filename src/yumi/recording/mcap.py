@@ -256,7 +256,10 @@ AFTER = 1.0
 """What the robot did once it was to hold [s]."""
 
 _MISSING = "Recordings need mcap; install yumi-ros2[record]."
-_LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of about one million
+CHUNK = 2**16
+"""A recording is written in pieces of this size [bytes]: a process that is killed loses the last second at most."""
+
+_LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of less than one million
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +311,7 @@ class RecordingWriter:
         file.parent.mkdir(parents=True, exist_ok=True)
         self._stream = file.open("wb")
         self._epoch = epoch
-        self._writer = Writer(self._stream)
+        self._writer = Writer(self._stream, chunk_size=CHUNK)
         self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
         cycle, event = (
             self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
