@@ -213,7 +213,9 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
 
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
     outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
-    expect_one_sentence(outcome, f"is driven by another program (process {driver.pid}); end it first.")
+    expect_one_sentence(
+        outcome, f"is driven by another program (process {driver.pid}); end it first, or have that one move the robot"
+    )
 
 
 def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: Command) -> None:

@@ -199,7 +199,8 @@ def test_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:
         assert "EGM off" in cells.call(f"/{cell}/yumi_robot_manager/get_state").message
     cells.wait(1.5)
     nodes = [f"{space}/{name}".replace("//", "/") for name, space in cells.client.node.get_node_names_and_namespaces()]
-    ours = [name for name in nodes if not name.startswith(("/test_client", "/rosout"))]
+    of_tests = ("/test_client", "/application", "/rosout")  # nodes of this process, of other tests also
+    ours = [name for name in nodes if not name.startswith(of_tests)]
     assert len(set(ours)) == len(ours)
     for cell in PREFIXES:
         assert {f"/{cell}/{side}/{node}" for side in "rl" for node in ("controller_manager", "gripper")} <= {*ours}

@@ -36,13 +36,16 @@ def graph() -> Iterator[Any]:
     import rclpy  # noqa: PLC0415 - yumi works without ROS
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    is_ours = not rclpy.ok()  # in a program that uses ROS itself, its context serves
+    if is_ours:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node(f"yumi_command_{time.monotonic_ns()}", start_parameter_services=False)
     try:
         yield node
     finally:
         node.destroy_node()
-        rclpy.try_shutdown()
+        if is_ours:
+            rclpy.try_shutdown()
 
 
 def _spin(node: Any, until: Callable[[], bool], timeout: float | None) -> bool:
