@@ -40,13 +40,11 @@ class Led(NamedTuple):
 
     Attributes:
         is_excused: whether what we knew of the robot was false a moment ago.
-        lag: by how much a plan was behind that we got a moment ago [rad].
         speed: ``gain · (position reference - planned position) + speed reference`` [rad/s], (7,).
         before: the same a cycle before [rad/s], (7,).
     """
 
     is_excused: bool
-    lag: float
     speed: Joints
     before: Joints
 
@@ -63,8 +61,6 @@ class Attacked(EgmLoop):
         true: everything the robot has sent.
         begun: when the robot began its sessions, by our clock [s].
         led: what each reply made of the robot's motion.
-        lag: by how much the plan of a false datagram was behind [rad].
-        lagged_at: when one was, last [s].
         deceived_at: when replies were lost, or a datagram forged that may not be known as false, last [s].
     """
 
@@ -84,8 +80,7 @@ class Attacked(EgmLoop):
         self.home = self.robot.arm.position
         self.led: list[Led] = []
         self._lead = ZERO
-        self.deceived_at = self.lagged_at = -inf
-        self.lag = 0.0
+        self.deceived_at = -inf
         self.sent: list[Joints] = []
         self._codec, self._reader = RobotCodec(), SensorCodec(axes=7)
         self.to_us = self._arriving
@@ -121,9 +116,7 @@ class Attacked(EgmLoop):
         rows = zip(motion.reference, planned, motion.reference_velocity, strict=True)
         lead = joints([EGM_GAIN * (ahead - now) + speed for ahead, now, speed in rows])
         if (motion.reference, motion.reference_velocity) != before:
-            now = self.clock.now()
-            lag = self.lag if now - self.lagged_at < 6.5 * CYCLE else 0.0
-            self.led.append(Led(now - self.deceived_at < 6.5 * CYCLE, lag, lead, self._lead))
+            self.led.append(Led(self.clock.now() - self.deceived_at < 6.5 * CYCLE, lead, self._lead))
         self._lead = lead
 
     def activate(self) -> None:
@@ -186,9 +179,7 @@ def forged(joint: int, by: float, number: int, later: float) -> Action:
 def not_running(cycles: int) -> Action:
     def act(loop: Attacked) -> None:
         for _ in range(cycles):
-            newest, before = loop.newest, loop._reader.decode(loop.true[-2])
-            steps = zip(newest.planned, before.planned, strict=True)
-            loop.lag, loop.lagged_at = max(abs(new - old) for new, old in steps), loop.clock.now()
+            newest = loop.newest
             number, time = newest.seqno + 1, newest.measured_time + 0.9 * CYCLE
             loop.before.append(loop.forged(motors=MotorState.OFF, seqno=number, measured_time=time))
             loop.move(1)
@@ -314,14 +305,13 @@ def assert_led_within_limits(loop: Attacked) -> None:
     """What position and speed reference together make of the robot's motion: speed always, acceleration as a rule.
 
     - When the robot hears us again, what it has missed arrives at once.
-    - A planned position that is false by less than can be known is taken for the robot's lag: its speed is not known
-      better than that lag times the gain.
+    - A planned position that is false by less than can be known is taken for the robot's lag.
     """
     for led in loop.led:
         rows = zip(led.speed, led.before, YUMI_LIMITS.velocity, YUMI_LIMITS.acceleration, strict=True)
         for speed, before, fastest, strongest in rows:
             assert abs(speed) <= 1.001 * fastest
-            assert led.is_excused or abs(speed - before) <= strongest * LATE_CYCLE * CYCLE + EGM_GAIN * led.lag
+            assert led.is_excused or abs(speed - before) <= strongest * LATE_CYCLE * CYCLE
 
 
 def check_what_leaves(script: list[tuple[int, Action]], *, feeds_speed: bool) -> None:
