@@ -137,6 +137,7 @@ class Background:
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
             work()
+            del work  # a thread that waits holds nothing: what it held would be freed after the libraries it came from
 
 
 def _done(work: Callable[[], T], result: Future[T]) -> None:
