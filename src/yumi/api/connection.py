@@ -191,6 +191,7 @@ class Connection:
             SystemClock(),
             feedback,
             lambda: manager.speed.in_force,
+            {side: each.speeds for side, each in buffers.items()},
         )
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:

@@ -17,12 +17,12 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 from math import degrees as _degrees_of
-from math import dist, radians
+from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal
+from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
@@ -335,6 +335,9 @@ GOAL_CONTROLLER = "joint_goal_controller"
 STREAM_CONTROLLER = "joint_position_controller"
 """Follows a stream of points."""
 
+JOG_CONTROLLER = "joint_velocity_controller"
+"""Follows speeds, and stops where none come."""
+
 TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 """Follows points with times."""
 
@@ -370,6 +373,7 @@ class MotionExecutor:
         feedback: the buffers of the controllers that follow trajectories on each arm; without them the progress of
             trajectories is unknown.
         speed_scale: the factor on all speeds now.
+        speeds: the buffer of each arm's speeds; without them no arm can be jogged.
     """
 
     def __init__(
@@ -382,8 +386,10 @@ class MotionExecutor:
         clock: Clock,
         feedback: Mapping[Side, Sequence[Buffer[TrajectoryFeedback]]] | None = None,
         speed_scale: Callable[[], float] = lambda: FULL,
+        speeds: Mapping[Side, GoalBuffer] | None = None,
     ) -> None:
         self.arms = arms
+        self._speeds = speeds or {}
         self._feedback = feedback or {}
         self._speed_scale = speed_scale
         self._limits = limits
@@ -391,7 +397,7 @@ class MotionExecutor:
         self._control = control
         self._goals = goals
         self._motions = motions
-        self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
+        self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle.
@@ -515,13 +521,40 @@ class MotionExecutor:
             GoalNotReached: an arm that moved did not come to rest.
         """
         checked = checked_goal(side, goal)
+        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
+        write_goal(self._goals[side], session, checked)
+
+    def jog(self, side: Side, speeds: Sequence[float]) -> bool:
+        """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
+
+        Returns:
+            Whether its controllers were switched for it.
+
+        Raises:
+            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            RobotNotReady: the arm does not follow.
+        """
+        if side not in self._speeds:
+            raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
+        if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
+        session, is_new = self._begin_stream(side, JOG_CONTROLLER)
+        write_speeds(self._speeds[side], session, joints(speeds))
+        return is_new
+
+    def _begin_stream(self, side: Side, controller: str) -> tuple[int, bool]:
+        """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
-        if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            self._check_follows(side)
-            self._take_over(side, STREAM_CONTROLLER)
-            snapshot = self._control.snapshot(side)
-            self._streaming[side] = (snapshot.session, snapshot.activation)
-        write_goal(self._goals[side], snapshot.session, checked)
+        known = (controller, snapshot.session, snapshot.activation)
+        if self._streaming.get(side) == known and snapshot.is_commanded:
+            return snapshot.session, False
+        self._check_follows(side)
+        if controller == JOG_CONTROLLER and self.commanding(side) != (controller,) and self.is_moving(side):
+            raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+        self._take_over(side, controller)
+        snapshot = self._control.snapshot(side)
+        self._streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return snapshot.session, True
 
     def _limits_of_goals(self, side: Side, speed: float | None, acceleration: float | None) -> JointLimits:
         """What the controller of single points keeps on an arm."""

@@ -23,6 +23,7 @@ from yumi.cli.doctor import doctor
 from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.record import record
 from yumi.cli.up import up
+from yumi.cli.view import view
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
@@ -138,6 +139,7 @@ def main() -> None:
       yumi demo                          both arms of a virtual YuMi move and grab
       yumi up --robot 192.168.125.1      the driver for a real one
       yumi controller --rws-port 8080    a virtual controller for any client
+      yumi view --virtual                a virtual robot in the browser
       yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
       eval "$(yumi completion bash)"     complete commands and their arguments in this shell
     """
@@ -146,5 +148,5 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-for _command in (controller, demo, doctor, fault, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
+for _command in (controller, demo, doctor, fault, record, up, view, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

@@ -259,6 +259,7 @@ def _endpoint_of(
         SystemClock(),
         {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
+        {side: each.speeds for side, each in buffers.items()},
     )
     access = DriverAccess(
         robot=f"{settings.robot.address}:{settings.robot.rws_port}",
