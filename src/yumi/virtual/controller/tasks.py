@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from types import MappingProxyType
 
 from yumi.egm.messages import RapidState
@@ -123,6 +124,9 @@ class RapidExecution:
         self.is_running = True
         for task in self.tasks.values():
             task.start()
+        for unit in self._units:  # what a stop has interrupted
+            with suppress(RobotNotReady):
+                unit.arm.follow_path()
         self._show_in_egm()
         self._events.append(10150, "Program started", "RAPID runs in all tasks.")
 
@@ -155,6 +159,8 @@ class RapidExecution:
                 task.move_pp_to_main()
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
+        for unit in self._units:
+            unit.begin_program()
 
     def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
         """Load a module into ``task``.
