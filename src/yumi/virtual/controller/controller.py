@@ -21,6 +21,7 @@ from yumi.virtual.instructions.gripper import add_gripper
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion
 from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
+from yumi.virtual.instructions.triggers import add_triggers
 
 RESTART_DELAY = 0.2
 """The controller still answers for this time after a restart was requested [s]."""
@@ -371,6 +372,7 @@ def robot_library(
     add_data(library, unit.side.unit)
     motion = add_motion(library, unit, speed_ratio, events)
     add_motion_settings(library, motion)
+    add_triggers(library, motion)
     add_egm(library, unit, configuration, events)
     add_gripper(library, unit.gripper, events)
     add_system(library, unit, units, configuration, sync_points)

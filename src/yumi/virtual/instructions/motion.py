@@ -6,7 +6,7 @@ zone is done for the program when the arm begins it, a move to a stop point when
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from math import degrees, hypot, pi, radians, tau
 from typing import Any
@@ -132,9 +132,9 @@ class MotionInstructions:
         )
 
     def zone(self, call: Call) -> Zone:
-        """How near the arm comes to the target."""
-        zone = call["Zone"]
-        if zone.finep or call.present("Inpos"):
+        """How near the arm comes to the target; a search comes to a stop."""
+        zone = call.get("Zone")
+        if zone is None or zone.finep or call.get("Inpos") is not None:
             return STOP
         return Zone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
 
@@ -229,7 +229,7 @@ class MotionInstructions:
 
     def passed(
         self, call: Call, build: Build, added: Callable[[Passage], None] | None = None
-    ) -> Iterator[float | None]:
+    ) -> Generator[float | None, None, None]:
         r"""Plan a leg, add it to the path, and wait as the zone and \Conc demand.
 
         Args:
