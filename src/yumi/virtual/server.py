@@ -36,6 +36,7 @@ from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.rapid import quoted
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -161,6 +162,7 @@ class VirtualController:
         password: its password.
         host: address to listen on.
         link: makes the sockets of the arms, to an address and port.
+        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`LocalNetwork`).
     """
 
     def __init__(
@@ -172,10 +174,12 @@ class VirtualController:
         password: str,
         host: str,
         link: Callable[[str, int], UdpClient] = UdpClient,
+        rapid_sockets: str | None = None,
     ) -> None:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
+        self.world.controller.devices.network = LocalNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
