@@ -10,6 +10,7 @@ from yumi.rapid.library import Library
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
+from yumi.virtual.controller.devices import rapid_devices
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
@@ -76,6 +77,7 @@ class Irc5:
         events: the event log.
         signals: the I/O system.
         execution: the RAPID tasks and whether they run.
+        devices: what RAPID programs find: files, network, FlexPendant, message queues.
     """
 
     def __init__(
@@ -109,6 +111,18 @@ class Irc5:
             self.events,
             halt=lambda reason: self._switch_motors_off(ControllerState.MOTORS_OFF, reason),
         )
+        self.devices = rapid_devices(
+            self.files,
+            configuration,
+            self.signals,
+            self.identity,
+            self.events,
+            now=lambda: self.time,
+            tasks=lambda: self.tasks,
+            restart=self.restart,
+        )
+        for task in self.tasks.values():
+            task.host.devices = self.devices
         try:
             self.execution.move_pp_to_main()
         except Refused as refused:  # what does not fit can be mended over RWS

@@ -15,12 +15,14 @@ from types import MappingProxyType
 from yumi.egm.messages import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
+from yumi.rapid.devices import Devices, NoNetwork
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
 from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
 from yumi.rapid.task import StepKind, Task
 from yumi.rapid.types import UNSET, Variable
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
+from yumi.virtual.controller.files import FileStore, RapidDisk
 from yumi.virtual.controller.signals import Signals
 from yumi.virtual.controller.system import TaskSettings, TaskType, TrustLevel
 from yumi.virtual.controller.units import ArmUnit
@@ -41,9 +43,11 @@ class TaskHost:
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
         events: why the task stopped by itself, until they are read.
+        devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
 
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
+        self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
