@@ -22,6 +22,7 @@ from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
+from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
 
 log = logging.getLogger(__name__)
@@ -222,7 +223,7 @@ class Irc5:
         self.execution.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:
-        """Set the speed override of RAPID motions; it counts from the next motion on.
+        """Set the speed override of RAPID motions; it counts at once.
 
         Raises:
             Refused: WRONG_MODE or OUT_OF_RANGE.
@@ -321,6 +322,8 @@ class Irc5:
                 self.signals.restore_defaults()
                 self._gripper_signals.clear()
                 self.collision_state = CollisionState.INIT
+        for unit in self._arms.values():
+            unit.override_speed(self.speed_ratio)
         self.execution.advance(dt)
 
     def supervise(self) -> None:
@@ -424,7 +427,8 @@ def robot_library(
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.side.unit)
-    add_motion(library, unit, speed_ratio)
+    motion = add_motion(library, unit, speed_ratio, events)
+    add_motion_settings(library, motion)
     if is_motion_task:
         add_egm(library, unit, configuration, events)
         add_gripper(library, unit.gripper, events)

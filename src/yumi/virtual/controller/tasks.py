@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -212,6 +213,9 @@ class RapidExecution:
             if each.task.execution is not Execution.STARTED:
                 each.task.repeats = self.cycle == "forever"
                 each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
+            if each.unit is not None:
+                with suppress(RobotNotReady):
+                    each.unit.arm.follow_path()  # what a stop has interrupted
         self._show_in_egm()
         names = ", ".join(each.task.name for each in selected)
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
@@ -271,8 +275,10 @@ class RapidExecution:
                 task.check()
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
-        for task in tasks:
-            task.move_pp_to_main()
+        for each in self._selected:
+            each.task.move_pp_to_main()
+            if each.unit is not None:
+                each.unit.begin_program()
 
     def move_pp_to_routine(self, task: str, routine: str, module: str = "") -> None:
         """Set the program pointer of one task to a procedure without parameters; its variables are initialized.
@@ -286,6 +292,9 @@ class RapidExecution:
             self.tasks[task].move_pp_to_routine(routine, module)
         except (RapidReferenceError, UnknownSymbol, RobotNotReady) as error:
             raise Refused(Refusal.NO_PROGRAM_POINTER, str(error)) from error
+        unit = self.installed[task].unit
+        if unit is not None:
+            unit.begin_program()
 
     def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
         """Load a module into ``task``.
