@@ -478,6 +478,18 @@ def normalized(call: Call) -> Any:
     return tuple(part / length for part in rotation)
 
 
+def forbid_motion(library: Library) -> None:
+    """Let the motion instructions of a task without mechanical units be refused, as RAPID does."""
+
+    def refuse(call: Call) -> None:
+        sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
+        raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+
+    moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "TriggL", "TriggJ", "TriggC", "SearchL", "SearchC")
+    library.replace_implementations((*moves, *others), refuse)
+
+
 def _predefined(call: Call, name: str) -> Any:
     datum = call.task.library.datum(name)
     assert datum is not None, f"RAPID predefines {name}"
