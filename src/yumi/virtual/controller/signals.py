@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -47,7 +47,8 @@ _DEFAULTS: Mapping[tuple[str, str], Mapping[str, Value]] = {
     },
     ("SIO", "COM_TRP"): {"PhyChannel": ""},
 }
-_ATTRIBUTE = re.compile(r'-(\w+)\s*("[^"]*"|[^\s"]\S*)?')
+# A flag has no value: what follows it is the next attribute, unless it is a negative number.
+_ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|-[\d.]\S*|[^\s"-]\S*))?')
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,23 +72,31 @@ class Configuration:
         for text in texts:
             self.load(text)
 
-    def load(self, text: str) -> None:
+    def load(self, text: str, replacing: Container[str] = ()) -> None:
         """Add the instances of a cfg file; an instance of the same name is replaced.
+
+        Args:
+            text: of the file.
+            replacing: types, in capitals, of which what there was is removed where the file has instances of them.
 
         Raises:
             SettingsError: the text is not a cfg file.
         """
         # Lines that are not empty or comments; those that end in a backslash are joined with the next.
         joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
-        header, *lines = (line for line in joined if line and not line.startswith("#"))
+        header, *lines = [line for line in joined if line and not line.startswith("#")] or [""]
         domain, colon, _ = header.partition(":CFG_")
         if not colon:
             raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
         type_name = ""
+        removed = set()
         for line in lines:
-            if line.endswith(":"):
+            if line.endswith(":") and not line.startswith("-"):
                 type_name = line[:-1]
             else:
+                if type_name.upper() in replacing and type_name not in removed:
+                    self._instances.pop((domain.upper(), type_name.upper()), None)
+                    removed.add(type_name)
                 # An attribute without a value is a flag that is set.
                 found = _ATTRIBUTE.findall(line)
                 self.put(domain, type_name, {name: value.strip('"') if value else "TRUE" for name, value in found})
@@ -121,6 +130,18 @@ class Configuration:
         """The instance of that name, or None."""
         return self._instances.get((domain.upper(), type_name.upper()), {}).get(name)
 
+
+# What a device of each type is on where its -Network is left out, as RobotStudio writes it.
+_NETWORKS: Mapping[str, str] = {
+    "ETHERNETIP_DEVICE": "EtherNetIP",
+    "DEVICENET_DEVICE": "DeviceNet",
+    "DEVICENET_INTERNAL_DEVICE": "DeviceNet",
+    "PROFINET_DEVICE": "PROFINET",
+    "PROFINET_INTERNAL_DEVICE": "PROFINET",
+    "PROFIBUS_DEVICE": "PROFIBUS",
+    "PROFIBUS_INTERNAL_ANYBUS": "PROFIBUS_Anybus",
+    "LOCAL_DEVICE": "Local",
+}
 
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
@@ -160,19 +181,26 @@ class Signals:
     @classmethod
     def configured(cls, configuration: Configuration, on_change: OnChange) -> Signals:
         """The signals the configuration declares, at their default values."""
-        kinds = ("ETHERNETIP_DEVICE", "DEVICENET_DEVICE")
-        devices = [device for kind in kinds for device in configuration.instances("EIO", kind)]
-        networks = {device.name: device.attributes["Network"] for device in devices}
+        devices = [(kind, device) for kind in _NETWORKS for device in configuration.instances("EIO", kind)]
+        networks = {device.name: device.attributes.get("Network", _NETWORKS[kind]) for kind, device in devices}
         signals = []
         for instance in configuration.instances("EIO", "EIO_SIGNAL"):
             attributes = instance.attributes
+            given = attributes.get("SignalType", ""), attributes["Default"]
+            try:
+                kind, value = SignalType(given[0].upper()), float(given[1])
+            except ValueError:
+                raise SettingsError(
+                    f"the signal {instance.name} of the EIO parameters has the SignalType {given[0]!r} and the Default "
+                    f"{given[1]!r}; allowed are {', '.join(each.value for each in SignalType)} and a number."
+                ) from None
             signals.append(
                 Signal(
                     name=instance.name,
-                    type=SignalType(attributes["SignalType"]),
+                    type=kind,
                     category=attributes["Category"],
                     access=attributes["Access"],
-                    value=float(attributes["Default"]),
+                    value=value,
                     device=attributes["Device"],
                     network=networks.get(attributes["Device"], ""),
                 )
@@ -182,6 +210,9 @@ class Signals:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(signal.name for signal in self._signals.values())
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name.lower() in self._signals
 
     def get(self, name: str) -> Signal:
         """The signal as it is now.
