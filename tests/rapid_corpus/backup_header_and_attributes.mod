@@ -7,7 +7,7 @@
 ! @value total 6
 MODULE UserSystem(SYSMODULE, NOSTEPIN, VIEWONLY)
     !*****************************************************
-    !* Modul: UserSystem                          [дцья] *
+    !* Module: UserSystem                         [дцья] *
     !*****************************************************
     TASK PERS num total := 0;
     LOCAL CONST num STEPS{3} := [1, 2, 3];
