@@ -5,6 +5,7 @@ from __future__ import annotations
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.data import DATA, MATHS
 from yumi.rapid.builtins.dialogs import DIALOGS
+from yumi.rapid.builtins.execution import EXECUTION
 from yumi.rapid.builtins.files import FILES
 from yumi.rapid.builtins.information import INFORMATION
 from yumi.rapid.builtins.names import CONSTANTS as NAMES_OF_CONSTANTS
@@ -20,7 +21,21 @@ from yumi.rapid.library import Library
 
 STANDARD = Library(DATA)
 for _part in (
-    *(CONSTANTS, MATHS, STRINGS, SIGNALS, SYSTEM, RAWBYTES, SOCKETS, FILES, DIALOGS, INFORMATION, SYMBOLS, QUEUES),
+    *(
+        CONSTANTS,
+        MATHS,
+        STRINGS,
+        SIGNALS,
+        SYSTEM,
+        RAWBYTES,
+        SOCKETS,
+        FILES,
+        DIALOGS,
+        INFORMATION,
+        SYMBOLS,
+        QUEUES,
+        EXECUTION,
+    ),
 ):
     STANDARD.include(_part)
 STANDARD.missing(*INSTRUCTIONS, *FUNCTIONS, *TYPES, *NAMES_OF_CONSTANTS)  # except those that are provided
