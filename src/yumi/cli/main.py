@@ -17,6 +17,7 @@ import click
 
 from yumi import __version__
 from yumi.cli import graph, robot, shell
+from yumi.cli.answer import answer
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
@@ -147,5 +148,17 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-for _command in (controller, demo, doctor, fault, rapid, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
+for _command in (
+    answer,
+    controller,
+    demo,
+    doctor,
+    fault,
+    rapid,
+    record,
+    up,
+    *robot.COMMANDS,
+    *graph.COMMANDS,
+    *shell.COMMANDS,
+):
     main.add_command(_command)
