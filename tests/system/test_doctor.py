@@ -18,9 +18,11 @@ from click.testing import CliRunner, Result
 from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.clock import ManualClock
-from yumi.driver import doctor
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
+from yumi.driver.commissioning.doctor import examine_controller
+from yumi.driver.commissioning.findings import Finding, Verdict
+from yumi.driver.commissioning.machine import Run, examine_machine
+from yumi.driver.commissioning.modules import delivered_modules, essence
 from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
@@ -264,7 +266,7 @@ def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_
     assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"
 
 
-def firewall(run: doctor.Run, ufw: Path) -> Finding:
+def firewall(run: Run, ufw: Path) -> Finding:
     return next(each for each in examine_machine("192.0.2.1", HERE, run, ufw) if each.requirement == "firewall")
 
 

@@ -43,6 +43,9 @@ _MODULES = click.Choice([modules.value for modules in GripperModules])
 @click.option("--left-leak", type=_LEAK, help="An object lies under the left gripper's cups; 0 is tight, 1 as if none.")
 @click.option("--right-leak", type=_LEAK, help="And under the right one's.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
+@click.option(
+    "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
+)
 @click.option("--user", default="Default User", show_default=True, help="User that may log in.")
 @password_options
 @until_stdin_closes_option
@@ -60,6 +63,7 @@ def controller(
     left_leak: float | None,
     right_leak: float | None,
     calibrated: bool,
+    factory: bool,
     user: str,
     password: str | None,
     until_stdin_closes: bool,
@@ -83,6 +87,7 @@ def controller(
         grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
+        is_factory=factory,
     )
     chosen = password or RobotSettings().password
     virtual = VirtualController(settings, rws_port=rws_port, user=user, password=chosen, host=listen)

@@ -17,7 +17,7 @@ from yumi.robot.joints import Side
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from yumi.driver.doctor import Finding
+    from yumi.driver.commissioning.findings import Finding
 
 _TABLE_WIDTH = 110
 
@@ -38,7 +38,9 @@ def doctor(config: Path | None, report: TextIO | None, **options: Any) -> None:
       yumi doctor --robot 192.168.125.1 --json -
     """
     from yumi.driver.bringup import EgmAddress  # noqa: PLC0415
-    from yumi.driver.doctor import Verdict, examine_controller, examine_machine  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.doctor import examine_controller  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
+    from yumi.driver.commissioning.machine import examine_machine  # noqa: PLC0415
     from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
     from yumi.rws.client import RwsClient  # noqa: PLC0415
 
@@ -68,7 +70,7 @@ def _show(findings: Sequence[Finding]) -> None:
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
 
-    from yumi.driver.doctor import Verdict  # noqa: PLC0415
+    from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
 
     style = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
     table = Table("", "requirement", "found", "what to do", box=None, pad_edge=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
@@ -26,6 +27,9 @@ RESTART_DELAY = 0.2
 
 RESTART_TIME = 20.0
 """How long nothing answers during a restart [s]."""
+
+_NOT_LOADED = 40228
+"""Number of the event about a module of the configuration that is missing or is not RAPID; ABB's own is not known."""
 
 _STOPPED_BY_SAFETY = (
     ControllerState.GUARD_STOP,
@@ -73,6 +77,8 @@ class Irc5:
         events: the event log.
         signals: the I/O system.
         execution: the RAPID tasks and whether they run.
+        configuration: the system parameters as clients read and change them.
+        effective: those that are in use: as they were when the controller started.
     """
 
     def __init__(
@@ -97,8 +103,11 @@ class Irc5:
         self.units: tuple[MechanicalUnit, ...] = YUMI_UNITS
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
-        self._configuration = configuration
+        self.configuration = configuration
+        self.effective = Configuration()
+        self.effective.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
+        self._stationary = self._outputs_of_standstill()
         self._gripper_signals: dict[Side, dict[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -107,7 +116,8 @@ class Irc5:
             self.events,
             halt=lambda reason: self._switch_motors_off(ControllerState.MOTORS_OFF, reason),
         )
-        self.execution.move_pp_to_main()
+        if self.cfg("SYS", "CAB_TASK_MODULES"):  # a controller from the factory has no program
+            self.execution.move_pp_to_main()
         self.supervise()
 
     # What clients read
@@ -140,7 +150,7 @@ class Irc5:
 
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
-        return self._configuration.instances(domain, type)
+        return self.configuration.instances(domain, type)
 
     # What clients ask for
 
@@ -277,6 +287,7 @@ class Irc5:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
                 self.is_restarting = False
+                self._use_configuration()
                 self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
             elif self._restart_left <= 0.0:  # from now on nothing answers
                 self.is_restarting = True
@@ -292,8 +303,9 @@ class Irc5:
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
+        for signal, unit in self._stationary:
+            self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
-            self.signals.drive(f"OUTPUT_STATIONARY_{unit.side.unit}", float(unit.arm.is_stationary))
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values
@@ -312,6 +324,35 @@ class Irc5:
                 self.execution.stop(failure.sentence)
             else:
                 self._switch_motors_off(state, failure.sentence)
+
+    def _use_configuration(self) -> None:
+        """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
+        self.effective.become(self.configuration)
+        self.signals.configure(self.effective)
+        self._stationary = self._outputs_of_standstill()
+        for task in self.tasks.values():
+            loaded = {module.name.lower() for module in task.modules}
+            for listed in self.effective.instances("SYS", "CAB_TASK_MODULES"):
+                path = listed.attributes["File"]
+                name = listed.attributes.get("ModName") or PurePosixPath(path).stem
+                if name.lower() in loaded:
+                    continue
+                try:
+                    self.load_module(task.name, path, replace=False)
+                except Refused as refused:
+                    self.events.append(_NOT_LOADED, "Module not loaded", f"{task.name}: {refused}", EventType.ERROR)
+
+    def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
+        """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
+        units = {unit.side.unit: unit for unit in self._arms.values()}
+        outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
+        return tuple(
+            (output["Signal"], units[output["Arg1"]])
+            for output in outputs
+            if output.get("Status") == "MechUnitNotMoving"
+            and output.get("Arg1") in units
+            and self.signals.has(output.get("Signal", ""))
+        )
 
     def _signal_changed(self, name: str, old: float, new: float) -> None:
         if name.startswith("hand_") and self.signals.get(name).type.is_output and not self._is_copying:
@@ -340,7 +381,7 @@ class Irc5:
         host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
         library = robot_library(
             unit,
-            configuration=self._configuration,
+            configuration=self.effective,
             events=self.events,
             speed_ratio=lambda: self.speed_ratio,
             units=self.units,
