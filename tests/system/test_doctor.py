@@ -325,7 +325,23 @@ def test_doctor_prints_one_line_a_requirement_and_that_nothing_is_missing(here: 
 def test_doctor_writes_its_findings_as_json(here: tuple[Served, list[str]]) -> None:
     report = json.loads(run(*here[1], "--json", "-").stdout)
     assert report["robot"] == f"127.0.0.1:{here[0].port}"
-    assert {"requirement": "operating mode", "verdict": "ok", "found": "AUTO", "remedy": ""} in report["findings"]
+    (mode,) = [each for each in report["findings"] if each["requirement"] == "operating mode"]
+    assert mode == {
+        "requirement": "operating mode",
+        "verdict": "ok",
+        "found": "AUTO",
+        "remedy": "",
+        "why": "only in AUTO may a program on a computer change anything",
+        "where": "mode switch, or the mode button of the FlexPendant",
+    }
+    assert all(each["why"] for each in report["findings"])
+
+
+def test_doctor_writes_one_page_of_html(here: tuple[Served, list[str]], tmp_path: Path) -> None:
+    assert run(*here[1], "--html", str(tmp_path / "robot.html")).exit_code == 0
+    page = (tmp_path / "robot.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert "operating mode" in page
 
 
 def test_doctor_ends_with_code_1_where_there_is_a_problem(here: tuple[Served, list[str]]) -> None:

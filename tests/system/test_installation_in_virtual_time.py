@@ -67,6 +67,18 @@ def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
     assert not site.controller.signals.has("EGM_STOP")
 
 
+def test_program_that_has_run_is_rolled_back(site: Site) -> None:
+    home, cfg, modules = site.home(), site.cfg(), site.modules()
+    site.install()
+    site.client.set_motors(True)
+    site.client.move_pp_to_main()
+    site.client.start_rapid()
+    site.wait(0.1)
+    site.client.stop_rapid()
+    site.installation().roll_back()
+    assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
 def test_backup_is_on_the_controller_and_here(site: Site) -> None:
     site.install()
     (name,) = (file.name for file in site.controller.files.entries("BACKUP:"))

@@ -147,7 +147,7 @@ def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:
         found = f"ROS_DOMAIN_ID is {text}: its ports may be taken by outgoing connections"
         yield Finding("ROS domain", Verdict.NOTE, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
     else:
-        found = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "as the driver sets it: this machine only")
+        found = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "as the driver sets it")
         yield Finding("ROS domain", Verdict.OK, f"{text}, discovery range {found}")
 
 

@@ -67,7 +67,9 @@ class ArmStream:
 
 
 def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Side, ArmStream]:
-    """Receive for ``duration`` [s] after the first datagram, but not longer for the first than it may take."""
+    """Receive for ``duration`` [s] after the first datagram that comes from now on."""
+    for link in links.values():
+        link.receive()  # what has waited says nothing about when it came
     sessions = {side: SensorSession(JointCodec()) for side in links}
     last: dict[Side, Joints] = {}
     end = clock.now() + _FIRST
