@@ -14,6 +14,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import ConnectionLost
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.system import factory_system
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("192.168.125.99", 6511), Side.RIGHT: EgmAddress("192.168.125.99", 6512)}
@@ -69,7 +70,7 @@ class Site(ManualClock):
 
     def __init__(self, folder: Path, settings: WorldSettings | None = None) -> None:
         super().__init__()
-        self.controller = World(settings or WorldSettings(is_factory=True)).controller
+        self.controller = World(settings or WorldSettings(system=factory_system())).controller
         self.controller.files[USER_FILE] = "MODULE user(SYSMODULE)\nENDMODULE\n"
         self.folder = folder
         self.steps: list[str] = []

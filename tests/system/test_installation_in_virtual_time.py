@@ -24,7 +24,7 @@ def site(tmp_path: Path) -> Site:
 
 def test_factory_controller_has_nothing_of_this_package(site: Site) -> None:
     assert site.modules() == {"T_ROB_R": [], "T_ROB_L": []}
-    assert not site.controller.signals.has("EGM_STOP")
+    assert "EGM_STOP" not in site.controller.signals
     assert site.controller.configuration.find("SIO", "COM_TRP", "ROB_R") is None
     assert "StateMachine Core" not in site.controller.identity.options
 
@@ -64,7 +64,7 @@ def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
     assert (site.home(), site.cfg()) != (home, cfg)
     site.installation().roll_back()
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
-    assert not site.controller.signals.has("EGM_STOP")
+    assert "EGM_STOP" not in site.controller.signals
 
 
 def test_program_that_has_run_is_rolled_back(site: Site) -> None:

@@ -135,7 +135,7 @@ def _show(findings: Sequence[Finding], console: Console) -> None:
     for each in findings:
         mark = Text(each.verdict.value, style[each.verdict])
         remedy = f"{each.remedy} (FlexPendant: {each.where})" if each.remedy and each.where else each.remedy
-        found = f"{each.found}; {each.why}" if each.verdict is not Verdict.OK and each.why else each.found
+        found = f"{each.found}; {each.why}" if each.verdict is Verdict.PROBLEM and each.why else each.found
         table.add_row(mark, Text(each.requirement), Text(found), Text(remedy))
     console.print(table)
     counts = Counter(each.verdict for each in findings)

@@ -21,6 +21,7 @@ from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
 from yumi.cli.options import ROS_ARGUMENTS
+from yumi.cli.rapid import rapid
 from yumi.cli.record import record
 from yumi.cli.up import up
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
@@ -147,6 +148,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (controller, demo, doctor, fault, record, rws.rws, up)
+_COMMANDS = (controller, demo, doctor, fault, rapid, record, rws.rws, up)
 for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

@@ -50,11 +50,21 @@ class TimerOrder:
 
 
 @dataclass(slots=True)
+class ChangeOrder:
+    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occurred`."""
+
+    is_single: bool
+
+
+Order = SignalOrder | TimerOrder | ChangeOrder
+
+
+@dataclass(slots=True)
 class Connection:
     """An interrupt number with its trap; asleep, what comes is dropped."""
 
     trap: UserRoutine
-    order: SignalOrder | TimerOrder | None = None
+    order: Order | None = None
     is_asleep: bool = False
 
 
@@ -85,8 +95,17 @@ class Interrupts:
         self.connections[new] = Connection(trap)
         return new
 
-    def order(self, number: int, order: SignalOrder | TimerOrder) -> None:
+    def order(self, number: int, order: Order) -> None:
         self._connection(number).order = order
+
+    def is_ordered(self, number: int, order: Order) -> bool:
+        """Whether the order still stands."""
+        connection = self.connections.get(number)
+        return connection is not None and connection.order is order
+
+    def occurred(self, number: int) -> None:
+        """The interrupt has come."""
+        self._enqueue(number, self._connection(number))
 
     def delete(self, number: int) -> None:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""

@@ -27,8 +27,8 @@ from __future__ import annotations
 import inspect
 import math
 from collections import ChainMap
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
@@ -244,6 +244,13 @@ class Library:
         It is loaded, and stops where it executes one.
         """
         self._missing.update(dict.fromkeys(name.lower() for name in names))
+
+    def replace_implementations(self, names: Iterable[str], implementation: Callable[[Call], Any]) -> None:
+        """Let routines that are registered do something else; they keep their parameters."""
+        for name in names:
+            self._routines[name.lower()] = replace(
+                self._routines[name.lower()], implementation=implementation, may_wait=False
+            )
 
     def include(self, other: Library) -> None:
         """Take over everything that `other` registered itself, without what it is based on."""

@@ -15,7 +15,8 @@ from yumi.errors import SettingsError
 FLAG = "TRUE"
 """Value of an attribute that stands without one."""
 
-_ATTRIBUTE = re.compile(r'-(\w+)\s*("[^"]*"|[^\s"]\S*)?')
+# A flag has no value: what follows it is the next attribute, unless it is a negative number.
+_ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|-[\d.]\S*|[^\s"-]\S*))?')
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _LINE = 100
 
@@ -52,7 +53,7 @@ def read_cfg(text: str) -> CfgFile:
         raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
     type_name, instances = "", []
     for line in lines[1:]:
-        if line.endswith(":"):
+        if line.endswith(":") and not line.startswith("-"):
             type_name = line[:-1]
         else:
             found = _ATTRIBUTE.findall(line)

@@ -30,6 +30,7 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
 from yumi.rws.types import EventType
+from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
@@ -51,7 +52,7 @@ def world_settings(
     grippers: Mapping[Side, GripperModules],
     leaks: Mapping[Side, float | None],
     are_calibrated: bool = False,
-    is_factory: bool = False,
+    system: System | None = None,
 ) -> WorldSettings:
     """A virtual robot whose clock shows the time of day.
 
@@ -63,7 +64,7 @@ def world_settings(
         grippers: modules of each gripper.
         leaks: of the object under each gripper's cups, 0 (tight) to 1 (open); None for no object.
         are_calibrated: whether the grippers start calibrated.
-        is_factory: whether the controller is as it leaves the factory.
+        system: programs and system parameters; ours when it is None.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
@@ -75,7 +76,7 @@ def world_settings(
         cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
         grippers_are_calibrated=are_calibrated,
         start_time=time.time(),
-        is_factory=is_factory,
+        system=system,
     )
 
 
@@ -96,16 +97,18 @@ class Pace:
 
     Args:
         clock: the machine's.
+        speed: how many times faster than real time the robot is; whatever this is, one cycle is 4.032 ms to it.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, speed: float = 1.0) -> None:
         self._clock = clock
+        self._speed = speed
         self._due = clock.now()
 
     def wait(self) -> None:
         """From the end of a cycle, when its datagrams have left, until the next one begins."""
-        self._due += CYCLE
-        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER))
+        self._due += CYCLE / self._speed
+        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER / self._speed))
         if self._clock.now() - self._due > LONGEST_LAG:
             self._due = self._clock.now()
 
@@ -164,6 +167,8 @@ class VirtualController:
         user: user name that may log in.
         password: its password.
         host: address to listen on.
+        speed: how many times faster than real time it runs.
+        is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
     """
 
@@ -175,8 +180,12 @@ class VirtualController:
         user: str,
         password: str,
         host: str,
+        speed: float = 1.0,
+        is_started: bool = False,
         link: Callable[[str, int], UdpClient] = UdpClient,
     ) -> None:
+        self._speed = speed
+        self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
@@ -201,6 +210,7 @@ class VirtualController:
 
         Raises:
             NoConnection: the port is taken.
+            Refused: RAPID is to be started and cannot be.
         """
         prefer_process()
         gc.set_threshold(700, 10, _RARELY)  # a full collection takes longer than a cycle once programs are long
@@ -208,8 +218,12 @@ class VirtualController:
         try:
             with short_switch_interval(), self._server as server:
                 prefer_thread()  # the robot's; those of the server and of the background have begun and stay ordinary
+                if self._is_started:
+                    with self._lock:
+                        self.world.controller.set_motors(True)
+                        self.world.controller.start_rapid()
                 on_ready(server.port)
-                pace = Pace(self._clock)
+                pace = Pace(self._clock, self._speed)
                 while not is_over.is_set():
                     inboxes = {side: link.receive() for side, link in self._links.items()}
                     with self._lock:

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
-import yumi.controller_files
-import yumi.virtual.controller
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
 from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.system import System, delivered_system
 from yumi.virtual.controller.units import YUMI_OPTIONS, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
-_HOME = "HOME:/yumi/"
+_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
 _ADD_IN = "StateMachine Core"
 """The option whose interface our program has; clients look for it."""
-
 
 _NOWHERE = "127.0.0.1", 9
 """The discard port."""
@@ -43,7 +40,7 @@ class WorldSettings:
         egm: what kind of EGM clients the arms have; their cycle is that of the whole robot.
         grippers_are_calibrated: whether the grippers start calibrated.
         start_time: what the controller's clock shows at first [s]; seconds since 1970 where people read it.
-        is_factory: whether the controller is as it leaves the factory: no program, signals or devices of this package.
+        system: programs and parameters; the state machine of this package when it is None.
     """
 
     robot_name: str = "YuMi"
@@ -57,7 +54,7 @@ class WorldSettings:
     egm: EgmOptions = field(default_factory=EgmOptions)
     grippers_are_calibrated: bool = False
     start_time: float = 0.0
-    is_factory: bool = False
+    system: System | None = None
 
 
 class World:
@@ -75,6 +72,7 @@ class World:
     def __init__(self, settings: WorldSettings | None = None) -> None:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
+        system = settings.system or delivered_system()
         self._units: dict[Side, ArmUnit] = {}
         for side in Side:
             arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
@@ -90,13 +88,11 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
-        folder = _controller_files()
-        modules = [] if settings.is_factory else sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
-        options = tuple(each for each in YUMI_OPTIONS if each != _ADD_IN) if settings.is_factory else YUMI_OPTIONS
+        options = tuple(each for each in YUMI_OPTIONS if each != _ADD_IN) if system.is_factory else YUMI_OPTIONS
         self.controller = Irc5(
             tuple(self._units.values()),
-            _configuration(settings),
-            {_HOME + path.name: path.read_text(encoding="ascii") for path in modules},
+            system,
+            _with_addresses(system.configuration(), settings),
             Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
             settings.start_time,
         )
@@ -142,19 +138,13 @@ class World:
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
-def _configuration(settings: WorldSettings) -> Configuration:
-    """A stock YuMi's parameters, then ours, then the addresses of this machine instead of the robot cell's."""
-    stock = Path(next(iter(yumi.virtual.controller.__path__))) / "stock"
-    folders = (stock,) if settings.is_factory else (stock, _controller_files())
-    paths = [path for folder in folders for path in sorted(folder.glob("*.cfg"))]
-    configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
-    for side in () if settings.is_factory else Side:
+def _with_addresses(configuration: Configuration, settings: WorldSettings) -> Configuration:
+    """The addresses of this machine instead of the robot cell's."""
+    for side in Side if not (settings.system and settings.system.is_factory) else ():
         address = {"RemoteAdress": settings.egm_host}
         if side in settings.egm_ports:
             address["RemotePortNumber"] = str(settings.egm_ports[side])
+        if configuration.find("SIO", "COM_TRP", side.unit) is None:
+            configuration.put("SIO", "COM_TRP", {"Name": side.unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
         configuration.change("SIO", "COM_TRP", side.unit, address)
     return configuration
-
-
-def _controller_files() -> Path:
-    return Path(next(iter(yumi.controller_files.__path__)))

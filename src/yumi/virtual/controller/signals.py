@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 from types import MappingProxyType
@@ -72,11 +72,12 @@ class Configuration:
         for text in texts:
             self.load(text)
 
-    def load(self, text: str, *, replace: bool = True) -> None:
+    def load(self, text: str, replacing: Container[str] = (), *, replace: bool = True) -> None:
         """Add the instances of a cfg file: all, or none.
 
         Args:
             text: of the file.
+            replacing: types, in capitals, of which what there was is removed where the file has instances of them.
             replace: whether an instance of the same name is replaced; it is an error otherwise.
 
         Raises:
@@ -85,6 +86,9 @@ class Configuration:
         file = read_cfg(text)
         loaded = Configuration()
         loaded.become(self)
+        for type_name in dict.fromkeys(type_name.upper() for type_name, _ in file.instances):
+            if type_name in replacing:
+                loaded._instances.pop((file.domain.upper(), type_name), None)
         for type_name, attributes in file.instances:
             name = attributes.get("name") or attributes.get("Name") or ""
             if not replace and loaded.find(file.domain, type_name, name) is not None:
@@ -116,8 +120,7 @@ class Configuration:
         """
         key = (domain.upper(), type_name.upper())
         complete = {**attributes, **{k: v for k, v in _DEFAULTS.get(key, {}).items() if k not in attributes}}
-        if key == ("EIO", "EIO_SIGNAL") and complete.get("SignalType") not in {kind.value for kind in SignalType}:
-            raise SettingsError(f"signal {complete.get('Name')!r} has no known SignalType.")
+        _check(key, complete)
         instances = self._instances.setdefault(key, {})
         name = complete.get("name") or complete.get("Name")
         if not name:
@@ -127,10 +130,11 @@ class Configuration:
         instances[name] = Instance(name, MappingProxyType(complete))
 
     def change(self, domain: str, type_name: str, name: str, attributes: Mapping[str, Value]) -> None:
-        """Give an instance that exists other values of some attributes."""
+        """Give an instance that exists other values of some attributes; raises SettingsError as :meth:`put`."""
         instances = self._instances[domain.upper(), type_name.upper()]
-        old = instances[name]
-        instances[name] = replace(old, attributes=MappingProxyType({**old.attributes, **attributes}))
+        changed = {**instances[name].attributes, **attributes}
+        _check((domain.upper(), type_name.upper()), changed)
+        instances[name] = replace(instances[name], attributes=MappingProxyType(changed))
 
     def become(self, other: Configuration) -> None:
         """Take over all instances of another configuration: what the controller does when it starts."""
@@ -152,6 +156,33 @@ class Configuration:
     def find(self, domain: str, type_name: str, name: str) -> Instance | None:
         """The instance of that name, or None."""
         return self._instances.get((domain.upper(), type_name.upper()), {}).get(name)
+
+
+# What a device of each type is on where its -Network is left out, as RobotStudio writes it.
+_NETWORKS: Mapping[str, str] = {
+    "ETHERNETIP_DEVICE": "EtherNetIP",
+    "DEVICENET_DEVICE": "DeviceNet",
+    "DEVICENET_INTERNAL_DEVICE": "DeviceNet",
+    "PROFINET_DEVICE": "PROFINET",
+    "PROFINET_INTERNAL_DEVICE": "PROFINET",
+    "PROFIBUS_DEVICE": "PROFIBUS",
+    "PROFIBUS_INTERNAL_ANYBUS": "PROFIBUS_Anybus",
+    "LOCAL_DEVICE": "Local",
+}
+
+
+def _check(key: tuple[str, str], attributes: Mapping[str, Value]) -> None:
+    """Refuse a signal of a kind that does not exist, or without a number to start with."""
+    if key != ("EIO", "EIO_SIGNAL"):
+        return
+    kind, value = attributes.get("SignalType", ""), attributes.get("Default", "")
+    try:
+        SignalType(kind.upper()), float(value)
+    except ValueError:
+        raise SettingsError(
+            f"the signal {attributes.get('Name', '')} of the EIO parameters has the SignalType {kind!r} and the "
+            f"Default {value!r}; allowed are {', '.join(each.value for each in SignalType)} and a number."
+        ) from None
 
 
 OnChange = Callable[[str, float, float], None]
@@ -198,9 +229,8 @@ class Signals:
 
     def configure(self, configuration: Configuration) -> None:
         """Become the signals the configuration declares, at their default values; those on a device keep theirs."""
-        kinds = ("ETHERNETIP_DEVICE", "DEVICENET_DEVICE")
-        devices = [device for kind in kinds for device in configuration.instances("EIO", kind)]
-        networks = {device.name: device.attributes["Network"] for device in devices}
+        devices = [(kind, device) for kind in _NETWORKS for device in configuration.instances("EIO", kind)]
+        networks = {device.name: device.attributes.get("Network", _NETWORKS[kind]) for kind, device in devices}
         known, self._signals, self._defaults = self._signals, {}, {}
         for instance in configuration.instances("EIO", "EIO_SIGNAL"):
             attributes = instance.attributes
@@ -209,7 +239,7 @@ class Signals:
             self._defaults[instance.name] = default
             self._signals[instance.name.lower()] = Signal(
                 name=instance.name,
-                type=SignalType(attributes["SignalType"]),
+                type=SignalType(attributes["SignalType"].upper()),
                 category=attributes["Category"],
                 access=attributes["Access"],
                 value=before.value if before is not None and before.device else default,
@@ -220,6 +250,9 @@ class Signals:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(signal.name for signal in self._signals.values())
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name.lower() in self._signals
 
     def get(self, name: str) -> Signal:
         """The signal as it is now.
@@ -258,10 +291,6 @@ class Signals:
         if value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
-
-    def has(self, name: str) -> bool:
-        """Whether there is a signal of that name."""
-        return name.lower() in self._signals
 
     def restore_defaults(self) -> None:
         """Give the signals that are on no device the value they start with."""

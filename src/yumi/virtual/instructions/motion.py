@@ -119,6 +119,16 @@ def normalized(call: Call) -> Any:
     return tuple(part / length for part in rotation)
 
 
+def forbid_motion(library: Library) -> None:
+    """Let the motion instructions of a task without mechanical units be refused, as RAPID does."""
+
+    def refuse(call: Call) -> None:
+        sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
+        raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+
+    library.replace_implementations(("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "WaitRob"), refuse)
+
+
 def _predefined(call: Call, name: str) -> Any:
     datum = call.task.library.datum(name)
     assert datum is not None, f"RAPID predefines {name}"
