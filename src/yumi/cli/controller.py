@@ -34,6 +34,12 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="HTTP port of Robot Web Services; 0 takes a free one.",
 )
 @click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option(
+    "--rapid-sockets",
+    metavar="ADDRESS",
+    help="Address of this machine that RAPID's sockets may use, 0.0.0.0 for all; --listen's without it. Sockets that "
+    "may use a loopback address only reach nothing but this machine, whatever address a program names.",
+)
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
 @click.option(
@@ -75,6 +81,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 def controller(
     rws_port: int,
     listen: str,
+    rapid_sockets: str | None,
     robot_name: str,
     egm_host: str,
     left_egm_port: int,
@@ -129,7 +136,14 @@ def controller(
     )
     chosen = password or RobotSettings().password
     virtual = VirtualController(
-        settings, rws_port=rws_port, user=user, password=chosen, host=listen, speed=speed, is_started=start
+        settings,
+        rws_port=rws_port,
+        user=user,
+        password=chosen,
+        host=listen,
+        speed=speed,
+        is_started=start,
+        rapid_sockets=rapid_sockets,
     )
     is_over = end_flag(until_stdin_closes)
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))

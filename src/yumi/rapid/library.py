@@ -29,6 +29,7 @@ import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
@@ -77,7 +78,7 @@ class Call:
         self._arguments = arguments
 
     def present(self, name: str) -> bool:
-        return self._arguments[name.lower()] is not ABSENT
+        return self._arguments.get(name.lower(), ABSENT) is not ABSENT
 
     def __getitem__(self, name: str) -> Any:
         return self._arguments[name.lower()].value
@@ -147,15 +148,28 @@ class FormalParameter:
         return self.name.lower()
 
 
+class Support(Enum):
+    """How far an instruction or function does what RobotWare's does; the values are those of the coverage page."""
+
+    DONE = "done"
+    ACCEPTED = "accepted without effect"
+    REFUSED = "refused"
+
+
 @dataclass(frozen=True, slots=True)
 class LibraryRoutine:
-    """An instruction (`returns` is None) or function written in Python."""
+    """An instruction (`returns` is None) or function written in Python.
+
+    Attributes:
+        support: whether it does what RobotWare's does.
+    """
 
     name: str
     parameters: tuple[FormalParameter, ...]
     returns: Type | None
     implementation: Callable[[Call], Any]
     may_wait: bool
+    support: Support = Support.DONE
 
 
 class Library:
@@ -184,6 +198,24 @@ class Library:
         """Register a function that needs the values of its arguments only, in their order; None for an absent one."""
         keys = [parameter.key for parameter in self.formal(signature)]
         self.function(name, signature, returns)(lambda call: compute(*(call.get(key) for key in keys)))
+
+    def accepted(self, name: str, signature: str = "") -> None:
+        """Register an instruction that a program may execute and that changes nothing here."""
+        self._add(name, signature, None, lambda call: None, Support.ACCEPTED)
+
+    def refused(self, name: str, signature: str, error: str, sentence: str, returns: str | None = None) -> None:
+        """Register an instruction or function that always fails, as a controller without what it needs does."""
+
+        def refuse(call: Call) -> None:
+            raise RapidRuntimeError(error, f"{name}: {sentence}")
+
+        self._add(name, signature, None if returns is None else self.type(returns), refuse, Support.REFUSED)
+
+    def _add(
+        self, name: str, signature: str, returns: Type | None, implementation: Callable[[Call], Any], support: Support
+    ) -> None:
+        parameters = self.formal(signature)
+        self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, False, support)
 
     def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
         parameters = self.formal(signature)

@@ -14,6 +14,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from yumi.rapid import ast as s
+from yumi.rapid.devices import Devices
 from yumi.rapid.errors import RapidReferenceError, Unresolved
 from yumi.rapid.library import FormalParameter, Library, LibraryRoutine
 from yumi.rapid.types import UNSET, AliasType, ArrayType, RecordType, Signal, Type, Variable
@@ -75,7 +76,13 @@ class Severity(Enum):
 
 
 class Host(Protocol):
-    """The controller as a RAPID task sees it."""
+    """The controller as a RAPID task sees it.
+
+    Attributes:
+        devices: its disk, network, FlexPendant and so on.
+    """
+
+    devices: Devices
 
     def write_text(self, task: str, text: str) -> None:
         """Show one line on the operator's display (TPWrite)."""

@@ -435,6 +435,11 @@ class Task:
         """Some instructions and functions take as long as a hundred steps."""
         self._machine.until_clock_read = 0
 
+    @property
+    def executing_module(self) -> LoadedModule | None:
+        """The module of the routine that is being executed, None without a program pointer."""
+        return self._machine.frames[-1].routine.module if self._machine.frames else None
+
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
         found = self.program.find(name, self._machine.frames[-1].routine.module)

@@ -38,6 +38,7 @@ from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.rapid import quoted
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -170,6 +171,7 @@ class VirtualController:
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
+        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`LocalNetwork`).
     """
 
     def __init__(
@@ -183,12 +185,14 @@ class VirtualController:
         speed: float = 1.0,
         is_started: bool = False,
         link: Callable[[str, int], UdpClient] = UdpClient,
+        rapid_sockets: str | None = None,
     ) -> None:
         self._speed = speed
         self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
+        self.world.controller.devices.network = LocalNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )

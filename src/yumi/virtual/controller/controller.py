@@ -11,6 +11,7 @@ from yumi.rapid.library import Library
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
+from yumi.virtual.controller.devices import rapid_devices
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
@@ -22,6 +23,7 @@ from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
+from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
 
 log = logging.getLogger(__name__)
@@ -82,6 +84,7 @@ class Irc5:
         execution: the RAPID tasks and whether they run.
         configuration: the system parameters as clients read and change them.
         effective: those that are in use: as they were when the controller started.
+        devices: what RAPID programs find: files, network, FlexPendant, message queues.
     """
 
     def __init__(
@@ -119,6 +122,18 @@ class Irc5:
             self.events,
             halt=lambda reason: self._switch_motors_off(ControllerState.MOTORS_OFF, reason),
         )
+        self.devices = rapid_devices(
+            self.files,
+            configuration,
+            self.signals,
+            self.identity,
+            self.events,
+            now=lambda: self.time,
+            tasks=lambda: self.tasks,
+            restart=self.restart,
+        )
+        for task in self.tasks.values():
+            task.host.devices = self.devices
         if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
             try:
                 self.execution.move_pp_to_main()
@@ -219,7 +234,7 @@ class Irc5:
         self.execution.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:
-        """Set the speed override of RAPID motions; it counts from the next motion on.
+        """Set the speed override of RAPID motions; it counts at once.
 
         Raises:
             Refused: WRONG_MODE or OUT_OF_RANGE.
@@ -319,6 +334,8 @@ class Irc5:
                 self.signals.restore_defaults()
                 self._gripper_signals.clear()
                 self.collision_state = CollisionState.INIT
+        for unit in self._arms.values():
+            unit.override_speed(self.speed_ratio)
         self.execution.advance(dt)
 
     def supervise(self) -> None:
@@ -453,7 +470,8 @@ def robot_library(
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.side.unit)
-    add_motion(library, unit, speed_ratio)
+    motion = add_motion(library, unit, speed_ratio, events)
+    add_motion_settings(library, motion)
     if is_motion_task:
         add_egm(library, unit, configuration, events)
         add_gripper(library, unit.gripper, events)

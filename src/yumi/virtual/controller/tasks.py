@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -15,12 +16,14 @@ from types import MappingProxyType
 from yumi.egm.messages import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
+from yumi.rapid.devices import Devices, NoNetwork
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
 from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
 from yumi.rapid.task import StepKind, Task
 from yumi.rapid.types import UNSET, Variable
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
+from yumi.virtual.controller.files import FileStore, RapidDisk
 from yumi.virtual.controller.signals import Signals
 from yumi.virtual.controller.system import TaskSettings, TaskType, TrustLevel
 from yumi.virtual.controller.units import ArmUnit
@@ -41,9 +44,11 @@ class TaskHost:
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
         events: why the task stopped by itself, until they are read.
+        devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
 
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
+        self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
@@ -208,6 +213,9 @@ class RapidExecution:
             if each.task.execution is not Execution.STARTED:
                 each.task.repeats = self.cycle == "forever"
                 each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
+            if each.unit is not None:
+                with suppress(RobotNotReady):
+                    each.unit.arm.follow_path()  # what a stop has interrupted
         self._show_in_egm()
         names = ", ".join(each.task.name for each in selected)
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
@@ -267,8 +275,10 @@ class RapidExecution:
                 task.check()
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
-        for task in tasks:
-            task.move_pp_to_main()
+        for each in self._selected:
+            each.task.move_pp_to_main()
+            if each.unit is not None:
+                each.unit.begin_program()
 
     def move_pp_to_routine(self, task: str, routine: str, module: str = "") -> None:
         """Set the program pointer of one task to a procedure without parameters; its variables are initialized.
@@ -282,6 +292,9 @@ class RapidExecution:
             self.tasks[task].move_pp_to_routine(routine, module)
         except (RapidReferenceError, UnknownSymbol, RobotNotReady) as error:
             raise Refused(Refusal.NO_PROGRAM_POINTER, str(error)) from error
+        unit = self.installed[task].unit
+        if unit is not None:
+            unit.begin_program()
 
     def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
         """Load a module into ``task``.

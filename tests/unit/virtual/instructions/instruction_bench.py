@@ -30,6 +30,7 @@ MODULE = """MODULE Program
     VAR jointtarget target;
     VAR robtarget point;
     VAR robtarget tip;
+    VAR wobjdata my_wobj;
     VAR string text;
     VAR num number;
     VAR bool flag;
@@ -69,7 +70,8 @@ class InstructionBench:
         self.sent: list[bytes] = []
 
     def start(self, body: str, others: str = "") -> None:
-        self.task.load(MODULE.format(body=body, others=others), "program.mod")
+        self.task.lose_pp()
+        self.task.load(MODULE.format(body=body, others=others), "program.mod", replace=True)
         self.task.move_pp_to_main()
         self.task.start()
 
@@ -97,6 +99,8 @@ class InstructionBench:
     @property
     def failure(self) -> str:
         """Why the program stopped by itself; empty when it came to its end."""
+        if not self.host.events:
+            return ""
         event = self.host.events[-1]
         return f"{event.error}: {event.sentence}" if event.error else ""
 
