@@ -76,7 +76,7 @@ class Socket(Protocol):
     def listen(self) -> None: ...
 
     def accept(self) -> tuple[Socket, str] | None:
-        """A connection and the address of the other side; None while nobody asks for one."""
+        """A connection and the address of the other side; None while none is asked for."""
 
     def connect(self, address: str, port: int) -> None:
         """Begin to connect."""
@@ -236,7 +236,7 @@ class FlexPendant:
         self._numbers = itertools.count(1)
 
     def ask(self, dialog: Dialog) -> None:
-        """Show a question; raises ERR_TP_NO_CLIENT where nobody can see it."""
+        """Show a question; raises ERR_TP_NO_CLIENT where there is no screen."""
         if not self.is_connected:
             raise RapidRuntimeError("ERR_TP_NO_CLIENT", f"{dialog.instruction}: no FlexPendant is connected.")
         if len(self.dialogs) >= MOST_DIALOGS:
