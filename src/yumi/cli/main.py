@@ -17,6 +17,7 @@ import click
 
 from yumi import __version__
 from yumi.cli import graph, install, robot, rws, shell
+from yumi.cli.answer import answer
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
@@ -148,6 +149,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (controller, demo, doctor, fault, rapid, record, rws.rws, up)
+_COMMANDS = (answer, controller, demo, doctor, fault, rapid, record, rws.rws, up)
 for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)
