@@ -470,7 +470,7 @@ def plan_path(
     except Unreachable:
         if any(each.angle is not None for each in waypoints):
             raise
-        # Whoever names no arm angle leaves the elbow to us: it turns along the way, as little as helps.
+        # Where no arm angle is asked for, the elbow is free: it turns along the way, as little as helps.
         for bend in _BENDS:
             turned = [
                 Waypoint(each.tool, now.angle + bend * number / len(waypoints))
