@@ -163,8 +163,8 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     page.wait("#verdict", "The right arm moves")
     with Watch() as watch:
         watch.wait(lambda: watch.travel() > 0.02)
-        closed = time.time()
         page.tab.close()
+        closed = time.time()
         watch.wait(lambda: watch.seen[-1][0] > closed + 0.6)
     assert watch.travel(since=closed + 0.2) < 0.001
 
@@ -177,8 +177,8 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     first.wait("#verdict", "The right arm moves")
     with Watch() as watch:
         watch.wait(lambda: watch.travel() > 0.02)
-        second.press("#take")
-        taken = time.time()
+        clicked = second.tab.evaluate("document.querySelector('#take').click(); Date.now()")
+        taken = clicked / 1000.0
         second.wait("#take", "Give control back")
         watch.wait(lambda: watch.seen[-1][0] > taken + 0.6)
     assert watch.travel(since=taken + 0.2) < 0.001
