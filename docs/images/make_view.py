@@ -104,7 +104,7 @@ def main() -> None:
             def opened(size: tuple[int, int], scheme: Any = "light") -> Any:
                 page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
                 page.goto(url)
-                page.wait_for_function("document.querySelector('#chips').innerText.includes('AUTO')", polling=50)
+                page.wait_for_function("() => document.querySelector('#chips').innerText.includes('AUTO')", polling=50)
                 page.wait_for_timeout(2500)
                 return page
 

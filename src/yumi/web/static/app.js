@@ -65,9 +65,11 @@ function take(message) {
     if (message.is_recording) openRecording();
     show();
   } else if (message.type === "refused") {
+    endJog(); // control may be lost
     toast(message.sentence);
   } else if (message.type === "jog_refused") {
-    if (jog && jog.hold === message.hold) endJog();
+    if (jog?.hold !== message.hold) return; // it has ended already
+    endJog();
     toast(message.error.message);
   } else if (message.type === "step" || message.type === "motions") {
     const waiting = pending.get(message.id);
@@ -198,6 +200,7 @@ function chip(name, value, level = "") {
   const box = chips.get(name);
   text(box.lastChild, value);
   if (box.dataset.level !== level) box.dataset.level = level;
+  box.hidden = Boolean(view.is_recording) && value === "unknown"; // a flight record has the cycles alone
 }
 
 const MOTORS = {
