@@ -21,6 +21,7 @@ from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
 from yumi.cli.options import ROS_ARGUMENTS
+from yumi.cli.plan import moveit_config
 from yumi.cli.record import record
 from yumi.cli.up import up
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
@@ -146,5 +147,5 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-for _command in (controller, demo, doctor, fault, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
+for _command in (controller, demo, doctor, fault, moveit_config, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)
