@@ -26,8 +26,6 @@ def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
     """
     from yumi.planning.moveit import write_moveit_config  # noqa: PLC0415 - a quick --help
 
-    write_moveit_config(
-        folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)}
-    )
+    write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
     click.echo(f"Written: {folder}. Copy it into a workspace with MoveIt, build it there, start yumi up, then")
     click.echo("ros2 launch yumi_moveit_config move_group.launch.py")

@@ -58,7 +58,7 @@ from moveit_configs_utils import MoveItConfigsBuilder
 
 def generate_launch_description():
     config = MoveItConfigsBuilder("yumi", package_name="{PACKAGE}").to_moveit_configs()
-    group = Node(package="moveit_ros_move_group", executable="move_group", parameters=[config.to_dict()], output="screen")
+    group = Node(package="moveit_ros_move_group", executable="move_group", parameters=[config.to_dict()])
     rviz = Node(
         package="rviz2",
         executable="rviz2",

@@ -14,14 +14,14 @@ checked. Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import islice, product
 from math import pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import yaml
@@ -37,10 +37,11 @@ from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, join
 
 Array = NDArray[np.float64]
 
-CLEARANCE = 0.02
-"""Between any two shapes along a plan [m]: twice the limiter's margin, so that it passes unslowed."""
+CLEARANCES = (0.02, 0.01, 0.005, 0.0)
+"""Between any two shapes along a plan [m]: the first of them that start and goal leave. Twice the limiter's margin is
+passed unslowed; at home, the arms are nearer than that to the body."""
 
-_STEP = 0.03  # between two postures that are checked [rad]
+_STEP = 0.01  # between two postures that are checked [rad]: 3 mm at half the reach of an arm either way
 _CORNER = 0.15  # how far a rounded corner of a path may lie from the sharp one [rad]
 _DT = 0.004  # of the time law while it is smoothed [s]
 _POINT = 0.02  # between two points of the result [s]
@@ -61,11 +62,13 @@ class Plan:
         points: of each arm that moves, for its trajectory controller; both begin together.
         duration: of the motion [s].
         planning_time: how long planning took [s].
+        clearance: between any two shapes along the way, at least [m]; besides what the shapes have already.
     """
 
     points: Mapping[Side, tuple[TrajectoryPoint, ...]]
     duration: float
     planning_time: float
+    clearance: float
 
 
 Goal = Joints | Pose
@@ -79,7 +82,6 @@ class Planner:
         tools: more parts of an arm: fingers of one's own, a tool, an object it holds.
         obstacles: what stands around the robot.
         limits: of the joints; motions are planned for all of their speed, acceleration and jerk.
-        clearance: between any two shapes, at least [m].
 
     Raises:
         MissingPrerequisite: RoboPlan is not installed.
@@ -92,30 +94,14 @@ class Planner:
         tools: Mapping[Side, Sequence[Part]] | None = None,
         obstacles: Sequence[Obstacle] = (),
         limits: JointLimits = YUMI_LIMITS,
-        clearance: float = CLEARANCE,
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
             raise MissingPrerequisite("Planning needs RoboPlan; install yumi-ros2[planning].")
-        import roboplan.core as core  # noqa: PLC0415 - an extra; nothing else needs it
-
-        self._limits = limits
-        modules = grippers or dict.fromkeys(Side, GripperModules.SERVO)
-        self._collisions = CollisionModel(modules, tools=tools, obstacles=obstacles)
-        urdf = planning_description(
-            modules, tools=tools, obstacles=obstacles, clearance=clearance, limits=limits
-        )
-        self._scene = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
-        self._scene.importSrdf(semantic_description(with_fingers=False))
-        # TOPP-RA takes the accelerations from the scene, which reads them from a file.
-        rows = {
-            name: {"max_acceleration": [acceleration], "max_jerk": [jerk]}
-            for side in Side
-            for name, acceleration, jerk in zip(joint_names(side), limits.acceleration, limits.jerk, strict=True)
-        }
-        with TemporaryDirectory() as folder:
-            file = Path(folder, "joint_limits.yaml")
-            file.write_text(yaml.safe_dump({"joint_limits": rows}), encoding="utf-8")
-            self._scene.importJointLimitsFromConfig(core.loadJointLimitsConfig(file))
+        self._limits, self._obstacles, self._tools = limits, obstacles, tools
+        self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
+        self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
+        self._scenes: dict[float, Any] = {}
+        self._scene = self._with_clearance(CLEARANCES[0])
 
     def plan(
         self,
@@ -141,7 +127,7 @@ class Planner:
             CommandRefused: the start or the goal is impossible, out of range or too near to something.
             PlanNotFound: no way was found in time.
         """
-        import roboplan.core as core  # noqa: PLC0415
+        from roboplan import core  # noqa: PLC0415
         from roboplan.rrt import RRT, RRTOptions  # noqa: PLC0415
 
         begin = time.monotonic()
@@ -149,10 +135,10 @@ class Planner:
         if not sides:
             raise CommandRefused("Nothing to plan: give a goal for the right arm, the left arm or both.")
         (group,) = (name for name, members in GROUPS.items() if set(members) == set(sides))
-        self._check(start, "The start")
+        clearance, free = self._free_targets(start, self._targets(start, goal))
         self._scene.setJointPositions(self._full(start))  # where an arm without a goal stays
         path = None
-        for attempt, target in enumerate(self._targets(start, goal)):
+        for attempt, target in enumerate([*islice(free, _ATTEMPTS)] * _ATTEMPTS):
             if time.monotonic() - begin > timeout or is_over():
                 break
             rrt = RRT(
@@ -170,7 +156,9 @@ class Planner:
             names = self._scene.getJointGroupInfo(group).joint_names
             ends = []
             for positions in (start, {**start, **target}):
-                known = {n: value for side in sides for n, value in zip(joint_names(side), positions[side], strict=True)}
+                known = {
+                    n: value for side in sides for n, value in zip(joint_names(side), positions[side], strict=True)
+                }
                 ends.append(core.JointConfiguration(names, np.array([known[name] for name in names])))
             try:
                 path = rrt.plan(*ends)
@@ -190,11 +178,12 @@ class Planner:
             points[side] = tuple(
                 TrajectoryPoint(at, *(tuple(row[own].tolist()) for row in rows)) for at, *rows in timed
             )
-        return Plan(points, timed[-1][0], time.monotonic() - begin)
+        return Plan(points, timed[-1][0], time.monotonic() - begin, clearance)
 
     def distance(self, positions: Mapping[Side, Joints]) -> float:
-        """Of the two parts that are nearest to each other, by the limiter's shapes [m]."""
-        return self._collisions.nearest(positions)[0].distance
+        """Of the two parts that are nearest to each other, by the limiter's shapes [m]; not of upper arm and body."""
+        pairs = self._collisions.nearest(positions, 20)
+        return next(each.distance for each in pairs if not (each.part.endswith("upper arm") and each.other == "body"))
 
     def is_free(self, positions: Mapping[Side, Joints]) -> bool:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
@@ -204,26 +193,66 @@ class Planner:
         known = {n: value for side in Side for n, value in zip(joint_names(side), positions[side], strict=True)}
         return np.array([known[name] for name in self._scene.getJointNames()])
 
-    def _check(self, positions: Mapping[Side, Joints], what: str) -> None:
-        for side, position in positions.items():
-            for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):
-                if not self._limits.lower[index] <= value <= self._limits.upper[index]:
-                    raise CommandRefused(
-                        f"{what} is impossible: {name} is {np.degrees(value):.1f}°; "
-                        f"its range is {self._limits.range_deg(index)}."
-                    )
-        if not self.is_free(positions):
-            nearest = self._collisions.nearest(positions)[0]
-            raise CommandRefused(
-                f"{what} is too near to something: nearest are {nearest.part} and {nearest.other}, "
-                f"{nearest.distance * 1e3:.0f} mm apart. Plans keep clear of everything; move away from there first."
-            )
+    def _with_clearance(self, clearance: float) -> Any:
+        """RoboPlan's scene of shapes that are larger; made when it is first needed."""
+        if clearance in self._scenes:
+            return self._scenes[clearance]
+        from roboplan import core  # noqa: PLC0415 - an extra; nothing else needs it
 
-    def _targets(self, start: Mapping[Side, Joints], goal: Mapping[Side, Goal]) -> Iterator[Mapping[Side, Joints]]:
-        """Positions of the arms with goals that are free, those with the shortest way first, again and again."""
+        limits = self._limits
+        urdf = planning_description(
+            self._grippers, tools=self._tools, obstacles=self._obstacles, clearance=clearance, limits=limits
+        )
+        scene = self._scenes[clearance] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
+        scene.importSrdf(semantic_description(with_fingers=False))
+        # TOPP-RA takes the accelerations from the scene, which reads them from a file.
+        rows = {
+            name: {"max_acceleration": [acceleration], "max_jerk": [jerk]}
+            for side in Side
+            for name, acceleration, jerk in zip(joint_names(side), limits.acceleration, limits.jerk, strict=True)
+        }
+        with TemporaryDirectory() as folder:
+            file = Path(folder, "joint_limits.yaml")
+            file.write_text(yaml.safe_dump({"joint_limits": rows}), encoding="utf-8")
+            scene.importJointLimitsFromConfig(core.loadJointLimitsConfig(file))
+        return scene
+
+    def _free_targets(
+        self, start: Mapping[Side, Joints], targets: Sequence[Mapping[Side, Joints]]
+    ) -> tuple[float, list[Mapping[Side, Joints]]]:
+        """The largest clearance that leaves the start and a target free, and the targets that are."""
+        for clearance in CLEARANCES:
+            self._scene = self._with_clearance(clearance)
+            free = [each for each in targets if self.is_free({**start, **each})] if self.is_free(start) else []
+            if free:
+                return clearance, free
+        self._refuse(start, {**start, **targets[0]})
+
+    def _refuse(self, start: Mapping[Side, Joints], goal: Mapping[Side, Joints]) -> NoReturn:
+        """Say which of them is not free, and why."""
+        what, positions = ("The goal", goal) if self.is_free(start) else ("The start", start)
+        nearest = self._collisions.nearest(positions)[0]
+        where = f"nearest are {nearest.part} and {nearest.other}, {nearest.distance * 1e3:.0f} mm apart"
+        if nearest.distance > CLEARANCES[0]:
+            where = "an arm touches itself"
+        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; take another one.")
+
+    def _check_range(self, side: Side, position: Joints) -> None:
+        for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):
+            if not self._limits.lower[index] <= value <= self._limits.upper[index]:
+                raise CommandRefused(
+                    f"Nothing was planned: {name} is {np.degrees(value):.1f}°; its range is "
+                    f"{self._limits.range_deg(index)}."
+                )
+
+    def _targets(self, start: Mapping[Side, Joints], goal: Mapping[Side, Goal]) -> list[Mapping[Side, Joints]]:
+        """Positions of the arms with goals, those with the shortest way first."""
         choices: dict[Side, list[Joints]] = {}
+        for side, position in start.items():
+            self._check_range(side, position)
         for side, each in goal.items():
             if not isinstance(each, Pose):
+                self._check_range(side, each)
                 choices[side] = [joints(each)]
                 continue
             own: list[Joints] = []
@@ -235,17 +264,15 @@ class Planner:
             if not own:
                 raise CommandRefused(f"The {side.word} arm does not reach this pose, whatever its arm angle.")
             choices[side] = sorted(own, key=lambda position, at=start[side]: _way(at, position))  # type: ignore[misc]
-        together = [dict(zip(choices, each, strict=True)) for each in product(*choices.values())]
+        together: list[Mapping[Side, Joints]] = [
+            dict(zip(choices, each, strict=True)) for each in product(*choices.values())
+        ]
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
-        free = [each for each in together if self.is_free({**start, **each})]
-        if not free:
-            self._check({**start, **together[0]}, "The goal")
-        for _ in range(_ATTEMPTS):
-            yield from islice(free, _ATTEMPTS)
+        return together
 
     def _timed(self, group: str, path: Any, speed: float, seed: int) -> list[tuple[float, Array, Array, Array]]:
         """Time, positions [rad], velocities and accelerations along a path, as fast as the joints may."""
-        import roboplan.core as core  # noqa: PLC0415
+        from roboplan import core  # noqa: PLC0415
         from roboplan.toppra import PathParameterizerTOPPRA, SplineFittingMode, TOPPRAOptions  # noqa: PLC0415
 
         options = core.PathShortcuttingOptions(group_name=group, max_step_size=_STEP, max_iters=300, seed=seed)
@@ -275,14 +302,17 @@ class Planner:
         rates = [law]
         for _ in range(3):
             rates.append(np.gradient(rates[-1], _DT, axis=0))
-        slower = max(
-            1.0,
-            *(
-                float(np.max(np.abs(rate) / most)) ** (1.0 / order)
-                for order, (rate, most) in enumerate(
-                    zip(rates[1:], (velocity * speed, acceleration, jerk), strict=True), 1
-                )
-            ),
+        slower = (
+            1.01
+            * max(  # a spline between points is a little above its points
+                1.0,
+                *(
+                    float(np.max(np.abs(rate) / most)) ** (1.0 / order)
+                    for order, (rate, most) in enumerate(
+                        zip(rates[1:], (velocity * speed, acceleration, jerk), strict=True), 1
+                    )
+                ),
+            )
         )
         every = max(int(_POINT / _DT), 1)
         chosen = [*range(0, len(law) - 1, every), len(law) - 1]

@@ -56,7 +56,8 @@ def test_every_link_and_joint_that_the_srdf_names_is_in_the_urdf() -> None:
 
 def test_no_pair_of_the_two_arms_is_left_out_but_the_shoulders() -> None:
     across = [
-        pair for pair in SRDF.iter("disable_collisions")
+        pair
+        for pair in SRDF.iter("disable_collisions")
         if {(pair.get(key) or "").split("_")[-1] for key in ("link1", "link2")} == {"r", "l"}
     ]
     assert [(pair.get("link1"), pair.get("link2")) for pair in across] == [("yumi_link_1_r", "yumi_link_1_l")]
