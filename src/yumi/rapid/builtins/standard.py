@@ -5,6 +5,7 @@ from __future__ import annotations
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.data import DATA, MATHS
 from yumi.rapid.builtins.dialogs import DIALOGS
+from yumi.rapid.builtins.execution import EXECUTION
 from yumi.rapid.builtins.files import FILES
 from yumi.rapid.builtins.information import INFORMATION
 from yumi.rapid.builtins.matrices import MATRICES
@@ -35,6 +36,7 @@ for _part in (
         INFORMATION,
         SYMBOLS,
         QUEUES,
+        EXECUTION,
         MATRICES,
         OPTIONS,
     ),

@@ -11,7 +11,7 @@ from yumi.virtual.controller.events import Refusal, Refused
 
 DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"
-"""Of RAPID's files."""
+"""Of RAPID's files, unless they are UTF-8."""
 
 CAPACITY = 64 * 1024 * 1024
 """Of all devices together [bytes]."""
@@ -21,6 +21,22 @@ MOST_FILES = 1000
 
 LONGEST_PATH = 1000
 """Characters."""
+
+
+def decoded(content: bytes) -> str:
+    """The text of a file: UTF-8 when it is, Latin-1 otherwise; RobotStudio writes either."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode(ENCODING)
+
+
+def encoded(text: str) -> bytes:
+    """A file with the text: Latin-1 where it has the characters, UTF-8 otherwise."""
+    try:
+        return text.encode(ENCODING)
+    except UnicodeEncodeError:
+        return text.encode("utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +63,26 @@ class FileStore(MutableMapping[str, str]):
     """Files, found in any letter case; as a mapping it shows their texts.
 
     Args:
-        files: texts by path.
+        files: texts or contents by path.
         now: the controller's clock [s].
     """
 
-    def __init__(self, files: Mapping[str, str], now: Callable[[], float] = lambda: 0.0) -> None:
+    def __init__(self, files: Mapping[str, str] | Mapping[str, bytes], now: Callable[[], float] = lambda: 0.0) -> None:
         self._now = now
         self._files: dict[str, File] = {}
         for device in DEVICES:
             self._put(f"{device}:", None)
-        self.update(files)
+        for path, given in files.items():
+            self.write(path, given if isinstance(given, bytes) else encoded(given))
 
     def __getitem__(self, path: str) -> str:
         content = self._files[_key(path)].content
         if content is None:
             raise KeyError(path)
-        return content.decode(ENCODING)
+        return decoded(content)
 
     def __setitem__(self, path: str, text: str) -> None:
-        self.write(path, text.encode(ENCODING))
+        self.write(path, encoded(text))
 
     def __delitem__(self, path: str) -> None:
         del self._files[_key(path)]
@@ -264,7 +281,13 @@ def _size(file: File) -> int:
 
 
 def _clean(path: str) -> str:
-    return path.rstrip("/")
+    """The path as the store has it: ``$HOME/x`` and ``HOME:x`` are ``HOME:/x``."""
+    path = path.rstrip("/")
+    if path.startswith("$"):
+        device, slash, rest = path[1:].partition("/")
+        path = f"{device.upper().rstrip(':')}:{slash}{rest}"
+    device, colon, rest = path.partition(":")
+    return f"{device}:/{rest}" if colon and rest and not rest.startswith("/") else path
 
 
 def _key(path: str) -> str:

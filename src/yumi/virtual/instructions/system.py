@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from yumi.rapid.errors import RapidRuntimeError
@@ -148,17 +148,71 @@ class SystemInstructions:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
         while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
-        point, tasks = call.reference("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
+        tasks = [task.taskname for task in call["TaskList"]]
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_WAITSYNCTASK")
+
+    def _meet(self, call: Call, point: str, tasks: Sequence[str], error: str) -> Wait:
+        """Until every task is at a point; raises the error after the call's time-out."""
         arrival = self._sync_points.arrive(point, call.task.name)
         deadline = call.task.now + call.get("TimeOut", float("inf"))
         try:
             while not self._sync_points.have_met(point, arrival, tasks):
                 if call.task.now >= deadline:
-                    raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
+                    raise RapidRuntimeError(error, f"The other tasks did not come to {point} in time.")
                 yield None
         except (GeneratorExit, RapidRuntimeError):
             self._sync_points.leave(point, call.task.name)
             raise
+
+    # Synchronized movements (application manual MultiMove): moves with the same ID begin together.
+
+    def sync_move_on(self, call: Call) -> Wait:
+        """SyncMoveOn: when every task of the list is here and stands, their moves are synchronized."""
+        while not self._unit.arm.is_stationary:
+            yield None
+        tasks = tuple(task.taskname for task in call["TaskList"])
+        if call.task.name.upper() not in (name.upper() for name in tasks):
+            raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.task.name} is not in the list of {call.name}.")
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_SYNCMOVEON")
+        self._unit.synchronized_tasks = tasks
+
+    def sync_move_off(self, call: Call) -> Wait:
+        """SyncMoveOff: when every synchronized task is here and stands, each moves by itself again."""
+        while not self._unit.arm.is_stationary:
+            yield None
+        tasks = self._unit.synchronized_tasks or (call.task.name,)
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_SYNCMOVEOFF")
+        self._unit.synchronized_tasks = ()
+
+    def sync_move_undo(self, call: Call) -> None:
+        """SyncMoveUndo: moves of this task are not synchronized any more, wherever the others are."""
+        self._unit.synchronized_tasks = ()
+
+    def is_synchronized(self, call: Call) -> bool:
+        """IsSyncMoveOn."""
+        return bool(self._unit.synchronized_tasks)
+
+    def tasks_in_sync(self, call: Call) -> float:
+        """TasksInSync: writes the tasks whose moves are synchronized, and how many they are."""
+        reference = call.reference("TaskList")
+        names = self._unit.synchronized_tasks
+        rows = [(name,) for name in names] + [("",)] * len(reference.value)
+        call["TaskList"] = reference.type.convert(rows[: len(reference.value)])
+        return len(names)
+
+    def synchronized(self, move: Callable[[Call], Wait]) -> Callable[[Call], Wait]:
+        """A move that waits for the moves of the same ID where movements are synchronized."""
+
+        def meet_and_move(call: Call) -> Wait:
+            tasks = self._unit.synchronized_tasks
+            if tasks:
+                if not call.present("ID"):
+                    sentence = f"{call.name} needs \\ID while movements are synchronized."
+                    raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+                yield from self._meet(call, f"the move {call['ID']:g}", tasks, "ERR_SYNCMOVEON")
+            yield from move(call)
+
+        return meet_and_move
 
 
 def add_system(
@@ -188,6 +242,15 @@ def add_system(
     library.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")(
         system.read_cfg
     )
+    library.instruction("SyncMoveOn", r"VAR syncident SyncID, anytype TaskList, \num TimeOut")(system.sync_move_on)
+    library.instruction("SyncMoveOff", r"VAR syncident SyncID, \num TimeOut")(system.sync_move_off)
+    library.instruction("SyncMoveUndo")(system.sync_move_undo)
+    library.function("IsSyncMoveOn", "", "bool")(system.is_synchronized)
+    library.function("TasksInSync", "INOUT tasks TaskList{*}", "num")(system.tasks_in_sync)
+    for name in ("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "MoveExtJ"):
+        move = library.routine(name)
+        if move is not None and move.may_wait:
+            library.replace_implementations((name,), system.synchronized(move.implementation))
     library.instruction("WaitSyncTask", r"\switch InPos, VAR syncident SyncID, anytype TaskList, \num TimeOut")(
         system.wait_sync
     )
