@@ -56,6 +56,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 @click.option("--right-leak", type=_LEAK, help="And under the right one's.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
 @click.option(
+    "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
+)
+@click.option(
     "--program",
     "programs",
     multiple=True,
@@ -90,6 +93,7 @@ def controller(
     left_leak: float | None,
     right_leak: float | None,
     calibrated: bool,
+    factory: bool,
     programs: tuple[str, ...],
     cfg: tuple[Path, ...],
     system: Path | None,
@@ -111,7 +115,7 @@ def controller(
       yumi controller --rws-port 8080 --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
-    from yumi.virtual.controller.system import delivered_system, read_backup, with_programs  # noqa: PLC0415
+    from yumi.virtual.controller.system import delivered_system, factory_system, read_backup, with_programs  # noqa: PLC0415
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     if show:
@@ -124,7 +128,11 @@ def controller(
         grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
-        system=with_programs(read_backup(system) if system else delivered_system(), _programs(programs), cfg),
+        system=with_programs(
+            read_backup(system) if system else factory_system() if factory else delivered_system(),
+            _programs(programs),
+            cfg,
+        ),
     )
     chosen = password or RobotSettings().password
     virtual = VirtualController(

@@ -131,6 +131,12 @@ class Interrupts:
             if isinstance(order, SignalOrder) and order.signal.lower() == signal.lower() and order.edge.is_in(old, new):
                 self._enqueue(number, connection)
 
+    def occur(self, number: int) -> None:
+        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
+        connection = self.connections.get(number)
+        if connection is not None:
+            self._enqueue(number, connection)
+
     def next_timer(self) -> float:
         """Task time at which the next timer is due [s], infinite when none runs."""
         timers = (c.order.due for c in self.connections.values() if isinstance(c.order, TimerOrder))

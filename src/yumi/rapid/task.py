@@ -480,10 +480,19 @@ class Task:
 
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
+        self._machine.enter(self._procedure(name), (), None)
+
+    def interrupt_of(self, procedure: str) -> int:
+        """The number of an interrupt that calls a procedure without arguments, as MoveLSync does."""
+        found, interrupts = self._procedure(procedure), self._machine.interrupts
+        numbers = (number for number, connection in interrupts.connections.items() if connection.trap is found)
+        return next(numbers, None) or interrupts.connect(0, found)
+
+    def _procedure(self, name: str) -> UserRoutine:
         found = self.program.find(name, self._machine.frames[-1].routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
-        self._machine.enter(found, (), None)
+        return found
 
     # Stops ---------------------------------------------------------------------------------------
 

@@ -12,11 +12,16 @@ from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import System, delivered_system
-from yumi.virtual.controller.units import ArmUnit, Identity
+from yumi.virtual.controller.units import YUMI_OPTIONS, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
 _PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
+_ADD_IN = "StateMachine Core"
+"""The option whose interface our program has; clients look for it."""
+
+_NOWHERE = "127.0.0.1", 9
+"""The discard port."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +73,6 @@ class World:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
         system = settings.system or delivered_system()
-        self._configuration = _with_addresses(system.configuration(), settings)
         self._units: dict[Side, ArmUnit] = {}
         for side in Side:
             arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
@@ -84,11 +88,12 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
+        options = tuple(each for each in YUMI_OPTIONS if each != _ADD_IN) if system.is_factory else YUMI_OPTIONS
         self.controller = Irc5(
             tuple(self._units.values()),
             system,
-            self._configuration,
-            Identity(system_name=settings.robot_name, controller_name=settings.robot_name),
+            _with_addresses(system.configuration(), settings),
+            Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
             settings.start_time,
         )
 
@@ -127,14 +132,15 @@ class World:
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
-        device = self._configuration.find("SIO", "COM_TRP", self._units[side].egm_device)
-        assert device is not None, "EGMSetupUC chooses devices that exist"
+        device = self.controller.effective.find("SIO", "COM_TRP", self._units[side].egm_device)
+        if device is None:  # from the factory: EGM cannot be set up, so that nothing is sent
+            return _NOWHERE
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
 def _with_addresses(configuration: Configuration, settings: WorldSettings) -> Configuration:
     """The addresses of this machine instead of the robot cell's."""
-    for side in Side:
+    for side in Side if not (settings.system and settings.system.is_factory) else ():
         address = {"RemoteAdress": settings.egm_host}
         if side in settings.egm_ports:
             address["RemotePortNumber"] = str(settings.egm_ports[side])

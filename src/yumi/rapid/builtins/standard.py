@@ -8,8 +8,10 @@ from yumi.rapid.builtins.dialogs import DIALOGS
 from yumi.rapid.builtins.execution import EXECUTION
 from yumi.rapid.builtins.files import FILES
 from yumi.rapid.builtins.information import INFORMATION
+from yumi.rapid.builtins.matrices import MATRICES
 from yumi.rapid.builtins.names import CONSTANTS as NAMES_OF_CONSTANTS
 from yumi.rapid.builtins.names import FUNCTIONS, INSTRUCTIONS, TYPES
+from yumi.rapid.builtins.options import OPTIONS
 from yumi.rapid.builtins.queues import QUEUES
 from yumi.rapid.builtins.rawbytes import RAWBYTES
 from yumi.rapid.builtins.signals import SIGNALS
@@ -35,6 +37,8 @@ for _part in (
         SYMBOLS,
         QUEUES,
         EXECUTION,
+        MATRICES,
+        OPTIONS,
     ),
 ):
     STANDARD.include(_part)

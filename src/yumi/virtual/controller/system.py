@@ -35,12 +35,14 @@ class System:
         restored: of a backup, loaded before; its tasks take the place of a stock controller's.
         files: contents of files by their path on the controller, such as ``HOME:/yumi/TRobMain.mod``.
         modules: by task, in capitals, the paths of its modules; tasks that are left out have those of CAB_TASK_MODULES.
+        is_factory: whether nothing but a stock YuMi's parameters are there, as when a robot is delivered.
     """
 
     parameters: tuple[str, ...]
     files: Mapping[str, bytes]
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
+    is_factory: bool = False
 
     def configuration(self) -> Configuration:
         """A stock YuMi's parameters, then these; raises SettingsError."""
@@ -59,6 +61,11 @@ def delivered_system() -> System:
     modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
     cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]
     return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
+
+
+def factory_system() -> System:
+    """A stock YuMi: no program, signals or devices of this package."""
+    return System((), {}, is_factory=True)
 
 
 def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: Sequence[Path] = ()) -> System:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.types import BOOL, is_numeric, resolved
+from yumi.rapid.types import BOOL, UNSET, is_numeric, resolved
+from yumi.robot.dynamics import ArmDynamics
+from yumi.robot.joints import JOINT_COUNT, abb_from_chain
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints
 
@@ -27,6 +30,8 @@ class SystemInstructions:
         self._units = units
         self._configuration = configuration
         self._sync_points = sync_points
+        self._active: dict[str, tuple[str, Any]] = {}
+        self._dynamics = ArmDynamics(unit.side, unit.arm.model.payload)
 
     def unit_name(self, call: Call) -> str:
         """GetMecUnitName."""
@@ -60,6 +65,60 @@ class SystemInstructions:
         """IsMechUnitActive."""
         active: bool = call["MechUnit"].mode == "Activated"
         return active
+
+    def motor_torque(self, call: Call) -> float:
+        """GetMotorTorque: of an axis, in ABB's numbering [N m]: what holds the arm where it is.
+
+        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
+        """
+        axis = int(call["AxisNo"])
+        if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")
+        robax, eax_a = abb_from_chain(self._dynamics.torque(self._unit.arm.position))
+        return (*robax, eax_a)[axis - 1]
+
+    def get_system_data(self, call: Call) -> None:
+        r"""GetSysData: the tool or work object that is active, with its name in \ObjectName."""
+        type_name = call.reference("DestObject").type.name
+        value, name = self._system_data(call, type_name)
+        call["DestObject"] = value
+        if call.present("ObjectName"):
+            call["ObjectName"] = name
+
+    def set_system_data(self, call: Call) -> None:
+        """SetSysData: the tool or work object that is active until the next motion."""
+        reference = call.reference("SourceObject")
+        type_name = reference.type.name
+        self._system_data(call, type_name)  # whether there is such
+        setattr(self._unit, {"tooldata": "tool", "wobjdata": "wobj"}[type_name], reference.value)
+        self._active[type_name] = call.get("ObjectName", ""), reference.value
+
+    def _system_data(self, call: Call, type_name: str) -> tuple[Any, str]:
+        predefined = {"tooldata": "tool0", "wobjdata": "wobj0"}.get(type_name)
+        if predefined is None:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes a tooldata or wobjdata, not a {type_name}.")
+        value = self._unit.tool if type_name == "tooldata" else self._unit.wobj
+        if value is None:
+            datum = call.task.library.datum(predefined)
+            assert datum is not None, f"RAPID predefines {predefined}"
+            return datum.value, predefined
+        name, known = self._active.get(type_name, ("", None))
+        return value, name if name and known == value else self._name_of(call, type_name, value, predefined)
+
+    @staticmethod
+    def _name_of(call: Call, type_name: str, value: Any, predefined: str) -> str:
+        """The datum of the task that has the value."""
+        for module in call.task.program.modules.values():
+            for variable in module.data:
+                if variable.type is not UNSET and variable.type.name == type_name and variable.value == value:
+                    return variable.name
+        return predefined
+
+    def task_status(self, call: Call) -> float:
+        """GetTSPStatus: of a task on the task selection panel, where all are selected."""
+        if call["TaskName"].lower() not in (name.lower() for name in call.task.host.devices.tasks()):
+            raise RapidRuntimeError("ERR_TASKNAME", f"GetTSPStatus: there is no task '{call['TaskName']}'.")
+        return 3.0  # TSP_STATUS_ACT
 
     def payload_mode(self, call: Call) -> float:
         """GetModalPayLoadMode: 1 when the load of the arm is set by GripLoad."""
@@ -174,6 +233,12 @@ def add_system(
     )(system.next_unit)
     library.function("IsMechUnitActive", "mecunit MechUnit", "bool")(system.is_active)
     library.function("GetModalPayLoadMode", "", "num")(system.payload_mode)
+    library.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")(system.motor_torque)
+    library.instruction("GetSysData", r"INOUT anytype DestObject, \VAR string ObjectName")(system.get_system_data)
+    library.instruction("SetSysData", r"anytype SourceObject, \string ObjectName")(system.set_system_data)
+    library.function("GetTSPStatus", "string TaskName", "tsp_status")(system.task_status)
+    planner = float(units[0].task != unit.side.task) + 1.0
+    library.function("MotionPlannerNo", "", "num")(lambda call: planner)
     library.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")(
         system.read_cfg
     )
