@@ -201,8 +201,8 @@ class VirtualController:
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
             task.background = self._background.submit
-        self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
-        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
+        self._links = {side: link(*self.world.egm_destination(side)) for side in self.world.arms}
+        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in self.world.arms}
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
         """Serve until ``is_over``; ``on_ready`` gets the HTTP port.

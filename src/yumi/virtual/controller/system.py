@@ -14,9 +14,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import yumi.controller_files
-import yumi.virtual.controller
 from yumi.errors import SettingsError
 from yumi.virtual.controller.files import DEVICES, decoded
+from yumi.virtual.controller.robots import YUMI, Robot
 from yumi.virtual.controller.signals import Configuration, Instance
 
 _HOME = "HOME:/"
@@ -34,6 +34,7 @@ class System:
         parameters: texts of cfg files; an instance of a later one takes the place of one of the same name.
         restored: of a backup, loaded before; its tasks take the place of a stock controller's.
         files: contents of files by their path on the controller, such as ``HOME:/yumi/TRobMain.mod``.
+        robot: what the controller moves.
         modules: by task, in capitals, the paths of its modules; tasks that are left out have those of CAB_TASK_MODULES.
     """
 
@@ -41,11 +42,13 @@ class System:
     files: Mapping[str, bytes]
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
+    robot: Robot = YUMI
 
     def configuration(self) -> Configuration:
-        """A stock YuMi's parameters, then these; raises SettingsError."""
-        stock = Path(next(iter(yumi.virtual.controller.__path__))) / "stock"
-        configuration = Configuration(path.read_text(encoding="ascii") for path in sorted(stock.glob("*.cfg")))
+        """A stock robot's parameters, then these; raises SettingsError."""
+        configuration = Configuration(
+            path.read_text(encoding="ascii") for path in sorted(self.robot.stock.glob("*.cfg"))
+        )
         for text in self.restored:
             configuration.load(text, _REPLACED)
         for text in self.parameters:
@@ -59,6 +62,11 @@ def delivered_system() -> System:
     modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
     cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]
     return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
+
+
+def bare_system(robot: Robot) -> System:
+    """A robot without a program, as it is delivered."""
+    return System((), {}, robot=robot)
 
 
 def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: Sequence[Path] = ()) -> System:
@@ -93,8 +101,8 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
     return replace(system, files=files, modules=modules)
 
 
-def read_backup(folder: Path) -> System:
-    """What a backup has.
+def read_backup(folder: Path, robot: Robot = YUMI) -> System:
+    """What a backup of a robot's controller has.
 
     Raises:
         SettingsError: it is not a backup, or a file of it cannot be read.
@@ -111,7 +119,7 @@ def read_backup(folder: Path) -> System:
     home = _inside(folder, "HOME")
     inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
     files = {f"{_HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
-    system = System((), files, tuple(decoded(_read(path)) for path in cfg))
+    system = System((), files, tuple(decoded(_read(path)) for path in cfg), robot=robot)
     # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
     information = _inside(folder, "BACKINFO")
     texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
