@@ -228,11 +228,24 @@ class Arm:
         rows = [np.swapaxes(np.cross(axes, tip[:, None] - origins), 1, 2), np.swapaxes(axes, 1, 2)]
         if self.reference is None:
             return missing, np.concatenate(rows, 1)
-        size, count = 1e-6, self.joint_count
-        beside = np.concatenate([at[:, None], at[:, None] + size * np.eye(count)], 1).reshape(-1, count)
-        all_angles = self.angles(beside).reshape(len(at), count + 1)
-        slope = _wrapped(all_angles[:, 1:] - all_angles[:, :1]) / size
-        missing = np.concatenate([missing, _wrapped(angles - all_angles[:, 0])[:, None]], 1)
+        # The arm angle and its derivative: x and y of the elbow's axis, seen along the line from shoulder to wrist.
+        reference, elbow, wrist = np.array(self.reference), axes[:, _ELBOW_AXIS], origins[:, _WRIST_AXIS]
+        from_shoulder = wrist - origins[:, 0]
+        length = np.linalg.norm(from_shoulder, axis=1)[:, None]
+        line = from_shoulder / length
+        normal = np.cross(line, reference)
+        along, along_reference = np.sum(line * elbow, 1)[:, None], (line @ reference)[:, None]
+        y, x = np.sum(normal * elbow, 1)[:, None], (elbow @ reference)[:, None] - along * along_reference
+        d_wrist = np.cross(axes, wrist[:, None] - origins)
+        d_line = (d_wrist - line[:, None] * np.sum(d_wrist * line[:, None], 2, keepdims=True)) / length[:, None]
+        d_elbow = np.zeros_like(axes)
+        d_elbow[:, :_ELBOW_AXIS] = np.cross(axes[:, :_ELBOW_AXIS], elbow[:, None])
+        d_y = np.sum(np.cross(d_line, reference) * elbow[:, None], 2) + np.sum(d_elbow * normal[:, None], 2)
+        d_along = np.sum(d_elbow * line[:, None], 2) + np.sum(d_line * elbow[:, None], 2)
+        d_x = d_elbow @ reference - d_along * along_reference - along * (d_line @ reference)
+        slope = (x * d_y - y * d_x) / np.maximum(x * x + y * y, 1e-30)
+        angle = np.arctan2(y, x)[:, 0] + pi / 2.0
+        missing = np.concatenate([missing, _wrapped(angles - angle)[:, None]], 1)
         return missing, np.concatenate([*rows, slope[:, None]], 1)
 
     # Configurations -----------------------------------------------------------------------------------------------
