@@ -63,6 +63,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 @click.option("--right-leak", type=_LEAK, help="And under the right one's.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
 @click.option(
+    "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
+)
+@click.option(
     "--program",
     "programs",
     multiple=True,
@@ -98,6 +101,7 @@ def controller(
     left_leak: float | None,
     right_leak: float | None,
     calibrated: bool,
+    factory: bool,
     programs: tuple[str, ...],
     cfg: tuple[Path, ...],
     system: Path | None,
@@ -120,13 +124,13 @@ def controller(
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
     from yumi.virtual.controller.robots import ROBOTS  # noqa: PLC0415
-    from yumi.virtual.controller.system import bare_system, delivered_system, read_backup, with_programs  # noqa: PLC0415
+    from yumi.virtual.controller.system import delivered_system, factory_system, read_backup, with_programs  # noqa: PLC0415
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     if show:
         logging.getLogger("yumi.virtual.controller.tasks").setLevel(logging.DEBUG)
     model = ROBOTS[robot]
-    delivered = delivered_system() if model.is_yumi else bare_system(model)
+    delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
     begin = read_backup(system, model) if system else delivered
     settings = world_settings(
         robot_name=robot_name,

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.program import UserRoutine
@@ -31,12 +32,18 @@ class Edge(Enum):
         return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
 
 
+class Change(Protocol):
+    """Which change of a signal orders an interrupt."""
+
+    def is_in(self, old: float, new: float) -> bool: ...
+
+
 @dataclass(slots=True)
 class SignalOrder:
-    """ISignalDI, ISignalDO, ISignalGI, ISignalGO."""
+    """ISignalDI, ISignalDO, ISignalGI, ISignalGO, ISignalAI, ISignalAO."""
 
     signal: str
-    edge: Edge
+    edge: Change
     is_single: bool
 
 

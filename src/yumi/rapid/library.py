@@ -283,7 +283,9 @@ class Library:
         """Let routines that are registered do something else; they keep their parameters."""
         for name in names:
             self._routines[name.lower()] = replace(
-                self._routines[name.lower()], implementation=implementation, may_wait=False
+                self._routines[name.lower()],
+                implementation=implementation,
+                may_wait=inspect.isgeneratorfunction(implementation),
             )
 
     def include(self, other: Library) -> None:

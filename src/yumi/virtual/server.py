@@ -20,7 +20,7 @@ from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient
-from yumi.errors import RapidError
+from yumi.errors import NoConnection, RapidError
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.ast import Module
 from yumi.rapid.errors import RapidSyntaxError
@@ -29,6 +29,7 @@ from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
+from yumi.rws.types import EventType
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
@@ -201,8 +202,12 @@ class VirtualController:
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
             task.background = self._background.submit
-        self._links = {side: link(*self.world.egm_destination(side)) for side in self.world.arms}
-        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in self.world.arms}
+        self._link_to = link
+        self._destinations: dict[Side, tuple[str, int]] = {}
+        self._links: dict[Side, UdpClient] = {}
+        self._foreign_links: dict[Side, UdpClient] = {}
+        for side in self.world.arms:
+            self._follow_device(side)
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
         """Serve until ``is_over``; ``on_ready`` gets the HTTP port.
@@ -229,6 +234,14 @@ class VirtualController:
                         departures = self.world.exchange(inboxes)
                         self._service.advance(self._clock.now())
                     for side, datagram, is_foreign in departures:
+                        try:
+                            self._follow_device(side)
+                        except NoConnection as error:
+                            with self._lock:
+                                self.world.controller.events.append(
+                                    41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
+                                )
+                            continue
                         (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
         finally:
@@ -236,6 +249,22 @@ class VirtualController:
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
+
+    def _follow_device(self, side: Side) -> None:
+        """Send an arm's datagrams where its UDPUC device says: another one may be chosen, or act after a restart.
+
+        Raises:
+            NoConnection: the device names a host that is not known.
+        """
+        destination = self.world.egm_destination(side)
+        if destination == self._destinations.get(side):
+            return
+        for links in (self._links, self._foreign_links):
+            link = self._link_to(*destination)
+            if side in links:
+                links[side].close()
+            links[side] = link
+        self._destinations[side] = destination
 
     def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:

@@ -19,6 +19,11 @@ from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
 _PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
+_ADD_IN = "StateMachine Core"
+"""The option whose interface our program has; clients look for it."""
+
+_NOWHERE = "127.0.0.1", 9
+"""The discard port."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +75,6 @@ class World:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
         system = settings.system or delivered_system()
-        self._configuration = _with_addresses(system.configuration(), settings, system.robot)
         self._units: dict[Side, ArmUnit] = {}
         robot = system.robot
         for side, kinematics_of in robot.arms.items():
@@ -87,11 +91,12 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
+        options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
         self.controller = Irc5(
             tuple(self._units.values()),
             system,
-            self._configuration,
-            Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=robot.options),
+            _with_addresses(system.configuration(), settings, robot),
+            Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
             settings.start_time,
         )
 
@@ -130,8 +135,9 @@ class World:
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
-        device = self._configuration.find("SIO", "COM_TRP", self._units[side].egm_device)
-        assert device is not None, "EGMSetupUC chooses devices that exist"
+        device = self.controller.effective.find("SIO", "COM_TRP", self._units[side].egm_device)
+        if device is None:  # from the factory: EGM cannot be set up, so that nothing is sent
+            return _NOWHERE
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
@@ -145,7 +151,7 @@ def _arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> 
 
 def _with_addresses(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
     """The addresses of this machine instead of the robot cell's."""
-    for side in robot.arms:
+    for side in () if settings.system and settings.system.is_factory else robot.arms:
         unit = robot.unit_of(side)
         address = {"RemoteAdress": settings.egm_host}
         if side in settings.egm_ports:

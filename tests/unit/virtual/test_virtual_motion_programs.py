@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import Side
 from yumi.virtual.controller.robots import ROBOTS
-from yumi.virtual.controller.system import bare_system, delivered_system, with_programs
+from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class Performance:
         robot = next(expected.of("robot"))
         tool = next(expected.numbers("tool"), [0.0, 0.0, 0.0])
         task = "T_ROB_R" if robot == "yumi" else "T_ROB1"
-        system = delivered_system() if robot == "yumi" else bare_system(ROBOTS[robot])
+        system = delivered_system() if robot == "yumi" else factory_system(ROBOTS[robot])
         self.world = World(WorldSettings(system=with_programs(system, {task: [path]})))
         self.task = self.world.controller.tasks[task]
         self.module = self.task.modules[0].name

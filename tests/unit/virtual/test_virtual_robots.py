@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.robots import ROBOTS
-from yumi.virtual.controller.system import bare_system, with_programs
+from yumi.virtual.controller.system import factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def place(joints: Sequence[float]) -> Array:
 def world_of(robot: str, path: Path, program: str) -> World:
     file = path / "main.mod"
     file.write_text(f"MODULE Cell\n{program}\nENDMODULE\n", encoding="ascii")
-    system = with_programs(bare_system(ROBOTS[robot]), {"T_ROB1": [file]})
+    system = with_programs(factory_system(ROBOTS[robot]), {"T_ROB1": [file]})
     return World(WorldSettings(system=system))
 
 
@@ -173,7 +173,7 @@ def test_single_arm_yumi_moves_along_lines_with_its_arm_angle(tmp_path: Path) ->
 
 
 def test_controller_without_a_program_waits_for_one() -> None:
-    world = World(WorldSettings(system=bare_system(ROBOTS["irb120"])))
+    world = World(WorldSettings(system=factory_system(ROBOTS["irb120"])))
     for _ in range(5):
         world.cycle({})
     assert world.arms[Side.RIGHT].is_stationary

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
@@ -33,6 +34,9 @@ RESTART_DELAY = 0.2
 
 RESTART_TIME = 20.0
 """How long nothing answers during a restart [s]."""
+
+_NOT_LOADED = 40228
+"""Number of the event about a module of the configuration that is missing or is not RAPID; ABB's own is not known."""
 
 _STOPPED_BY_SAFETY = (
     ControllerState.GUARD_STOP,
@@ -79,6 +83,8 @@ class Irc5:
         events: the event log.
         signals: the I/O system.
         execution: the RAPID tasks and whether they run.
+        configuration: the system parameters as clients read and change them.
+        effective: those that are in use: as they were when the controller started.
         devices: what RAPID programs find: files, network, FlexPendant, message queues.
     """
 
@@ -103,8 +109,12 @@ class Irc5:
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
-        self._configuration = configuration
+        self._system = system
+        self.configuration = configuration
+        self.effective = Configuration()
+        self.effective.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
+        self._stationary = self._outputs_of_standstill()
         self._gripper_signals: dict[Side, dict[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -115,7 +125,7 @@ class Irc5:
         )
         self.devices = rapid_devices(
             self.files,
-            configuration,
+            self.effective,
             self.signals,
             self.identity,
             self.events,
@@ -125,11 +135,12 @@ class Irc5:
         )
         for task in self.tasks.values():
             task.host.devices = self.devices
-        try:
-            self.execution.move_pp_to_main()
-        except Refused as refused:  # what does not fit can be mended over RWS
-            self.events.append(40228, "Execution error", str(refused), EventType.ERROR)
-            log.warning("%s", refused)
+        if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
+            try:
+                self.execution.move_pp_to_main()
+            except Refused as refused:  # what does not fit can be mended over RWS
+                self.events.append(40228, "Execution error", str(refused), EventType.ERROR)
+                log.warning("%s", refused)
         self.execution.start_background()
         self.supervise()
 
@@ -168,7 +179,7 @@ class Irc5:
 
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
-        return self._configuration.instances(domain, type)
+        return self.configuration.instances(domain, type)
 
     # What clients ask for
 
@@ -313,6 +324,7 @@ class Irc5:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
                 self.is_restarting = False
+                self._use_configuration()
                 self.execution.start_background(is_restart=True)
                 self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
             elif self._restart_left <= 0.0:  # from now on nothing answers
@@ -332,8 +344,9 @@ class Irc5:
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
+        for signal, unit in self._stationary:
+            self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
-            self._show(f"OUTPUT_STATIONARY_{unit.mechanical_unit}", float(unit.arm.is_stationary))
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values
@@ -352,6 +365,36 @@ class Irc5:
                 self.execution.stop(failure.sentence)
             else:
                 self._switch_motors_off(state, failure.sentence)
+
+    def _use_configuration(self) -> None:
+        """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
+        self.effective.become(self.configuration)
+        self.signals.configure(self.effective)
+        self._stationary = self._outputs_of_standstill()
+        for installed in self.execution.installed.values():
+            loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
+            loaded |= {module.name.lower() for module in installed.task.modules}
+            for path in modules_of(installed.settings, self._system, self.effective):
+                file = PurePosixPath(path)
+                if file.name.lower() in loaded or file.stem.lower() in loaded:
+                    continue
+                try:
+                    self.load_module(installed.task.name, path, replace=False)
+                except Refused as refused:
+                    sentence = f"{installed.task.name}: {refused}"
+                    self.events.append(_NOT_LOADED, "Module not loaded", sentence, EventType.ERROR)
+
+    def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
+        """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
+        units = {unit.mechanical_unit: unit for unit in self._arms.values()}
+        outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
+        return tuple(
+            (output["Signal"], units[output["Arg1"]])
+            for output in outputs
+            if output.get("Status") == "MechUnitNotMoving"
+            and output.get("Arg1") in units
+            and output.get("Signal", "") in self.signals
+        )
 
     def _show(self, name: str, value: float) -> None:
         """Drive a signal that the system parameters may leave out."""
@@ -384,7 +427,7 @@ class Irc5:
     def _tasks(self, system: System) -> list[InstalledTask]:
         """The tasks of CAB_TASKS with their modules, each with the arm of its mechanical unit group."""
         tasks = []
-        settings = task_settings(self._configuration)
+        settings = task_settings(self.effective)
         free = list(self._arms.values())
         named = {unit.mechanical_unit: unit for unit in free}
         for each in settings:
@@ -397,7 +440,7 @@ class Irc5:
             host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
             library = robot_library(
                 unit or next(iter(self._arms.values())),
-                configuration=self._configuration,
+                configuration=self.effective,
                 events=self.events,
                 speed_ratio=lambda: self.speed_ratio,
                 units=self.units,
@@ -407,7 +450,7 @@ class Irc5:
             task = Task(each.name, host, library, each.entry)
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
-            for path in modules_of(each, system, self._configuration):
+            for path in modules_of(each, system, self.effective):
                 try:
                     task.load(host.read_file(path), path.rsplit("/")[-1])
                 except FileNotFoundError as error:

@@ -36,12 +36,14 @@ class System:
         files: contents of files by their path on the controller, such as ``HOME:/yumi/TRobMain.mod``.
         robot: what the controller moves.
         modules: by task, in capitals, the paths of its modules; tasks that are left out have those of CAB_TASK_MODULES.
+        is_factory: whether nothing but a stock YuMi's parameters are there, as when a robot is delivered.
     """
 
     parameters: tuple[str, ...]
     files: Mapping[str, bytes]
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
+    is_factory: bool = False
     robot: Robot = YUMI
 
     def configuration(self) -> Configuration:
@@ -64,9 +66,9 @@ def delivered_system() -> System:
     return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
-def bare_system(robot: Robot) -> System:
-    """A robot without a program, as it is delivered."""
-    return System((), {}, robot=robot)
+def factory_system(robot: Robot = YUMI) -> System:
+    """A robot as it is delivered: no program, signals or devices of this package."""
+    return System((), {}, is_factory=True, robot=robot)
 
 
 def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: Sequence[Path] = ()) -> System:
