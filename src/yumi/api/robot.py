@@ -20,6 +20,7 @@ from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import POSES, Joints, Pose, Side, abb_from_chain, joint_names
 from yumi.robot.kinematics import tool0_to_body
+from yumi.rws.client import RwsClient
 
 log = logging.getLogger(__name__)
 
@@ -426,6 +427,17 @@ class Robot:
             YumiError: the controller does not answer.
         """
         return self._connected.manager.describe()
+
+    @property
+    def controller(self) -> RwsClient:
+        """The robot's controller over Robot Web Services: signals, RAPID data, files, configuration, event log.
+
+        It is the driver's own session. What it starts, stops or switches, the driver finds out by itself.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+        """
+        return self._connected.client
 
     @property
     def executor(self) -> MotionExecutor:
