@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 from random import Random
 
 import httpx
@@ -77,21 +78,18 @@ def test_client_never_has_more_than_one_session(requests: int) -> None:
     controller = PlainController()
     http = Unreliable(controller, clock, seed=7)
     client = RwsClient(http, clock=clock)
-    outcomes: Counter[str] = Counter()
+    done = 0
     for number in range(requests):
-        try:
+        with suppress(NoConnection, ControllerRefused):
             if number % 3:
                 assert client.speed_ratio() == controller.speed_ratio
             else:
                 client.set_speed_ratio(number % 100)
                 assert controller.speed_ratio == number % 100
-            outcomes["done"] += 1
-        except (NoConnection, ControllerRefused) as error:
-            assert str(error)
-            outcomes[type(error).__name__] += 1
+            done += 1
     assert min(http.happened[kind] for kind in ("dropped", "lost", "busy", "forgotten", "restarted")) > requests / 100
     assert http.most == 1
-    assert outcomes["done"] > 0.7 * requests
+    assert done > 0.7 * requests
 
 
 def test_watch_subscribes_again_after_a_break_says_so_and_misses_no_value() -> None:

@@ -99,7 +99,7 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
     try:
         system = client.connect()
         identity = client.identity()
-        record = Record.of(f"{identity.serial or identity.name}_{system.name}")
+        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         session = _Session(client, system, addresses, Installation(client, record, _Progress(is_json)), is_json)
         session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare " + _version(system))
         yield session

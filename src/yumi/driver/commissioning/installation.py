@@ -35,7 +35,7 @@ ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
 """Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
 
 _KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
-"""What tells instances of a type apart that have no names."""
+"""What distinguishes instances of a type without names."""
 
 _HEADERS = {
     "EIO": "EIO:CFG_1.0:6:1::",
@@ -51,7 +51,7 @@ _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
 
 
 class CfgKey(NamedTuple):
-    """One instance of the configuration; the name, or what tells it apart in a type without names."""
+    """One instance of the configuration; the name, or what distinguishes it in a type without names."""
 
     domain: str
     type: str
@@ -442,7 +442,7 @@ class Installation:
         return Contents(texts, cfg, modules)
 
     def _instances(self, domain: str, type_name: str) -> dict[str, tuple[str, Mapping[str, str] | None]]:
-        """Titles and attributes of the instances by what tells them apart."""
+        """Titles and attributes of the instances by name, or by what distinguishes those without."""
         try:
             found = self._client.cfg(domain, type_name)
         except ControllerRefused as error:
