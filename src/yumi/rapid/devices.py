@@ -76,7 +76,7 @@ class Socket(Protocol):
     def listen(self) -> None: ...
 
     def accept(self) -> tuple[Socket, str] | None:
-        """A connection and the address of the other side; None while nobody asks for one."""
+        """A connection and the address of the other side; None while none is asked for."""
 
     def connect(self, address: str, port: int) -> None:
         """Begin to connect."""
@@ -122,6 +122,19 @@ class DialogKind(Enum):
     LIST = "list"
 
 
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A button or an item of a list.
+
+    Attributes:
+        text: what the operator reads.
+        value: what the program gets.
+    """
+
+    text: str
+    value: float
+
+
 @dataclass(eq=False, slots=True)
 class Dialog:
     """A question on the FlexPendant that a program waits for.
@@ -132,14 +145,14 @@ class Dialog:
         kind: what the answer is.
         header: the line above.
         lines: the message.
-        choices: of the buttons, or of the list; "" where a function key has no text.
+        choices: of the buttons, or of the list.
+        buttons: those below a list.
         lowest, highest: limits of a number.
         is_integer: whether a number has to be whole.
         initial: what is shown before the operator enters something.
         number: counted by the FlexPendant.
-        answer: what the operator chose or entered: the index of a button or of a list's item (from 0), a number or a
-            text; None until then.
-        button: the button a list was closed with (from 0), where it has some.
+        answer: the value of a choice, a number or a text; None until there is one.
+        button: the value of the button a list was left with, None until then and where it has none.
     """
 
     task: str
@@ -147,36 +160,36 @@ class Dialog:
     kind: DialogKind
     header: str = ""
     lines: tuple[str, ...] = ()
-    choices: tuple[str, ...] = ()
-    buttons: tuple[str, ...] = ()
+    choices: tuple[Choice, ...] = ()
+    buttons: tuple[Choice, ...] = ()
     lowest: float | None = None
     highest: float | None = None
     is_integer: bool = False
     initial: float | str | None = None
     number: int = 0
     answer: float | str | None = None
-    button: int | None = None
+    button: float | None = None
 
     def give(self, text: str) -> None:
-        """Answer it as an operator does: a button's or item's text or number (from 1), a number, a text.
+        """Answer it as an operator does: with the text or value of a choice, with a number, or with a text.
+
+        A list that has buttons is left with the first one; `item/Cancel` leaves it with another.
 
         Raises:
             ValueError: it is no answer to this question; nothing has changed.
         """
         if self.kind is DialogKind.TEXT:
-            if len(text) > 80:
-                raise ValueError(f"A text of the FlexPendant has up to 80 characters, not {len(text)}.")
+            if len(text) > LONGEST_TEXT:
+                raise ValueError(f"A text of the FlexPendant has up to {LONGEST_TEXT} characters, not {len(text)}.")
             self.answer = text
         elif self.kind is DialogKind.NUMBER:
             self.answer = self._number(text)
+        elif self.kind is DialogKind.LIST and self.buttons:
+            item, slash, button = text.rpartition("/")
+            item, button = (item, button) if slash else (text, self.buttons[0].text)
+            self.answer, self.button = _chosen(item, self.choices), _chosen(button, self.buttons)
         else:
-            chosen, slash, button = text, "", ""
-            names = [choice.lower() for choice in self.choices]
-            if self.kind is DialogKind.LIST and text.lower() not in names:
-                chosen, slash, button = text.partition("/")
-            index = _index_of(chosen, self.choices)
-            self.button = _index_of(button, self.buttons) if slash else None
-            self.answer = index
+            self.answer = _chosen(text, self.choices)
 
     def _number(self, text: str) -> float:
         try:
@@ -186,19 +199,21 @@ class Dialog:
         if value - value != 0.0 or (self.is_integer and value != int(value)):
             kind = "an integer" if self.is_integer else "a number"
             raise ValueError(f"{self.instruction} asks for {kind}, not {text}.")
-        if (self.lowest is not None and value < self.lowest) or (self.highest is not None and value > self.highest):
-            raise ValueError(f"{self.instruction} takes {self.lowest} to {self.highest}, not {text}.")
+        low, high = (self.lowest, self.highest)
+        if (low is not None and value < low) or (high is not None and value > high):
+            raise ValueError(f"{self.instruction} takes {low} to {high}, not {text}.")
         return value
 
 
-def _index_of(text: str, choices: tuple[str, ...]) -> int:
-    """The index of a choice, found by its text or by its number from 1."""
-    for index, choice in enumerate(choices):
-        if choice and text.strip().lower() == choice.strip().lower():
-            return index
-    if text.isdigit() and 1 <= int(text) <= len(choices) and choices[int(text) - 1]:
-        return int(text) - 1
-    known = ", ".join(f"{number} {choice}" for number, choice in enumerate(choices, 1) if choice)
+LONGEST_TEXT = 80  # characters
+
+
+def _chosen(text: str, choices: tuple[Choice, ...]) -> float:
+    """The value of a choice, found by its text or its value."""
+    for choice in choices:
+        if choice.text and text.strip().lower() in (choice.text.strip().lower(), f"{choice.value:g}"):
+            return choice.value
+    known = ", ".join(f"{choice.value:g} {choice.text}" for choice in choices if choice.text)
     raise ValueError(f"There is no choice {text!r}; there is: {known}.")
 
 
@@ -221,7 +236,7 @@ class FlexPendant:
         self._numbers = itertools.count(1)
 
     def ask(self, dialog: Dialog) -> None:
-        """Show a question; raises ERR_TP_NO_CLIENT where nobody can see it."""
+        """Show a question; raises ERR_TP_NO_CLIENT where there is no screen."""
         if not self.is_connected:
             raise RapidRuntimeError("ERR_TP_NO_CLIENT", f"{dialog.instruction}: no FlexPendant is connected.")
         if len(self.dialogs) >= MOST_DIALOGS:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+import weakref
 
 LOOPBACK = "127.0.0.1"
 MOST_SOCKETS = 32
@@ -64,8 +65,9 @@ class LocalSocket:
     def __init__(self, network: LocalNetwork, made: socket.socket) -> None:
         self._network = network
         self._socket = made
-        self._is_open = True
         network.count += 1
+        # Also closed when nothing refers to it any more: the program pointer went to main, a routine ended.
+        self._close = weakref.finalize(self, _closed, network, made)
         made.setblocking(False)
         if made.type == socket.SOCK_STREAM:
             made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -145,7 +147,9 @@ class LocalSocket:
 
     def close(self) -> None:
         """Close it; nothing happens where it is closed."""
-        if self._is_open:
-            self._is_open = False
-            self._network.count -= 1
-            self._socket.close()
+        self._close()
+
+
+def _closed(network: LocalNetwork, made: socket.socket) -> None:
+    network.count -= 1
+    made.close()

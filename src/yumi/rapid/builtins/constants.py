@@ -45,6 +45,13 @@ TABLE = {
     "paridvalidnum": "ROB_LOAD_VAL=10 ROB_NOT_LOAD_VAL ROB_LM1_LOAD_VAL",
     "aiotrigg": ("AIO_ABOVE_HIGH=1 AIO_BELOW_HIGH AIO_ABOVE_LOW AIO_BELOW_LOW AIO_BETWEEN AIO_OUTSIDE AIO_ALWAYS"),
 }
+
+# Speeds of external axes alone: rotating ones [deg/s], linear ones [mm/s].
+for _speed in (1, 2, 5, 10, 20, 50, 100):
+    CONSTANTS.data(f"vrot{_speed}", "speeddata", (0, 0, 0, _speed))
+for _speed in (10, 20, 50, 100, 200, 500, 1000):
+    CONSTANTS.data(f"vlin{_speed}", "speeddata", (0, 0, _speed, 0))
+
 for _type, _names in TABLE.items():
     _next = 0
     for _entry in _names.split():

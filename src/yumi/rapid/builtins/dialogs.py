@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from yumi.rapid.builtins.constants import CONSTANTS
-from yumi.rapid.devices import Dialog, DialogKind
+from yumi.rapid.devices import Choice, Dialog, DialogKind
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import Signal
@@ -96,13 +96,20 @@ def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> 
     return Dialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
 
 
-def _button_set(call: Call) -> tuple[str, ...]:
-    r"""The texts of \Buttons; raises ERR_UI_BUTTONS for a number that is no button set."""
-    chosen: float = call.get("Buttons", 0.0)
-    for value, texts in BUTTONS.values():
-        if value == chosen:
-            return texts
+def _buttons(call: Call, default: float = 0.0) -> tuple[Choice, ...]:
+    r"""Those of \BtnArray, whose values count from 1, or of \Buttons; raises ERR_UI_BUTTONS where there is none."""
+    array = call.get("BtnArray")
+    if array is not None and any(array):
+        return _numbered(array)
+    chosen: float = call.get("Buttons", default)
+    for value, names in BUTTONS.values():
+        if value == chosen and array is None:
+            return tuple(Choice(name, float(RESULTS[name])) for name in names)
     raise RapidRuntimeError("ERR_UI_BUTTONS", f"{call.name}: {chosen:g} is not a set of buttons, as btnOK is.")
+
+
+def _numbered(texts: Sequence[str]) -> tuple[Choice, ...]:
+    return tuple(Choice(text, float(number)) for number, text in enumerate(texts, 1))
 
 
 # The TP instructions ----------------------------------------------------------------------------------------------
@@ -114,12 +121,12 @@ def _button_set(call: Call) -> tuple[str, ...]:
     + _BREAKS,
 )
 def read_function_key(call: Call) -> Wait:
-    keys = tuple(call[f"TPFK{number}"] for number in range(1, 6))
-    if not any(keys):
+    keys = _numbered([call[f"TPFK{number}"] for number in range(1, 6)])
+    if not any(key.text for key in keys):
         raise RapidRuntimeError("ERR_ARGVALERR", "TPReadFK needs a text for one function key at least.")
     answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, (call["TPText"],), choices=keys))
     if answer is not None:
-        call["TPAnswer"] = answer + 1.0
+        call["TPAnswer"] = answer
 
 
 @DIALOGS.instruction("TPReadNum", f"INOUT num TPAnswer, string TPText, {_BREAKS}")
@@ -141,13 +148,13 @@ def read_number(call: Call) -> Wait:
 def message_box(call: Call) -> Wait:
     lines = (call["MsgLine1"], *(call.get(f"MsgLine{number}") for number in range(2, MOST_LINES + 1)))
     shown = [line for line in lines if line is not None]
-    buttons = _button_set(call)
+    buttons = _buttons(call)
     if not buttons:  # only shown; the program goes on
         call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *shown)
         return
     answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
     if call.present("Result"):
-        call["Result"] = float(RESULTS["Unkwn"] if answer is None else RESULTS[buttons[int(answer)]])
+        call["Result"] = float(RESULTS["Unkwn"]) if answer is None else answer
 
 
 @DIALOGS.function(
@@ -158,14 +165,11 @@ def message_box(call: Call) -> Wait:
 )
 def message_box_result(call: Call) -> Any:
     r"""The pressed button: a btnres of \Buttons, or the index in \BtnArray from 1."""
-    array = call.get("BtnArray")
-    buttons = tuple(array) if array is not None else _button_set(call)
-    if not any(buttons):
+    buttons = _buttons(call)
+    if not buttons:
         raise RapidRuntimeError("ERR_UI_BUTTONS", "UIMessageBox needs a button.")
     answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, _lines(call), choices=buttons))
-    if answer is None:
-        return call.get("DefaultBtn", float(RESULTS["Unkwn"]))
-    return answer + 1.0 if array is not None else float(RESULTS[buttons[int(answer)]])
+    return call.get("DefaultBtn", float(RESULTS["Unkwn"])) if answer is None else answer
 
 
 @DIALOGS.function(
@@ -176,18 +180,15 @@ def message_box_result(call: Call) -> Any:
 )
 def list_view(call: Call) -> Any:
     """The chosen item, from 1; 0 where the operator chose none."""
-    array = call.get("BtnArray")
-    buttons = tuple(array) if array is not None else _button_set(call) if call.present("Buttons") else ()
-    items = tuple(item.text for item in call["ListItems"] if item.text)
+    has_buttons = call.present("BtnArray") or call.present("Buttons")
+    items = _numbered([item.text for item in call["ListItems"] if item.text])
     default: float = call.get("DefaultIndex", 0.0)
-    dialog = _dialog(call, DialogKind.LIST, (), choices=items, buttons=buttons, initial=default)
+    more = {"choices": items, "buttons": _buttons(call) if has_buttons else (), "initial": default}
+    dialog = _dialog(call, DialogKind.LIST, (), **more)
     answer = yield from asked(call, dialog)
     if call.present("Result"):
-        button = dialog.button if dialog.button is not None else 0
-        is_set = answer is not None and buttons
-        result = (button + 1 if array is not None else RESULTS[buttons[button]]) if is_set else RESULTS["Unkwn"]
-        call["Result"] = float(result)
-    return default if answer is None else answer + 1.0
+        call["Result"] = float(RESULTS["Unkwn"]) if dialog.button is None else dialog.button
+    return default if answer is None else answer
 
 
 _LIMITS = r"\{0} InitValue, \{0} MinValue, \{0} MaxValue, \switch AsInteger"

@@ -200,7 +200,7 @@ def rewind(call: Call) -> None:
 
 @FILES.instruction("ClearIOBuff", "VAR iodev IODevice")
 def clear_buffer(call: Call) -> None:
-    """What a serial channel has received and nobody has read; a file has nothing of the kind, so that it is refused."""
+    """What a serial channel has received and was not read; a file has nothing of the kind, so that it is refused."""
     raise RapidRuntimeError("ERR_FILEACC", f"ClearIOBuff is for serial channels, not for {_file(call).path}.")
 
 

@@ -1,7 +1,7 @@
 r"""RAPID's sockets: TCP and UDP with the limits and errors of the option PC Interface.
 
 Nothing here waits for the network: an instruction asks its socket once per advance of the task until it is done or its
-time is over. A socketdev closes its socket when it goes: at PP to main, or with the routine it was declared in.
+time is over. A host closes the sockets of a socketdev that goes: at PP to main, or with the routine it was declared in.
 """
 
 from __future__ import annotations
@@ -64,9 +64,6 @@ class SocketDevice:
         if socket is not None:
             with suppress(OSError):
                 socket.close()
-
-    def __del__(self) -> None:
-        self.close()
 
 
 SOCKETS.object_type("socketdev", SocketDevice)
