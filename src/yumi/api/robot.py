@@ -39,6 +39,7 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
 from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.rws.client import RwsClient
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
@@ -827,6 +828,17 @@ class Robot:
             YumiError: the controller does not answer.
         """
         return self._connected.manager.describe()
+
+    @property
+    def controller(self) -> RwsClient:
+        """The robot's controller over Robot Web Services: signals, RAPID data, files, configuration, event log.
+
+        It is the driver's own session. What it starts, stops or switches, the driver finds out by itself.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+        """
+        return self._connected.client
 
     @property
     def executor(self) -> MotionExecutor:
