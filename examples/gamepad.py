@@ -22,7 +22,7 @@ class Sticks:
         return sin(2.0 * elapsed), sin(3.0 * elapsed), 0.3 * sin(elapsed), 0.5 * sin(2.5 * elapsed)
 
 
-def main(address: str, seconds: float = 4.0) -> None:
+def main(address: str, seconds: float = 3.0) -> None:
     with yumi.connect(address, arms="right") as robot:
         arm, sticks = robot.right, Sticks()
         arm.tool = "fingertips"
