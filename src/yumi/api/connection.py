@@ -192,6 +192,7 @@ class Connection:
             feedback,
             lambda: manager.speed.in_force,
             {side: each.tool_goals for side, each in buffers.items()},
+            {side: each.speeds for side, each in buffers.items()},
         )
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:

@@ -17,12 +17,12 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 from math import degrees as _degrees_of
-from math import dist, radians
+from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal
+from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
@@ -343,6 +343,9 @@ GOAL_CONTROLLER = "joint_goal_controller"
 STREAM_CONTROLLER = "joint_position_controller"
 """Follows a stream of points."""
 
+JOG_CONTROLLER = "joint_velocity_controller"
+"""Follows speeds, and stops where none come."""
+
 TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 """Follows points with times."""
 
@@ -382,6 +385,7 @@ class MotionExecutor:
             trajectories is unknown.
         speed_scale: the factor on all speeds now.
         tool_goals: the buffer of each arm's stream of poses and velocities of its tool.
+        speeds: the buffer of each arm's speeds; without them no arm can be jogged.
     """
 
     def __init__(
@@ -395,18 +399,19 @@ class MotionExecutor:
         feedback: Mapping[Side, Sequence[Buffer[TrajectoryFeedback]]] | None = None,
         speed_scale: Callable[[], float] = lambda: FULL,
         tool_goals: Mapping[Side, Buffer[ToolGoal]] | None = None,
+        speeds: Mapping[Side, GoalBuffer] | None = None,
     ) -> None:
         self.arms = arms
         self.limits = limits
         self._tool_goals = tool_goals or {}
+        self._speeds = speeds or {}
         self._feedback = feedback or {}
         self._speed_scale = speed_scale
-        self._limits = limits
         self._clock = clock
         self._control = control
         self._goals = goals
         self._motions = motions
-        self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
+        self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle.
@@ -485,7 +490,7 @@ class MotionExecutor:
         """
         plans = {
             side: plan_trajectory(
-                JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self._limits
+                JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self.limits
             )[side]
             for side, points in trajectories.items()
         }
@@ -552,13 +557,42 @@ class MotionExecutor:
             GoalNotReached: an arm that moved did not come to rest.
         """
         checked = checked_goal(side, goal)
+        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
+        write_goal(self._goals[side], session, checked)
+
+    def jog(self, side: Side, speeds: Sequence[float]) -> bool:
+        """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
+
+        Returns:
+            Whether its controllers were switched for it.
+
+        Raises:
+            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            RobotNotReady: the arm does not follow.
+        """
+        if side not in self._speeds:
+            raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
+        if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
+        session, is_new = self._begin_stream(side, JOG_CONTROLLER)
+        write_speeds(self._speeds[side], session, joints(speeds))
+        return is_new
+
+    def _begin_stream(self, side: Side, controller: str) -> tuple[int, bool]:
+        """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
-        if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            self._check_follows(side)
-            self._take_over(side, STREAM_CONTROLLER)
-            snapshot = self._control.snapshot(side)
-            self._streaming[side] = (snapshot.session, snapshot.activation)
-        write_goal(self._goals[side], snapshot.session, checked)
+        known = (controller, snapshot.session, snapshot.activation)
+        if self._streaming.get(side) == known and snapshot.is_commanded:
+            return snapshot.session, False
+        if controller == CARTESIAN_CONTROLLER:
+            self._check_has(side, controller)
+        self._check_follows(side)
+        if controller == JOG_CONTROLLER and self.commanding(side) != (controller,) and self.is_moving(side):
+            raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+        self._take_over(side, controller)
+        snapshot = self._control.snapshot(side)
+        self._streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return snapshot.session, True
 
     def stream_tool(self, side: Side, goal: Callable[[int], ToolGoal]) -> None:
         """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
@@ -568,14 +602,8 @@ class MotionExecutor:
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        snapshot = self.snapshot(side)
-        if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            self._check_has(side, CARTESIAN_CONTROLLER)
-            self._check_follows(side)
-            self._take_over(side, CARTESIAN_CONTROLLER)
-            snapshot = self._control.snapshot(side)
-            self._streaming[side] = (snapshot.session, snapshot.activation)
-        self._tool_goals[side].write(goal(snapshot.session))
+        session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
+        self._tool_goals[side].write(goal(session))
 
     def _check_has(self, side: Side, name: str) -> None:
         if all(info.name != name for info in self._control.call(Commands.list_controllers, side)):

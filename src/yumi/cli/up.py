@@ -260,6 +260,7 @@ def _endpoint_of(
         {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
         {side: each.tool_goals for side, each in buffers.items()},
+        {side: each.speeds for side, each in buffers.items()},
     )
     access = DriverAccess(
         robot=f"{settings.robot.address}:{settings.robot.rws_port}",

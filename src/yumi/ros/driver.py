@@ -44,7 +44,7 @@ from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
-from yumi.robot.description import robot_description
+from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.ros.cartesian import RobotFrames, cartesian_interfaces
 from yumi.ros.controller_manager import ArmManager
@@ -130,7 +130,7 @@ class RosDriver:
             manager.monitor,
         )
         frames = RobotFrames(
-            robot_description(limits, {side: grippers.settings.modules(side) for side in Side}),
+            robot_description(limits, {side: grippers.settings.modules(side) for side in Side}, _meshes()),
             settings.ros.frames,
             manager.tcp,
             lambda side: newest_state(buffers[side], polled(side)),
@@ -352,3 +352,10 @@ def open_ros(arguments: Sequence[str] | None = None) -> None:
 def close_ros() -> None:
     """End ROS in this process."""
     rclpy.try_shutdown()
+
+
+def _meshes() -> str:
+    """Where ROS's tools find our meshes; empty, which shows simple shapes, where this package is in no workspace."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    is_there = any((Path(prefix) / "share/yumi_ros2/meshes").is_dir() for prefix in prefixes if prefix)
+    return MESHES if is_there else ""

@@ -16,7 +16,15 @@ from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
 from yumi.rws import types as codes
 from yumi.rws.documents import Page, State, read_status
-from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution
+from yumi.rws.types import (
+    CollisionState,
+    ControllerState,
+    EventType,
+    ExecutionState,
+    OperatingMode,
+    SignalType,
+    TaskExecution,
+)
 
 E = TypeVar("E", bound=Enum)
 SixAxes = tuple[float, float, float, float, float, float]
@@ -32,6 +40,31 @@ class SystemInfo:
     name: str
     robotware: tuple[int, ...]
     options: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerIdentity:
+    """Which controller it is; the serial number is empty for a virtual one."""
+
+    name: str
+    serial: str
+    is_virtual: bool
+
+
+PENDING, DONE = 294914, 294912
+"""Codes of a job's progress (reference/rws.md §4.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a job of the controller is, in its words, with its code."""
+
+    code: int
+    state: str
+
+    @property
+    def is_pending(self) -> bool:
+        return self.code == PENDING
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +162,21 @@ def system(page: Page) -> SystemInfo:
     return SystemInfo(state.text("name"), tuple(int(part) for part in version.split(".")), options)
 
 
+def identity(page: Page) -> ControllerIdentity:
+    """``/ctrl/identity``."""
+    state = page.one("ctrl-identity-info", "ctrl-identity-info-li")
+    is_virtual = state.text("ctrl-type").startswith("Virtual")
+    return ControllerIdentity(state.text("ctrl-name"), state.fields.get("ctrl-id", ""), is_virtual)
+
+
+def progress(page: Page) -> Progress:
+    """``/progress/{id}``."""
+    if not page.states:
+        raise ProtocolError("The controller's answer holds no progress.")
+    state = page.states[0]
+    return Progress(_whole(state, "code"), state.text("state"))
+
+
 def clock(page: Page) -> datetime:
     """``/ctrl/clock``: the controller's local time, as it has no zone."""
     text = page.one("ctrl-clock-info", "ctrl-clock-info-li").text("datetime")
@@ -146,6 +194,21 @@ def controller_state(page: Page) -> ControllerState:
 def operating_mode(page: Page) -> OperatingMode:
     """``/rw/panel/opmode``."""
     return _enum(OperatingMode, page.one("pnl-opmode").text("opmode"))
+
+
+def collision_state(page: Page) -> CollisionState:
+    """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
+    fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
+    return _enum(CollisionState, fields.get("coldetstate", ""))
+
+
+def mastership(page: Page) -> str:
+    """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
+    state = page.one("msh-resource")
+    if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
+        return ""
+    known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
+    return ", ".join(known) or f"another client ({state.text('mastership')})"
 
 
 def speed_ratio(page: Page) -> int:

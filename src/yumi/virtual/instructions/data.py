@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from yumi.rapid.library import Library
 from yumi.robot.inverse_kinematics import arm_angle, configuration
-from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import YUMI_UNITS
@@ -68,19 +68,20 @@ _Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 def jointtarget(position: Joints) -> JointTarget:
     """RAPID's jointtarget of joint positions [rad]."""
+    if len(position) < JOINT_COUNT:
+        return tuple(degrees(value) for value in position), (NOT_PRESENT,) * 6
     robax, eax_a = abb_from_chain(joints([degrees(value) for value in position]))
     return robax, (eax_a, *(NOT_PRESENT,) * 5)
 
 
 def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joints:
     """Joint positions [rad] of a jointtarget; an axis with 9E9 stays where it is ``now`` [rad]."""
-    eax_a_deg = target.extax[0]
-    chain_deg = chain_from_abb(target.robax, eax_a_deg)
+    chain_deg = target.robax if len(now) < JOINT_COUNT else chain_from_abb(target.robax, target.extax[0])
     position = [
         is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
-    return joints(position)
+    return cast("Joints", tuple(position))
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

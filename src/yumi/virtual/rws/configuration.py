@@ -1,14 +1,16 @@
-"""``/rw/cfg``: the system parameters, to read (reference/rws.md §9)."""
+"""``/rw/cfg``: the system parameters (reference/rws.md §9); what is changed acts after a restart."""
 
 from __future__ import annotations
 
 import re
 
+from yumi.errors import SettingsError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Instance
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
 
 _BASE = "/rw/cfg/"
 _DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
@@ -32,6 +34,45 @@ def get_instance(controller: Irc5, call: Call) -> Page:
             state = _state("cfg-dt-instance", place, index, each)
             return resource("cfg", _BASE, f"{place}/instances/{name}", state)
     raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
+
+
+def set_instance(controller: Irc5, call: Call) -> None:
+    domain, type_name, name = _existing(controller, call)
+    known = controller.configuration.instances(domain, type_name)[0].attributes
+    for attribute, _ in call.form:
+        if attribute not in known:
+            raise invalid(f"{domain}/{type_name} has no attribute {attribute}")
+    controller.configuration.change(domain, type_name, name, dict(call.form))
+
+
+def remove_instance(controller: Irc5, call: Call) -> None:
+    controller.configuration.remove(*_existing(controller, call))
+
+
+def load(controller: Irc5, call: Call) -> None:
+    """Load a file: all of it, or nothing."""
+    mode = call.parameter("action-type", "add")
+    path = path_of_file(call.required("filepath"))
+    try:
+        controller.configuration.load(controller.files[path], replace=mode == "replace")
+    except KeyError as error:
+        raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}") from error
+    except SettingsError as error:
+        raise invalid(str(error)) from error
+
+
+def save(controller: Irc5, call: Call) -> None:
+    domain = call.names["domain"].upper()
+    if domain not in _DOMAINS:
+        raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
+    controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)
+
+
+def _existing(controller: Irc5, call: Call) -> tuple[str, str, str]:
+    domain, type_name, name = call.names["domain"].upper(), call.names["type"].upper(), call.names["instance"]
+    if controller.configuration.find(domain, type_name, name) is None:
+        raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name}")
+    return domain, type_name, name
 
 
 def _place(call: Call) -> str:
@@ -60,8 +101,13 @@ def _state(type: str, place: str, index: int, instance: Instance) -> State:
     return State(type, instance.name, fields, links, attributes)
 
 
+_INSTANCE = "/rw/cfg/{domain}/{type}/instances/{instance}"
 OPERATIONS = (
     Operation("GET", "/rw/cfg", get_domains),
     Operation("GET", "/rw/cfg/{domain}/{type}/instances", get_instances),
-    Operation("GET", "/rw/cfg/{domain}/{type}/instances/{instance}", get_instance),
+    Operation("GET", _INSTANCE, get_instance),
+    Operation("POST", _INSTANCE, set_instance, "set", needs_mastership="cfg"),
+    Operation("DELETE", _INSTANCE, remove_instance, needs_mastership="cfg"),
+    Operation("POST", "/rw/cfg", load, "load", {"action-type": ("add", "replace")}, needs_mastership="cfg"),
+    Operation("POST", "/rw/cfg/{domain}", save, "saveas"),
 )

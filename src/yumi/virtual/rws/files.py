@@ -85,8 +85,12 @@ def _find(controller: Irc5, call: Call) -> File:
 
 
 def _path(call: Call) -> str:
-    """``$home/a.mod`` or ``HOME:/a.mod`` as RAPID writes it, ``HOME:/a.mod``."""
-    device, _, rest = call.names["path"].partition("/")
+    return path_of_file(call.names["path"])
+
+
+def path_of_file(text: str) -> str:
+    """``$home/a.mod`` or ``HOME:/a.mod``, with or without ``/fileservice/`` before it, as RAPID writes it."""
+    device, _, rest = text.removeprefix("/fileservice/").partition("/")
     name = device.removeprefix("$").removesuffix(":").upper()
     if name not in DEVICES:
         raise Failure(404, Code.FAIL, f"there is no device {device}")

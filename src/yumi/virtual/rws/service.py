@@ -19,7 +19,7 @@ from yumi.rws.documents import FORM_TYPE, Form, Pairs, decode_form
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
-from yumi.virtual.rws import configuration, event_log, files, io, motion, panel, rapid, system
+from yumi.virtual.rws import backup, configuration, dialogs, event_log, files, io, motion, panel, rapid, system
 from yumi.virtual.rws.documents import write_page, write_status
 from yumi.virtual.rws.http import (
     NONCE_LIFE,
@@ -41,8 +41,10 @@ from yumi.virtual.rws.subscriptions import Subscriptions, Upgrade
 
 OPERATIONS = (
     *system.OPERATIONS,
+    *backup.OPERATIONS,
     *panel.OPERATIONS,
     *rapid.OPERATIONS,
+    *dialogs.OPERATIONS,
     *io.OPERATIONS,
     *motion.OPERATIONS,
     *configuration.OPERATIONS,
