@@ -25,7 +25,7 @@ _PACKAGE_XML = f"""<?xml version="1.0"?>
   <name>{PACKAGE}</name>
   <version>0.1.0</version>
   <description>MoveIt for an ABB YuMi driven by yumi-ros2; written by yumi moveit-config</description>
-  <maintainer email="nobody@example.com">you</maintainer>
+  <maintainer email="you@example.com">you</maintainer>
   <license>Apache-2.0</license>
   <buildtool_depend>ament_cmake</buildtool_depend>
   <exec_depend>moveit_ros_move_group</exec_depend>
@@ -110,7 +110,7 @@ def moveit_files(
         }
         for side in Side
     }
-    hands = {
+    ends = {
         f"{side.value}/gripper": {
             "type": "GripperCommand",
             "action_ns": "gripper_cmd",
@@ -127,7 +127,7 @@ def moveit_files(
             "joints": [name for side in GROUPS["both_arms"] for name in joint_names(side)],
         }
     }
-    controllers = {**both, **arms, **hands}
+    controllers = {**both, **arms, **ends}
     manager = "moveit_simple_controller_manager"
     execution = {
         "moveit_controller_manager": f"{manager}/MoveItSimpleControllerManager",
