@@ -110,19 +110,19 @@ def main() -> None:
 
             def picture(page: Any, name: str, before: Callable[[], None] = lambda: None) -> None:
                 before()
-                Image.open(io.BytesIO(page.screenshot())).save(folder / name, quality=82, method=6)
+                Image.open(io.BytesIO(page.screenshot())).save(folder / name, quality=82)
                 page.close()
 
+            picture(opened(SIZE, "dark"), "view-dark.webp")
+            picture(opened((390, 844)), "view-390.webp")
             page = opened(SIZE)
             film = Film(page)
             demonstration(film)
             page.close()
             first, *others = film.frames
             first.save(
-                folder / "view.webp", save_all=True, append_images=others, duration=FRAME, loop=0, quality=60, method=6
+                folder / "view.webp", save_all=True, append_images=others, duration=FRAME, loop=0, quality=60, method=2
             )
-            picture(opened(SIZE, "dark"), "view-dark.webp")
-            picture(opened((390, 844)), "view-390.webp")
             browser.close()
 
 
