@@ -175,6 +175,10 @@ function show() {
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
     }
+    const unmeasured = ARMS.filter((name) => !state.arms[name].position);
+    at("not-measured").hidden = !unmeasured.length;
+    const which = unmeasured.length > 1 ? "Neither arm is measured while EGM is off: they are" : `The ${unmeasured[0]} arm is not measured while EGM is off: it is`;
+    text(at("not-measured"), `${which} drawn where last seen, or at home.`);
     if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
     text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
     const key = state.operating_mode === "AUTO" ? "Turn the key to MANUAL" : "Turn the key to AUTO";
