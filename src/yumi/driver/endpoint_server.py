@@ -66,7 +66,7 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side
 
 MAX_CLIENTS = 16
 """So many clients are served at once."""
@@ -110,6 +110,17 @@ class Mover(Protocol):
         acceleration: float | None,
         *,
         others_stay: bool = False,
+    ) -> Sequence[RunningMotion]: ...
+
+    def move_tools(
+        self,
+        goals: Mapping[Side, Position],
+        tools: Mapping[Side, Pose],
+        speed: float | None,
+        acceleration: float | None,
+        line_speed: float | None,
+        *,
+        is_linear: bool,
     ) -> Sequence[RunningMotion]: ...
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
@@ -363,7 +374,16 @@ class Handlers:
                         "it stands."
                     )
             try:
-                motions = access.mover.move(goals, request.speed_scale, request.acceleration, others_stay=True)
+                speed, acceleration = request.speed_scale, request.acceleration
+                if request.is_pose:
+                    tools = {side: access.manager.tcp(side) for side in goals}
+                    motions = access.mover.move_tools(
+                        goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear
+                    )
+                elif request.is_linear or request.speed is not None:
+                    raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
+                else:
+                    motions = access.mover.move(goals, speed, acceleration, others_stay=True)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise
