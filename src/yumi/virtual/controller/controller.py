@@ -26,6 +26,7 @@ from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_moti
 from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
 from yumi.virtual.instructions.triggers import add_triggers
+from yumi.virtual.instructions.world_zones import add_world_zones
 
 log = logging.getLogger(__name__)
 
@@ -347,6 +348,11 @@ class Irc5:
         for signal, unit in self._stationary:
             self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
+            unit.watch_zones()
+            if unit.zone_fault:
+                self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
+                self.execution.stop(unit.zone_fault)
+                unit.zone_fault = ""
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values
@@ -477,6 +483,7 @@ def robot_library(
     motion = add_motion(library, unit, speed_ratio, events)
     add_motion_settings(library, motion)
     add_triggers(library, motion)
+    add_world_zones(library, unit)
     if not is_motion_task:
         forbid_motion(library)
     elif unit.arm.kinematics.is_of_yumi:
