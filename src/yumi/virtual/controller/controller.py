@@ -452,6 +452,7 @@ class Irc5:
                 units=self.units,
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
+                robots=tuple(self._arms.values()),
             )
             task = Task(each.name, host, library, each.entry)
             if unit is not None:
@@ -476,12 +477,13 @@ def robot_library(
     units: Sequence[MechanicalUnit],
     sync_points: SyncPoints,
     is_motion_task: bool = True,
+    robots: Sequence[ArmUnit] = (),
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
     motion = add_motion(library, unit, speed_ratio, events)
-    add_motion_settings(library, motion)
+    add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)
     if not is_motion_task:
