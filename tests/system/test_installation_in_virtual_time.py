@@ -89,7 +89,8 @@ def test_backup_is_on_the_controller_and_here(site: Site) -> None:
     site.install()
     (name,) = (file.name for file in site.controller.files.entries("BACKUP:"))
     saved = {str(path.relative_to(site.folder)) for path in site.folder.rglob("*.cfg")}
-    assert {f"installations/yumi/{name}/SYSPAR/{domain}.cfg" for domain in ("EIO", "MOC", "SIO", "SYS")} == saved
+    domains = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+    assert {f"installations/yumi/{name}/SYSPAR/{domain}.cfg" for domain in domains} == saved
 
 
 def test_other_address_is_the_only_change_of_a_second_installation(site: Site) -> None:

@@ -35,9 +35,9 @@ from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
-from yumi.virtual.rws.rapid import quoted
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from yumi.virtual.rws.symbols import quoted
 from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 

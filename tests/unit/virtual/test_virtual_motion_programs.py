@@ -1,4 +1,4 @@
-"""Programs in the style of others (``programs/``), each with what its path has to be, in its first lines.
+"""Programs in the style of others (``motion_programs/``), each with what its path has to be, in its first lines.
 
 Lengths in mm, speeds in mm/s, places of the tool in the robot's base; ``through`` within 0.1 mm, ``speed`` within 2 %.
 """
@@ -19,7 +19,7 @@ from yumi.virtual.controller.system import delivered_system, factory_system, wit
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
-PROGRAMS = sorted((Path(__file__).parent / "programs").glob("*.mod"))
+PROGRAMS = sorted((Path(__file__).parent / "motion_programs").glob("*.mod"))
 
 # Denavit and Hartenberg's parameters (theta offset [deg], d [mm], a [mm], alpha [deg]) of an IRB 120, and Craig's
 # (alpha [deg], a [mm], d [mm], theta offset [deg]) of a YuMi's arm; where their feet stand.

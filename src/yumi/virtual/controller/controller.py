@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
+from yumi.rapid.program import Program
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
@@ -15,6 +16,7 @@ from yumi.virtual.controller.devices import rapid_devices
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
+from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
@@ -27,6 +29,7 @@ from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
 from yumi.virtual.instructions.triggers import add_triggers
 from yumi.virtual.instructions.world_zones import add_world_zones
+from yumi.virtual.mechanics.arm import VirtualArm
 
 log = logging.getLogger(__name__)
 
@@ -87,6 +90,12 @@ class Irc5:
         configuration: the system parameters as clients read and change them.
         effective: those that are in use: as they were when the controller started.
         devices: what RAPID programs find: files, network, FlexPendant, message queues.
+        installed: the parameters the controller was installed with; an installation restart (istart) returns to them.
+        started_at: when it has started last, on its clock [s].
+        energy_reset_at: when its counter of energy was reset [s].
+        jobs: work that takes its time.
+        own_settings: language, clock, network and the like.
+        motion: what ``/rw/motionsystem`` shows and sets beside the mechanical units.
     """
 
     def __init__(
@@ -105,6 +114,13 @@ class Irc5:
         self.files = FileStore(system.files, lambda: self.time)
         self.collision_state = CollisionState.INIT
         self.is_restarting = False
+        self.started_at = self.energy_reset_at = start_time
+        self.jobs = Jobs()
+        self.own_settings = OwnSettings()
+        self.motion = MotionState()
+        self._discards_programs = False
+        self._programs: dict[str, tuple[Program, int]] = {}
+        self._program_names: dict[str, str] = {}
         self._restart_left = 0.0
         self._restart_time = RESTART_TIME
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
@@ -114,6 +130,8 @@ class Irc5:
         self.configuration = configuration
         self.effective = Configuration()
         self.effective.become(configuration)
+        self.installed = Configuration()
+        self.installed.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
         self._stationary = self._outputs_of_standstill()
         self._gripper_signals: dict[Side, dict[str, int]] = {}
@@ -177,6 +195,25 @@ class Irc5:
         if found is None:
             raise Refused(Refusal.UNKNOWN, f"there is no mechanical unit {unit}.")
         return jointtarget(self._arms[found.side].arm.position)
+
+    def program_changes(self, task: str) -> int:
+        """How often the program of a task has changed since it was asked first: modules loaded and unloaded."""
+        program = self.tasks[task].program
+        known, count = self._programs.get(task, (program, 0))
+        self._programs[task] = (program, count + (known is not program))
+        return self._programs[task][1]
+
+    def program_name(self, task: str) -> str:
+        """The name of a task's program."""
+        return self._program_names.get(task, "program")
+
+    def name_program(self, task: str, name: str) -> None:
+        """Give a task's program a name."""
+        self._program_names[task] = name
+
+    def arm_of(self, unit: MechanicalUnit) -> VirtualArm:
+        """The arm that a mechanical unit belongs to."""
+        return self._arms[unit.side].arm
 
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
@@ -276,14 +313,24 @@ class Irc5:
         """Reset the state of the collision detection."""
         self.collision_state = CollisionState.INIT
 
-    def restart(self, duration: float = RESTART_TIME) -> None:
-        """Warm restart: soon nothing answers for ``duration`` [s]; then motors are off, RAPID is stopped.
+    def restart(
+        self, duration: float = RESTART_TIME, *, discards_programs: bool = False, discards_settings: bool = False
+    ) -> None:
+        """Restart: soon nothing answers for ``duration`` [s]; then motors are off, RAPID is stopped.
 
-        Programs, program pointers, variables and files stay; EGM's identities and virtual signals do not. Nothing
-        happens while a restart is under way.
+        Programs, program pointers, variables and files stay; EGM's identities and virtual signals do not. System
+        parameters that have been changed take effect. Nothing happens while a restart is under way.
+
+        Args:
+            duration: how long nothing answers [s]; infinite where the controller is shut down.
+            discards_programs: whether the tasks begin with the modules of the configuration again (pstart).
+            discards_settings: whether the system parameters become those of the installation again (istart).
         """
         if self._restart_left <= 0.0:
             self._restart_left, self._restart_time = RESTART_DELAY, duration
+            self._discards_programs = discards_programs
+            if discards_settings:
+                self.configuration.become(self.installed)
 
     def settle(self) -> None:
         """Run the interrupts that are due, so that the effects of a write can be read at once."""
@@ -321,6 +368,7 @@ class Irc5:
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
         self.time += dt
+        self.jobs.advance(dt)
         if self._restart_left > 0.0:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
@@ -374,9 +422,15 @@ class Irc5:
 
     def _use_configuration(self) -> None:
         """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
+        self.started_at = self.time
         self.effective.become(self.configuration)
         self.signals.configure(self.effective)
         self._stationary = self._outputs_of_standstill()
+        if self._discards_programs:
+            for task in self.tasks.values():
+                task.lose_pp()
+                for module in task.modules:
+                    task.unload(module.name)
         for installed in self.execution.installed.values():
             loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
             loaded |= {module.name.lower() for module in installed.task.modules}
@@ -389,6 +443,12 @@ class Irc5:
                 except Refused as refused:
                     sentence = f"{installed.task.name}: {refused}"
                     self.events.append(_NOT_LOADED, "Module not loaded", sentence, EventType.ERROR)
+        if self._discards_programs:
+            self._discards_programs = False
+            try:
+                self.execution.move_pp_to_main()
+            except Refused as refused:
+                self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
 
     def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
         """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""

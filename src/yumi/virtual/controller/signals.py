@@ -50,6 +50,11 @@ _DEFAULTS: Mapping[tuple[str, str], Mapping[str, Value]] = {
 }
 
 
+def defaults_of(domain: str, type_name: str) -> Mapping[str, Value]:
+    """The values a new instance of a type has, as far as they are known."""
+    return _DEFAULTS.get((domain.upper(), type_name.upper()), {})
+
+
 @dataclass(frozen=True, slots=True)
 class Instance:
     """One instance of a configuration type.
@@ -64,11 +69,16 @@ class Instance:
 
 
 class Configuration:
-    """All instances; domains and types are found in any letter case, as on the controller."""
+    """All instances; domains and types are found in any letter case, as on the controller.
+
+    Attributes:
+        changes: rises with each change.
+    """
 
     def __init__(self, texts: Iterable[str] = ()) -> None:
         self._instances: dict[tuple[str, str], dict[str, Instance]] = {}
         self._headers: dict[str, str] = {}
+        self.changes = 0
         for text in texts:
             self.load(text)
 
@@ -106,6 +116,7 @@ class Configuration:
     def remove(self, domain: str, type_name: str, name: str) -> None:
         """Remove an instance that exists."""
         key = (domain.upper(), type_name.upper())
+        self.changes += 1
         del self._instances[key][name]
         if not self._instances[key]:
             del self._instances[key]
@@ -127,6 +138,7 @@ class Configuration:
             if any(each.attributes == complete for each in instances.values()):
                 return
             name = next(free for n in count() if (free := f"{type_name}_{n}") not in instances)
+        self.changes += 1
         instances[name] = Instance(name, MappingProxyType(complete))
 
     def change(self, domain: str, type_name: str, name: str, attributes: Mapping[str, Value]) -> None:
@@ -134,12 +146,14 @@ class Configuration:
         instances = self._instances[domain.upper(), type_name.upper()]
         changed = {**instances[name].attributes, **attributes}
         _check((domain.upper(), type_name.upper()), changed)
+        self.changes += 1
         instances[name] = replace(instances[name], attributes=MappingProxyType(changed))
 
     def become(self, other: Configuration) -> None:
         """Take over all instances of another configuration: what the controller does when it starts."""
         self._instances = {key: dict(instances) for key, instances in other._instances.items()}
         self._headers = dict(other._headers)
+        self.changes += 1
 
     @property
     def domains(self) -> tuple[str, ...]:
@@ -201,6 +215,7 @@ class Signal:
         value: 0 or 1 for digital signals, a whole number for groups.
         device: the device it is on; empty for a virtual signal.
         network: the network the device is on; empty for a virtual signal.
+        physical: what the device has, while the signal is simulated; None where that is the value itself.
     """
 
     name: str
@@ -210,14 +225,27 @@ class Signal:
     value: float
     device: str
     network: str = ""
+    physical: float | None = None
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its value is a client's and not the device's."""
+        return self.physical is not None
 
 
 class Signals:
-    """All signals, found in any letter case; a change is announced at once, so that no edge is ever missed."""
+    """All signals, found in any letter case; a change is announced at once, so that no edge is ever missed.
+
+    Attributes:
+        disabled: devices that have been disabled.
+        stopped: networks that have been stopped.
+    """
 
     def __init__(self, signals: Iterable[Signal], on_change: OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
+        self.disabled: set[str] = set()
+        self.stopped: set[str] = set()
         self._defaults = {signal.name: signal.value for signal in self._signals.values()}
 
     @classmethod
@@ -277,7 +305,32 @@ class Signals:
                 Refusal.READ_ONLY,
                 f"signal {name} has access level {signal.access}; clients write those with All.",
             )
-        self.drive(name, value)
+        if signal.device in self.disabled or signal.network in self.stopped:
+            raise Refused(Refusal.NOT_STOPPED, f"the device {signal.device} of signal {name} does not run.")
+        if signal.is_simulated:
+            self.simulate(name, value)
+        else:
+            self.drive(name, value)
+
+    def simulate(self, name: str, value: float | None) -> None:
+        """Give a signal a value of a client's own, whatever its device says; None ends that.
+
+        Raises:
+            Refused: UNKNOWN or OUT_OF_RANGE.
+        """
+        signal = self.get(name)
+        physical = signal.value if signal.physical is None else signal.physical
+        self._signals[signal.name.lower()] = replace(signal, physical=None)
+        self.drive(name, physical if value is None else value)
+        if value is not None:
+            changed = self.get(name)
+            self._signals[signal.name.lower()] = replace(changed, physical=physical)
+
+    def end_simulations(self) -> None:
+        """Give all signals their devices' values again."""
+        for signal in tuple(self._signals.values()):
+            if signal.is_simulated:
+                self.simulate(signal.name, None)
 
     def drive(self, name: str, value: float) -> None:
         """Write a signal as the controller itself or a device does, whatever its access level.
@@ -288,9 +341,15 @@ class Signals:
         signal = self.get(name)
         if signal.type.is_digital and value not in (0, 1):
             raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
-        if value != signal.value:
+        if signal.is_simulated:  # the device's value waits until the simulation ends
+            self._signals[signal.name.lower()] = replace(signal, physical=value)
+        elif value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
+
+    def has(self, name: str) -> bool:
+        """Whether there is a signal of that name."""
+        return name.lower() in self._signals
 
     def restore_defaults(self) -> None:
         """Give the signals that are on no device the value they start with."""

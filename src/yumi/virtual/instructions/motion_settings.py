@@ -160,7 +160,7 @@ class MotionSettingInstructions:
         self._unit.settings.softness.clear()
 
     def supervise(self, call: Call) -> None:
-        r"""MotionSup: on with \TuneValue, or off; the virtual controller collides where it is told to."""
+        r"""MotionSup: kept, and without effect: collisions come from `yumi fault`."""
         tune = call.get("TuneValue", 100.0)
         if not 1.0 <= tune <= 300.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"MotionSup takes a \\TuneValue of 1 to 300 %, not {tune:g}.")

@@ -19,21 +19,38 @@ def get_dialogs(controller: Irc5, call: Call) -> Page:
 
 def get_active(controller: Irc5, call: Call) -> Page:
     """The newest question without an answer."""
-    dialog = _active(controller)
-    fields = {
+    fields = dialog_fields(_active(controller))
+    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", fields))
+
+
+def dialog_fields(dialog: Dialog) -> dict[str, str]:
+    """A question in the words of RWS."""
+    return {
         "instr": dialog.instruction,
         "event": "POST",
         "stack": _stack(dialog),
         "execlv": "User",
         "msg": "\n".join(line for line in (dialog.header, *dialog.lines) if line),
     }
-    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", fields))
 
 
 def get_parameters(controller: Irc5, call: Call) -> Page:
     """What the question shows, and the parameter that takes the answer."""
-    dialog = _named(controller, call.names["stack"])
-    values = {
+    values = _values(_named(controller, call.names["stack"]))
+    states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
+    return resource("rapid", f"{_BASE}uiinstr/active/", "params", *states)
+
+
+def get_parameter(controller: Irc5, call: Call) -> Page:
+    stack, _, parameter = call.names["stack"].rpartition("/")
+    for name, value in _values(_named(controller, stack)).items():
+        if name.lower() == parameter.lower():
+            return resource("rapid", f"{_BASE}uiinstr/active/", "param", State("rap-uiparam", name, {"value": value}))
+    raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
+
+
+def _values(dialog: Dialog) -> dict[str, str]:
+    return {
         "Header": dialog.header,
         **{f"MsgLine{number}": line for number, line in enumerate(dialog.lines, 1)},
         **{f"Choice{choice.value:g}": choice.text for choice in dialog.choices if choice.text},
@@ -49,8 +66,6 @@ def get_parameters(controller: Irc5, call: Call) -> Page:
         },
         _ANSWER: "",
     }
-    states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
-    return resource("rapid", f"{_BASE}uiinstr/active/", "params", *states)
 
 
 def set_parameter(controller: Irc5, call: Call) -> None:
@@ -87,5 +102,6 @@ OPERATIONS = (
     Operation("GET", "/rw/rapid/uiinstr", get_dialogs),
     Operation("GET", "/rw/rapid/uiinstr/active", get_active),
     Operation("GET", "/rw/rapid/uiinstr/active/params/{stack:.+}", get_parameters),
-    Operation("POST", "/rw/rapid/uiinstr/active/param/{stack:.+}", set_parameter, "set"),
+    Operation("GET", "/rw/rapid/uiinstr/active/param/{stack:.+}", get_parameter),
+    Operation("POST", "/rw/rapid/uiinstr/active/param/{stack:.+}", set_parameter, "set", {"value": ()}),
 )

@@ -1,33 +1,35 @@
-!@ robot irb120
-!@ through 300 0 300
-!@ through 300 80 300
-!@ value visited 3
 MODULE StateMachine
-    CONST num FINISHED:=3;
-    PERS num visited:=0;
-    CONST robtarget home_target:=[[300,0,300],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    !> wait 0.05
+    !> set custom_DI_0 1
+    !> wait 0.1
+    !> signal custom_DO_0 1
+    !> set custom_DI_0 0
+    !> wait 0.1
+    !> signal custom_DO_0 0
+    !> screen IDLE -> WORK
+    !> screen WORK -> IDLE
+    CONST num IDLE := 0;
+    CONST num WORK := 1;
+    CONST string names{2} := ["IDLE", "WORK"];
+    VAR num state := 0;
+
+    PROC Enter(num next)
+        TPWrite names{state+1} + " -> " + names{next+1};
+        state := next;
+    ENDPROC
 
     PROC main()
-        VAR num state:=0;
-        visited:=0;
-        ConfL\Off;
-        ConfJ\Off;
-        WHILE state<>FINISHED DO
-            %"enter_"+ValToStr(state)%;
-            state:=state+1;
-            visited:=visited+1;
+        WHILE TRUE DO
+            TEST state
+            CASE IDLE:
+                Reset custom_DO_0;
+                WaitDI custom_DI_0, 1;
+                Enter WORK;
+            CASE WORK:
+                Set custom_DO_0;
+                WaitDI custom_DI_0, 0\MaxTime:=60;
+                Enter IDLE;
+            ENDTEST
         ENDWHILE
-    ENDPROC
-
-    PROC enter_0()
-        MoveJ home_target,v500,fine,tool0;
-    ENDPROC
-
-    PROC enter_1()
-        MoveL Offs(home_target,0,80,0),v200,fine,tool0;
-    ENDPROC
-
-    PROC enter_2()
-        MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v500,fine,tool0;
     ENDPROC
 ENDMODULE
