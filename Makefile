@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test soak check docs wheels constraints clean
+.PHONY: help setup demo test test-real-time soak check docs wheels constraints clean
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -13,8 +13,9 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo 'make setup         everything the project needs, into .venv; make demo and make test do it first'
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
-	@echo 'make test          the whole check: format, lint, types, layers, spelling, terms, then all tests'
+	@echo 'make test          the check: format, lint, types, layers, spelling, terms, then the tests that need no real time'
 	@echo 'make check         the same without the tests'
+	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 20 minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every machine, one for this Python with the message packages built'
 	@echo 'make docs          the documentation as a site, in build/site'
@@ -37,9 +38,13 @@ check: setup
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
 
-# What runs in virtual time runs on two processes; what runs in real time has the machine to itself, one by one.
+# What runs in virtual time, on two processes; then the driver with everything that belongs to it, once.
 test: check
 	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
+	.venv/bin/python -m pytest tests/ros/test_ros_driver.py $(ARGS)
+
+# What runs in real time has the machine to itself, one by one.
+test-real-time: setup
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
 # The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.

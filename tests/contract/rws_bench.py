@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import yumi.virtual.controller
 from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
+from yumi.rapid.library import Library
 from yumi.rapid.program import Execution
-from yumi.rapid.task import ModuleInfo
+from yumi.rapid.task import ModuleInfo, StepKind
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
+from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
+from yumi.virtual.controller.system import TaskSettings
+from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.controller.units import YUMI_UNITS, Identity
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
@@ -29,6 +33,11 @@ Symbol = tuple[str, str, str]
 
 class PlainTask:
     """A RAPID task that is a dictionary; a num takes numbers only."""
+
+    entry = "main"
+    call_stack = ()
+    library = Library()
+    program = None
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -65,6 +74,17 @@ class PlainTask:
         self.symbols[module, name] = (type_name, kind, literal)
 
 
+class PlainExecution:
+    """Tasks that are all selected."""
+
+    def __init__(self, tasks: Mapping[str, PlainTask]) -> None:
+        settings = {name: TaskSettings(name, is_motion_task=True) for name in tasks}
+        self.installed = {name: InstalledTask(task, settings[name], None) for name, task in tasks.items()}
+
+    def select(self, task: str, *, is_active: bool) -> None:
+        self.installed[task].is_active = is_active
+
+
 class PlainController:
     """A controller whose state is set by the test; it refuses what a real one refuses in that state."""
 
@@ -77,6 +97,12 @@ class PlainController:
         self.cycle = "forever"
         self.speed_ratio = 100
         self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
+        self.execution = PlainExecution(self.tasks)
+        self.effective = Configuration()
+        self.jobs = Jobs()
+        self.own_settings = OwnSettings()
+        self.motion = MotionState()
+        self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))
         self.events = EventLog(self.clock.now)
@@ -102,7 +128,10 @@ class PlainController:
             raise Refused(Refusal.EMERGENCY_STOP, "the emergency stop is pressed.")
         self.controller_state = ControllerState.MOTORS_ON if on else ControllerState.MOTORS_OFF
 
-    def start_rapid(self) -> None:
+    def program_changes(self, task: str) -> int:
+        return 0
+
+    def start_rapid(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
         if self.controller_state is not ControllerState.MOTORS_ON:
             raise Refused(Refusal.MOTORS_OFF, "the motors are off.")
         self.is_running = True
@@ -130,7 +159,9 @@ class PlainController:
     def acknowledge_collision(self) -> None:
         self.collision_state = CollisionState.INIT
 
-    def restart(self) -> None:
+    def restart(
+        self, duration: float = 0.0, *, discards_programs: bool = False, discards_settings: bool = False
+    ) -> None:
         self.restarts += 1
 
     def joint_target(self, unit: str) -> tuple[Sequence[float], Sequence[float]]:

@@ -101,7 +101,7 @@ def test_module_is_replaced_and_unloaded(client: RwsClient) -> None:
     [
         (None, True, "the controller has no such file; upload it first"),
         ("hello", True, "or the module is not RAPID"),
-        (GREETER.replace(":=0", ":=nothing"), True, "or the module is not RAPID"),
+        (GREETER.replace(":=0", ":=TRUE"), True, "or the module is not RAPID"),
         (GREETER, False, "the task has a module of that name; unload it first, or replace it"),
     ],
 )

@@ -41,7 +41,10 @@ LEFT_OUT = {
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
+    r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
     r"yumi shell": "a prompt; has tests of its own",
+    r"yumi install": "restarts the controller that the other examples use; docs/how-to/real-robot.md has it",
+    r"yumi rws (get|set|ls|put|watch|call) [^-]": "tests/unit/cli/test_cli_rws.py has each",
     r"yumi completion fish": "needs fish",
 }
 """Examples of ``--help`` that are not run, by their beginning."""

@@ -18,9 +18,11 @@ from click.testing import CliRunner, Result
 from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.clock import ManualClock
-from yumi.driver import doctor
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.doctor import Finding, Verdict, delivered_modules, essence, examine_controller, examine_machine
+from yumi.driver.commissioning.doctor import examine_controller
+from yumi.driver.commissioning.findings import Finding, Verdict
+from yumi.driver.commissioning.machine import Run, examine_machine
+from yumi.driver.commissioning.modules import delivered_modules, essence
 from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
@@ -264,7 +266,7 @@ def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_
     assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"
 
 
-def firewall(run: doctor.Run, ufw: Path) -> Finding:
+def firewall(run: Run, ufw: Path) -> Finding:
     return next(each for each in examine_machine("192.0.2.1", HERE, run, ufw) if each.requirement == "firewall")
 
 
@@ -323,7 +325,23 @@ def test_doctor_prints_one_line_a_requirement_and_that_nothing_is_missing(here: 
 def test_doctor_writes_its_findings_as_json(here: tuple[Served, list[str]]) -> None:
     report = json.loads(run(*here[1], "--json", "-").stdout)
     assert report["robot"] == f"127.0.0.1:{here[0].port}"
-    assert {"requirement": "operating mode", "verdict": "ok", "found": "AUTO", "remedy": ""} in report["findings"]
+    (mode,) = [each for each in report["findings"] if each["requirement"] == "operating mode"]
+    assert mode == {
+        "requirement": "operating mode",
+        "verdict": "ok",
+        "found": "AUTO",
+        "remedy": "",
+        "why": "only in AUTO may a program on a computer change anything",
+        "where": "mode switch, or the mode button of the FlexPendant",
+    }
+    assert all(each["why"] for each in report["findings"])
+
+
+def test_doctor_writes_one_page_of_html(here: tuple[Served, list[str]], tmp_path: Path) -> None:
+    assert run(*here[1], "--html", str(tmp_path / "robot.html")).exit_code == 0
+    page = (tmp_path / "robot.html").read_text()
+    assert page.startswith("<!DOCTYPE html>")
+    assert "operating mode" in page
 
 
 def test_doctor_ends_with_code_1_where_there_is_a_problem(here: tuple[Served, list[str]]) -> None:

@@ -106,7 +106,9 @@ def test_services_are_found_from_the_root(client: httpx.Client) -> None:
     assert [state["_title"] for state in states(client.get("/?json=1"))] == [
         "ctrl",
         "rw",
+        "progress",
         "fileservice",
+        "users",
         "subscription",
     ]
     services = [state["_title"] for state in states(client.get("/rw?json=1"))]
@@ -285,7 +287,7 @@ REFUSALS = [
     ("POST", f"{SIGNALS}/EGM_START_JOINT?action=set", "lvalue=2", 400, -1073445879),
     ("POST", f"{SIGNALS}/EGM_START_JOINT?action=set", "lvalue=nan", 400, -1073445879),
     ("POST", f"{SIGNALS}/EGM_START_JOINT?action=set", "lvalue=high", 400, -1073445879),
-    ("POST", f"{SIGNALS}/EGM_START_JOINT?action=set", "mode=pulse&lvalue=1", 400, -1073445886),
+    ("POST", f"{SIGNALS}/EGM_START_JOINT?action=set", "mode=blink&lvalue=1", 400, -1073445879),
     ("POST", "/rw/panel/ctrlstate?action=setctrlstate", "ctrl-state=init", 400, -1073445879),
     ("POST", "/rw/panel/speedratio?action=setspeedratio", "speed-ratio=101", 400, -1073445879),
     ("POST", "/rw/panel/speedratio?action=setspeedratio", "speed-ratio=inf", 400, -1073445879),

@@ -5,6 +5,9 @@ The command ``yumi fault``: injects a fault into a running virtual controller.
 
 from __future__ import annotations
 
+import logging
+from pathlib import Path
+
 import click
 
 from yumi.cli.options import PORT, Measure, end_flag, password_options, until_stdin_closes_option
@@ -17,6 +20,9 @@ from yumi.virtual.controller.fault_names import Fault, FaultKind, Way
 _WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = Measure("leak", 0.0, 1.0, is_open=False)
 _MODULES = click.Choice([modules.value for modules in GripperModules])
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_SPEED = Measure("factor", 0.01, 100.0, is_open=False)
+_ARM_TASKS = {side.word: side.task for side in Side}
 
 
 @click.command()
@@ -28,6 +34,19 @@ _MODULES = click.Choice([modules.value for modules in GripperModules])
     help="HTTP port of Robot Web Services; 0 takes a free one.",
 )
 @click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option(
+    "--rapid-sockets",
+    metavar="ADDRESS",
+    help="Address of this machine that RAPID's sockets may use, 0.0.0.0 for all; --listen's without it. Sockets that "
+    "may use a loopback address only reach nothing but this machine, whatever address a program names.",
+)
+@click.option(
+    "--robot",
+    type=click.Choice(["yumi", "irb14050", "irb120"]),
+    default="yumi",
+    show_default=True,
+    help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1; without EGM).",
+)
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
 @click.option(
@@ -43,12 +62,34 @@ _MODULES = click.Choice([modules.value for modules in GripperModules])
 @click.option("--left-leak", type=_LEAK, help="An object lies under the left gripper's cups; 0 is tight, 1 as if none.")
 @click.option("--right-leak", type=_LEAK, help="And under the right one's.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
+@click.option(
+    "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
+)
+@click.option(
+    "--program",
+    "programs",
+    multiple=True,
+    metavar="TASK=FILE[,FILE…]",
+    help="Your RAPID modules (.mod, .sys) or program (.pgf) instead of ours, in the task of an arm (left, right) or of "
+    "another name; may be given for several tasks.",
+)
+@click.option("--cfg", multiple=True, type=_FILE, help="System parameters to add, such as an EIO.cfg of your own.")
+@click.option(
+    "--system",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A backup of a controller, as RobotStudio writes it: its tasks, modules, signals and HOME.",
+)
+@click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
+@click.option("--speed", type=_SPEED, default=1.0, show_default=True, help="Times real time.")
+@click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite).")
 @click.option("--user", default="Default User", show_default=True, help="User that may log in.")
 @password_options
 @until_stdin_closes_option
 def controller(
     rws_port: int,
     listen: str,
+    rapid_sockets: str | None,
+    robot: str,
     robot_name: str,
     egm_host: str,
     left_egm_port: int,
@@ -60,11 +101,20 @@ def controller(
     left_leak: float | None,
     right_leak: float | None,
     calibrated: bool,
+    factory: bool,
+    programs: tuple[str, ...],
+    cfg: tuple[Path, ...],
+    system: Path | None,
+    start: bool,
+    speed: float,
+    show: bool,
     user: str,
     password: str | None,
     until_stdin_closes: bool,
 ) -> None:
     """Run a virtual IRC5 with a YuMi: the protocols and the RAPID of a real one; `yumi fault` injects faults.
+
+    It runs the state machine of this package, or your own RAPID (--program, --system).
 
     Its password is "robotics", as of a new controller, unless a file, a prompt or YUMI_PASSWORD gives another.
 
@@ -73,8 +123,15 @@ def controller(
       yumi controller --rws-port 8080 --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
+    from yumi.virtual.controller.robots import ROBOTS  # noqa: PLC0415
+    from yumi.virtual.controller.system import delivered_system, factory_system, read_backup, with_programs  # noqa: PLC0415
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
+    if show:
+        logging.getLogger("yumi.virtual.controller.tasks").setLevel(logging.DEBUG)
+    model = ROBOTS[robot]
+    delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
+    begin = read_backup(system, model) if system else delivered
     settings = world_settings(
         robot_name=robot_name,
         egm_host=egm_host,
@@ -83,11 +140,32 @@ def controller(
         grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
+        system=with_programs(begin, _programs(programs), cfg),
     )
     chosen = password or RobotSettings().password
-    virtual = VirtualController(settings, rws_port=rws_port, user=user, password=chosen, host=listen)
+    virtual = VirtualController(
+        settings,
+        rws_port=rws_port,
+        user=user,
+        password=chosen,
+        host=listen,
+        speed=speed,
+        is_started=start,
+        rapid_sockets=rapid_sockets,
+    )
     is_over = end_flag(until_stdin_closes)
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))
+
+
+def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:
+    """The files of each task."""
+    programs: dict[str, list[Path]] = {}
+    for each in given:
+        task, equals, files = each.partition("=")
+        if not equals or not task:
+            raise click.UsageError(f"--program {each}: TASK=FILE[,FILE…] is needed, such as left=main.mod,tools.sys.")
+        programs.setdefault(_ARM_TASKS.get(task.lower(), task), []).extend(map(Path, filter(None, files.split(","))))
+    return programs
 
 
 _FAULT_WIDTH = 120

@@ -16,13 +16,17 @@ from typing import Any
 import click
 
 from yumi import __version__
-from yumi.cli import graph, robot, shell
+from yumi.cli import graph, install, robot, rws, shell
+from yumi.cli.answer import answer
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
 from yumi.cli.options import ROS_ARGUMENTS
+from yumi.cli.plan import moveit_config
+from yumi.cli.rapid import rapid
 from yumi.cli.record import record
 from yumi.cli.up import up
+from yumi.cli.view import view
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
@@ -138,6 +142,8 @@ def main() -> None:
       yumi demo                          both arms of a virtual YuMi move and grab
       yumi up --robot 192.168.125.1      the driver for a real one
       yumi controller --rws-port 8080    a virtual controller for any client
+      yumi install --robot 192.168.125.1 put the robot's side onto a real controller; it asks first
+      yumi view --virtual                a virtual robot in the browser
       yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
       eval "$(yumi completion bash)"     complete commands and their arguments in this shell
     """
@@ -146,5 +152,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-for _command in (controller, demo, doctor, fault, record, up, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
+_COMMANDS = (answer, controller, demo, doctor, fault, moveit_config, rapid, record, rws.rws, up, view)
+for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

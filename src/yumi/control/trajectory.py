@@ -18,17 +18,19 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
 from math import comb, degrees, inf, isfinite, nan
+from operator import sub
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
 from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
 from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names
+from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names, joints
 
 # ---- polynomials: the sequence of their coefficients, the constant one first
 #
@@ -253,6 +255,55 @@ def spline_through(points: Sequence[TrajectoryPoint]) -> Spline:
     return Spline(Segments(segment_between(start, end) for start, end in pairwise(points)), points[-1])
 
 
+def smooth_spline_through(points: Sequence[TrajectoryPoint], velocity: Sequence[float] = ()) -> Spline:
+    """The cubic spline through positions alone: its velocity and acceleration do not jump, and it ends at rest.
+
+    Args:
+        points: whose times increase; their velocities and accelerations do not count.
+        velocity: at the first point [rad/s], one for each joint; at rest when left out.
+    """
+    if len(points) < 2:
+        return spline_through(points)
+    first = tuple(velocity) or (0.0,) * len(points[0].position)
+    # The inner velocities follow from equal accelerations on both sides: one system with three diagonals (Thomas).
+    lengths = [after.time - before.time for before, after in pairwise(points)]
+    ways = [
+        [(b - a) / length for a, b in zip(before.position, after.position, strict=True)]
+        for (before, after), length in zip(pairwise(points), lengths, strict=True)
+    ]
+    upper, right = [0.0], [list(first)]
+    for index in range(1, len(points) - 1):
+        before, after = 1.0 / lengths[index - 1], 1.0 / lengths[index]
+        pivot = 2.0 * (before + after) - before * upper[-1]
+        upper.append(after / pivot)
+        rows = zip(ways[index - 1], ways[index], right[-1], strict=True)
+        right.append([(3.0 * (before * v + after * w) - before * last) / pivot for v, w, last in rows])
+    velocities = [[0.0] * len(first)]
+    for index in range(len(points) - 2, -1, -1):
+        factor = upper[index]
+        velocities.append([own - factor * next_ for own, next_ in zip(right[index], velocities[-1], strict=True)])
+    velocities.reverse()
+    return spline_through(
+        [TrajectoryPoint(each.time, each.position, tuple(own)) for each, own in zip(points, velocities, strict=True)]
+    )
+
+
+def stretched(plan: ArmPlan, end: float) -> ArmPlan:
+    """The same way in more time: it ends at ``end`` [s], at or after its own end."""
+    spline, factor = plan.spline, end / plan.spline.end if plan.spline.end else 1.0
+    if factor == 1.0:
+        return plan
+
+    def slower(row: Coefficients) -> Coefficients:
+        a, b, c, d, e, f = row
+        return a, b / factor, c / factor**2, d / factor**3, e / factor**4, f / factor**5
+
+    segments = Segments(
+        Segment(each.begin * factor, each.end * factor, tuple(map(slower, each.rows))) for each in spline.segments
+    )
+    return replace(plan, spline=Spline(segments, spline.last._replace(time=end, velocity=(), acceleration=())))
+
+
 def resting_at(position: Joints) -> Spline:
     """A spline that stays at one place."""
     return Spline(Segments(), TrajectoryPoint(0.0, position))
@@ -383,6 +434,8 @@ class ArmPlan:
         spline: the way from there on, seven joints in chain order.
         start: when it starts, on the machine's monotonic clock [s]; None is at once.
         left_out: the joints that the trajectory does not name.
+        is_smoothed: whether its points came without velocities and got them here: an arm that cannot be at the first
+            one in time may leave for a later one.
     """
 
     side: Side
@@ -390,6 +443,7 @@ class ArmPlan:
     spline: Spline
     start: float | None
     left_out: tuple[str, ...] = ()
+    is_smoothed: bool = False
 
 
 def time_to_start(points: int) -> float:
@@ -415,6 +469,7 @@ def plan_trajectory(
     sides: Sequence[Side],
     limits: JointLimits,
     held: Mapping[Side, Joints] | None = None,
+    smoothed_from: Mapping[Side, Setpoint] | None = None,
 ) -> Mapping[Side, ArmPlan]:
     """The plan of each of ``sides`` for a trajectory that names their joints in any order.
 
@@ -423,6 +478,8 @@ def plan_trajectory(
         sides: the arms that follow it.
         limits: of the joints of an arm.
         held: where joints hold that the trajectory leaves out [rad], by arm; None: it must name all.
+        smoothed_from: points with positions alone are followed by a spline without jumps of velocity or acceleration,
+            which begins with how each arm is commanded now; None: on straight lines between them.
 
     Raises:
         TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than its limits allow.
@@ -446,11 +503,95 @@ def plan_trajectory(
             ]
             points.append(TrajectoryPoint(point.time, *map(tuple, rows)))
         _check_values(points, names, limits)
+        is_smoothed = smoothed_from is not None and not any(each.velocity for each in points)
         spline = spline_through(points)
+        if smoothed_from is not None and is_smoothed:
+            points[0], spline = _smoothed(points, smoothed_from[side], names, limits)
         check_motion(spline.segments, names, limits)
         left_out = tuple(name for name in names if name not in column_of)
-        plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out)
+        plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out, is_smoothed)
     return plans
+
+
+_STOPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s] before its end a smoothed way slows down, tried in this order
+_KNOTS = 10  # of the way on which it slows down
+_MOST_SMOOTHED = 0.05  # [rad] points may be moved by
+_PASSES = 40
+
+
+def _smoothed(
+    points: Sequence[TrajectoryPoint], now: Setpoint, names: Sequence[str], limits: JointLimits
+) -> tuple[TrajectoryPoint, Spline]:
+    """The first point and the way from there on, through positions alone, within the limits.
+
+    It begins as the arm moves ``now``, and comes to rest at the last point along the way, not within one interval.
+    Points that ask for too much are averaged with their neighbours, which takes the noise of a policy away.
+
+    Raises:
+        TrajectoryRefused: it takes more than that; the reason is that of the points as they are.
+    """
+    refusal: TrajectoryRefused | None = None
+    moved = list(points)
+    for _ in range(_PASSES):
+        for knots, velocity in _starts(moved, now):
+            for slowing in (each for each in _STOPS if each <= knots[-1].time - knots[0].time):
+                spline = smooth_spline_through(_slowed(knots, velocity, slowing), velocity)
+                if len(knots) > len(points):  # the way to the first point is planned from what is commanded then
+                    spline = Spline(Segments(spline.segments[1:]), spline.last)
+                try:
+                    for segment in spline.segments:
+                        check_lead(segment, names, limits)
+                except TrajectoryRefused as error:
+                    refusal = refusal or error
+                    continue
+                first = SplineSampler(spline).setpoint(spline.begin)
+                return (points[0] if points[0].time == 0.0 else TrajectoryPoint(spline.begin, *first)), spline
+        for index, three in enumerate(zip(*(tuple(moved)[shift:] for shift in range(3)), strict=False), 1):
+            rows = zip(*(each.position for each in three), strict=True)
+            moved[index] = moved[index]._replace(position=tuple([0.25 * a + 0.5 * b + 0.25 * c for a, b, c in rows]))
+        pairs = zip(points, moved, strict=True)
+        if any(max(map(abs, map(sub, each.position, own.position))) > _MOST_SMOOTHED for each, own in pairs):
+            break
+    assert refusal is not None
+    raise refusal
+
+
+def _starts(points: Sequence[TrajectoryPoint], now: Setpoint) -> Iterator[tuple[Sequence[TrajectoryPoint], Joints]]:
+    """Knots and their first velocity: from where the arm is; or, where the points lie elsewhere, as their first two."""
+    if points[0].time == 0.0 or len(points) < 2:
+        yield points, now.velocity if points[0].time == 0.0 else ZERO
+        return
+    yield [TrajectoryPoint(0.0, now.position), *points], now.velocity
+    gap = points[1].time - points[0].time
+    yield points, joints([(b - a) / gap for a, b in zip(points[0].position, points[1].position, strict=True)])
+
+
+def _slowed(points: Sequence[TrajectoryPoint], velocity: Joints, slowing: float) -> Sequence[TrajectoryPoint]:
+    """The same points, where the way slows down for the last ``slowing`` [s], which take twice as long."""
+    if slowing == 0.0:
+        return points
+    # Beyond the end it would go on as it came: the end has no say in the way before it.
+    last, before = points[-1], points[-2]
+    beyond = [2.0 * a - b for a, b in zip(last.position, before.position, strict=True)]
+    further = TrajectoryPoint(2.0 * last.time - before.time, tuple(beyond))
+    way = SplineSampler(smooth_spline_through([*points, further], velocity))
+    begin = last.time - slowing
+    kept = [each for each in points if each.time < begin - 0.25 * slowing / _KNOTS]
+    slow = []
+    for number in range(_KNOTS + 1):
+        share = number / _KNOTS
+        # From speed 1 to 0 without a jump of the rate: its integral over twice the time is the way that is left.
+        gone = 2.0 * slowing * (share - share**3 + 0.5 * share**4)
+        slow.append(TrajectoryPoint(begin + 2.0 * slowing * share, way.position(begin + gone)))
+    return [*kept, *slow[:-1], TrajectoryPoint(slow[-1].time, last.position)]
+
+
+def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
+    """A trajectory whose points all bear no time gets them: ``1 / frequency`` [s] apart, the first one, too."""
+    if any(each.time for each in trajectory.points):
+        return trajectory
+    points = [each._replace(time=number / frequency) for number, each in enumerate(trajectory.points, 1)]
+    return replace(trajectory, points=tuple(points))
 
 
 def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
@@ -562,6 +703,13 @@ def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: Join
                 _check_rate("acceleration", "rad/s²", derivative(velocity), strength, names[index], segment)
 
 
+def check_lead(lead: Segment, names: Sequence[str], limits: JointLimits) -> None:
+    """As :func:`check_motion`; a way that is chosen here must not jerk a joint too much, one that is given may."""
+    check_motion((lead,), names, limits)
+    for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
+        _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
+
+
 def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
     out = excess(rate, segment.end - segment.begin, -limit * _ROUNDING, limit * _ROUNDING)
     if out is not None:
@@ -617,26 +765,35 @@ def blend(
                 velocity=end.velocity or after.velocity, acceleration=end.acceleration or after.acceleration
             )
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
-        check_motion((lead,), names, limits)
-        return Spline(spline.segments.after(lead), spline.last)
+        if not plan.is_smoothed:
+            check_motion((lead,), names, limits)
+            return Spline(spline.segments.after(lead), spline.last)
+        with suppress(TrajectoryRefused):
+            check_lead(lead, names, limits)
+            return Spline(spline.segments.after(lead), spline.last)
     begin = max(begin, 0.0)
     by_now = sampler.setpoint(begin)
-    _check_begin(plan, setpoint, begin, by_now.position, tolerance)
+    if is_at_rest or not plan.is_smoothed:
+        _check_begin(plan, setpoint, begin, by_now.position, tolerance)
     if (
         max(abs(a - b) for a, b in zip(setpoint.position, by_now.position, strict=True)) <= _SAME_POSITION
         and max(abs(a - b) for a, b in zip(setpoint.velocity, by_now.velocity, strict=True)) <= _SAME_VELOCITY
     ):
         return spline
-    # Onto the running trajectory, as soon as the limits let it.
+    return _joined(spline, setpoint, begin, names, limits)
+
+
+def _joined(spline: Spline, setpoint: Setpoint, begin: float, names: Sequence[str], limits: JointLimits) -> Spline:
+    """Onto the running trajectory, as soon as the limits let it."""
+    sampler = SplineSampler(spline)
     refusal: TrajectoryRefused | None = None
     for duration in _DURATIONS:
+        if begin + duration < spline.begin:
+            continue
         end = TrajectoryPoint(begin + duration, *sampler.setpoint(begin + duration))
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
         try:
-            check_motion((lead,), names, limits)
-            # A way that is chosen here must not jerk a joint too much; one that is given may.
-            for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
-                _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
+            check_lead(lead, names, limits)
         except TrajectoryRefused as error:
             refusal = error
             continue

@@ -126,6 +126,30 @@ class Move(Request, frozen=True):
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
 
+class Jog(Request, frozen=True):
+    """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
+
+    The first one takes the arm over from standstill. A client that goes away, or asks no more, stops the arm.
+    """
+
+    arm: Arm
+    speeds: tuple[float, float, float, float, float, float, float]
+
+
+class JogTool(Request, frozen=True):
+    """Move the fingertips of an arm with a velocity for 0.1 s, as :class:`Jog` moves the joints.
+
+    ``linear`` [m/s] and ``angular`` [rad/s] are seen from the robot's base or from the tool; ``elbow`` [rad/s] turns
+    the arm angle.
+    """
+
+    arm: Arm
+    linear: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    elbow: float = 0.0
+    frame: Literal["base", "tool"] = "base"
+
+
 class SwitchControllers(Request, frozen=True):
     """Activate and deactivate controllers of one arm in one step."""
 
@@ -151,6 +175,8 @@ AnyRequest = (
     | Calibrate
     | Grip
     | Move
+    | Jog
+    | JogTool
     | SwitchControllers
     | SetSpeedScale
 )

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import select
 import socket
+import struct
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
 from yumi.errors import NoConnection
 
 _BUFFER_SIZE = 2048
+_SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B  # of Linux
 _WAITING = 256  # datagrams of other senders that are kept while it is open which of them is the robot
 
 _Address = tuple[str, int]
@@ -178,6 +183,56 @@ def address_towards(host: str, port: int = 80) -> str:
         except OSError as error:
             raise NoConnection(f"There is no way to {host!r}: {error.strerror or error}; check the address.") from error
         return str(probe.getsockname()[0])
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkCard:
+    """One network card with an IPv4 address.
+
+    Attributes:
+        name: such as ``enp3s0``.
+        address, mask: of IPv4.
+        mtu: largest packet [byte].
+        is_up: whether it is connected.
+        is_wireless: whether it is a radio link.
+        is_tunnel: whether a program stands behind it, as of a VPN.
+    """
+
+    name: str
+    address: str
+    mask: str
+    mtu: int
+    is_up: bool
+    is_wireless: bool
+    is_tunnel: bool
+
+
+def network_cards() -> tuple[NetworkCard, ...]:
+    """This machine's network cards that have an address, the loopback among them."""
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            try:
+                address, mask = (
+                    socket.inet_ntoa(fcntl.ioctl(asked.fileno(), number, request)[20:24])
+                    for number in (_SIOCGIFADDR, _SIOCGIFNETMASK)
+                )
+            except OSError:  # it has no address
+                continue
+            card = Path("/sys/class/net") / name
+            found.append(
+                NetworkCard(
+                    name=name,
+                    address=address,
+                    mask=mask,
+                    mtu=int((card / "mtu").read_text()),
+                    is_up=(card / "operstate").read_text().strip() != "down",
+                    is_wireless=(card / "wireless").exists(),
+                    is_tunnel=(card / "tun_flags").exists(),
+                )
+            )
+    return tuple(found)
 
 
 def resolve(host: str) -> str:

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
-from yumi.rapid.errors import NotProvided, ProgramTooLarge, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.errors import (
+    NotProvided,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidRuntimeError,
+    Unresolved,
+    UnresolvedProcedure,
+    UnresolvedTrap,
+)
 from yumi.rapid.expressions import Expressions, Scope, caller
 from yumi.rapid.library import Deadline, LibraryRoutine
 from yumi.rapid.program import (
@@ -38,6 +46,7 @@ from yumi.rapid.types import (
     binary_operation,
     described,
     holds_objects,
+    is_assignable,
     one,
     value_count,
 )
@@ -46,13 +55,15 @@ if TYPE_CHECKING:
     from yumi.rapid.machine import Frame, Machine
 
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
-NOT_PROVIDED = "NOT_PROVIDED"  # no error of RAPID's, so that no handler takes it
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
 WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate"
 
 
 def compile_program(program: Program) -> None:
-    """Link all data and compile all routines; raises RapidReferenceError for the first thing that does not fit."""
+    """Link all data and compile all routines; raises RapidReferenceError for the first thing that does not fit.
+
+    A name that nothing declares is none of them: the program runs up to where it is used.
+    """
     for module in program.modules.values():
         link_module(program, module)
     for routine in program.routines:
@@ -90,6 +101,10 @@ def compile_routine(program: Program, routine: UserRoutine) -> Code:
     """The steps of a routine; raises RapidReferenceError for what does not fit."""
     try:
         return Statements(program, routine).compiled()
+    except Unresolved as error:  # in its parameters or its type
+        builder = CodeBuilder(routine.syntax.line)
+        builder.add(_failing(error))
+        return builder.code
     except RecursionError:
         sentence = f"the statements of '{routine.name}' are nested too deeply"
         raise misfit(routine.module, routine.syntax, sentence) from None
@@ -127,7 +142,7 @@ class Statements:
         self._block(declared.body)
         self._end()
         if declared.handler is not None:
-            numbers = tuple(self.expressions.value(n, NUM).evaluate for n in declared.handler.numbers)
+            numbers = tuple(map(self._error_number, declared.handler.numbers))
             self.builder.code.handler = HandlerCode(self.builder.here().step, numbers)
             self.in_handler = True
             self._block(declared.handler.body)
@@ -144,6 +159,14 @@ class Statements:
             self._end()
         return self.builder.code
 
+    def _error_number(self, node: s.Expression) -> Evaluate:
+        try:
+            return self.expressions.value(node, NUM).evaluate
+        except Unresolved as error:  # the number of no error
+            if self.faults is not None:
+                self.faults.append(error)
+            return lambda frame: math.nan
+
     def _add_local(self, name: str, local: Local, node: s.Node) -> None:
         if name.lower() in self.scope.locals:
             self.scope.refuse(node, f"'{name}' is declared twice in '{self.routine.name}'")
@@ -152,11 +175,19 @@ class Statements:
     def _declare(self, datum: s.Data) -> None:
         self.expressions.count = 0
         self.scope.is_declaration = True
-        type_ = declared_type(self.expressions, datum)
-        initial, convert = None, type_.convert
-        if datum.initial is not None:
-            initial = self.expressions.value(datum.initial, type_).evaluate
-        self.scope.is_declaration = False
+        initial = None
+        try:
+            type_ = declared_type(self.expressions, datum)
+            convert = type_.convert
+            if datum.initial is not None:
+                initial = self.expressions.value(datum.initial, type_).evaluate
+        except Unresolved as error:  # of the statements that use it
+            self.scope.faults[datum.name.lower()] = error.sentence.rstrip(".")
+            if self.faults is not None:
+                self.faults.append(error)
+            return
+        finally:
+            self.scope.is_declaration = False
         slot, name = self.builder.new_slot(), datum.name
         self.builder.code.value_count += value_count(type_)
 
@@ -177,11 +208,50 @@ class Statements:
             with self.builder.statement(statement.line) as span, _collecting(self.faults):
                 try:
                     getattr(self, f"compile_{type(statement).__name__.lower()}")(statement)
-                except NotProvided as error:
+                except Unresolved as error:
                     if self.faults is not None:
                         raise
-                    self.builder.replace(span, _failing(str(error)))
+                    self.builder.replace(span, self._late_statement(statement, error))
         self.labels = outer
+
+    def _late_statement(self, statement: s.Statement, error: Unresolved) -> Step:
+        """The step of a statement that names what nothing declares: a module that is loaded meanwhile may do so.
+
+        It raises the error where none has, and where the statement is one of several steps, such as a loop.
+        """
+        routine, known, faults, in_handler = self.routine, self.scope.locals, self.scope.faults, self.in_handler
+
+        def execute(machine: Machine, frame: Frame) -> None:
+            again = Statements(frame.task.program, routine)
+            again.scope.locals, again.scope.faults, again.in_handler = known, faults, in_handler
+            try:
+                getattr(again, f"compile_{type(statement).__name__.lower()}")(statement)
+            except Unresolved as still:
+                raise RapidRuntimeError(still.error, str(still)) from still
+            except RapidReferenceError as misfits:
+                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
+            if len(again.builder.code.steps) != 1:
+                raise RapidRuntimeError(error.error, str(error))
+            again.builder.code.steps[0](machine, frame)
+
+        return execute
+
+    def _late_condition(self, node: s.Expression) -> Evaluate:
+        """The condition that names what nothing declares."""
+        module, known, faults = self.scope.module, self.scope.locals, self.scope.faults
+
+        def evaluate(frame: Frame) -> bool:
+            scope = Scope(frame.task.program, module)
+            scope.locals, scope.faults, scope.is_declaration = known, faults, False
+            try:
+                is_met: bool = Expressions(scope).condition(node)(frame)
+            except Unresolved as error:
+                raise RapidRuntimeError(error.error, str(error)) from error
+            except RapidReferenceError as misfits:
+                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
+            return is_met
+
+        return evaluate
 
     def _end(self) -> None:
         """What happens after the last statement."""
@@ -210,7 +280,7 @@ class Statements:
         if node.name.lower() == "waituntil":
             self._wait_until(node)
             return
-        found = self.scope.find(node.name, node)
+        found = self.scope.find(node.name, node, UnresolvedProcedure)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a procedure or instruction")
         self.builder.add(self.expressions.calls.procedure(found, node.arguments, node))
@@ -220,21 +290,23 @@ class Statements:
         name = self.expressions.value(node.name, STRING).evaluate
         if any(a.value is not None and self.expressions.runs_routine(a.value) for a in node.arguments):
             self.scope.refuse(node, "the arguments of a late-binding call cannot call routines; use a variable")
-        module, known = self.scope.module, dict(self.scope.locals)
+        module, known, faults = self.scope.module, dict(self.scope.locals), self.scope.faults
 
         def call(machine: Machine, frame: Frame) -> None:
             called, program = name(frame), frame.task.program
             found = program.find_late(called, module)
             if found is None and program.library.is_missing(called):
-                raise RapidRuntimeError(NOT_PROVIDED, f"The instruction '{called}' is not provided here.")
+                raise RapidRuntimeError(NotProvided.error, f"The instruction '{called}' is not provided here.")
             if not isinstance(found, (UserRoutine, LibraryRoutine)):
                 raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{called}' to call.")
             scope = Scope(program, module, CodeBuilder(node.line))
-            scope.locals = known
+            scope.locals, scope.faults = known, faults
             try:
                 step = Expressions(scope).calls.procedure(found, node.arguments, node)
-            except RapidReferenceError as error:
-                raise RapidRuntimeError("ERR_CALLPROC", str(error)) from error
+            except Unresolved as unresolved:
+                raise RapidRuntimeError(unresolved.error, str(unresolved)) from unresolved
+            except RapidReferenceError as misfits:
+                raise RapidRuntimeError("ERR_CALLPROC", str(misfits)) from misfits
             step(machine, frame)
 
         self.builder.add(call)
@@ -311,7 +383,7 @@ class Statements:
 
     def compile_connect(self, node: s.Connect) -> None:
         get_reference, type_ = self.expressions.writable(node.target, (s.Storage.VAR,))
-        trap = self.scope.find(node.trap, node)
+        trap = self.scope.find(node.trap, node, UnresolvedTrap)
         if type_.name != "intnum" or not isinstance(trap, UserRoutine) or trap.syntax.kind is not s.RoutineKind.TRAP:
             self.scope.refuse(node, "CONNECT takes a VAR intnum and the name of a TRAP")
         self.builder.add(lambda machine, frame: machine.connect(get_reference(frame), trap))
@@ -331,7 +403,12 @@ class Statements:
 
     def _jump_unless(self, condition: s.Expression, target: Target) -> None:
         with _collecting(self.faults):
-            self.builder.jump_unless(self.expressions.condition(condition), target)
+            try:
+                self.builder.jump_unless(self.expressions.condition(condition), target)
+            except Unresolved:
+                if self.faults is not None:
+                    raise
+                self.builder.jump_unless(self._late_condition(condition), target)
 
     def compile_while(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()
@@ -373,7 +450,13 @@ class Statements:
         for values, block in node.cases:
             matched, following = Target(), Target()
             for case in values:
-                self.builder.jump_if(self._is_case(slot, value.type, case), matched)
+                with _collecting(self.faults):
+                    try:
+                        self.builder.jump_if(self._is_case(slot, value.type, case), matched)
+                    except Unresolved as error:
+                        if self.faults is not None:
+                            raise
+                        self.builder.add(_failing(error))
             self.builder.jump(following)
             self.builder.mark(matched)
             self._block(block)
@@ -390,9 +473,11 @@ class Statements:
         return lambda frame: frame.slots[slot] == evaluate(frame)
 
 
-def _failing(sentence: str) -> Step:
+def _failing(error: Unresolved) -> Step:
+    name, sentence = error.error, str(error)
+
     def fail(machine: Machine, frame: Frame) -> None:
-        raise RapidRuntimeError(NOT_PROVIDED, sentence)
+        raise RapidRuntimeError(name, sentence)
 
     return fail
 
@@ -430,9 +515,14 @@ _publishing = Lock()  # of a first value: two threads may compute the same, and 
 
 
 def link_module(program: Program, module: LoadedModule) -> None:
-    """Give the data of a module their types and first values; raises RapidReferenceError."""
+    """Give the data of a module their types and first values, as far as their declarations name what is declared.
+
+    Raises:
+        RapidReferenceError: a declaration does not fit.
+    """
     for variable in tuple(module.data):
-        link(program, module, variable)
+        with suppress(Unresolved):  # an error of the statements that use it
+            link(program, module, variable)
 
 
 def link(program: Program, module: LoadedModule, variable: Variable, users: tuple[Variable, ...] = ()) -> None:
@@ -461,11 +551,37 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
                 expressions.scope.refuse(datum, f"the value of '{datum.name}' cannot be computed: {error}")
     except RecursionError:
         raise misfit(module, datum, f"the value of '{datum.name}' is nested too deeply") from None
+    except Unresolved as error:
+        variable.fault = error.sentence
+        raise
     with _publishing:
         if variable.value is UNSET:
-            variable.type, variable.initial = type_, UNSET if holds_objects(type_) else value
-            variable.value = value
-            module.value_count += value_count(type_)
+            _publish(program, module, variable, type_, value)
+
+
+def _publish(program: Program, module: LoadedModule, variable: Variable, type_: Type, value: object) -> None:
+    """Give a datum its type and first value.
+
+    Data types manual, PERS: those of one name in several tasks share one value, except LOCAL and TASK ones. A first
+    value is needed in one task only; of several, that of the first task counts.
+    """
+    datum = module.data[variable]
+    is_shared = variable.storage is s.Storage.PERS and not variable.is_local and not variable.is_task
+    other = program.shared(variable.name) if is_shared else None
+    module.value_count += value_count(type_)
+    variable.fault = ""
+    if other is None:
+        has_initial = not holds_objects(type_) and (datum.initial is not None or not is_shared)
+        variable.type, variable.initial = type_, value if has_initial else UNSET
+        variable.value = value
+        return
+    if not is_assignable(other.type, type_):
+        sentence = f"'{datum.name}' is {one(type_)}, in another task {one(other.type)}: make one a TASK PERS"
+        raise misfit(module, datum, sentence)
+    if other.initial is UNSET and datum.initial is not None:
+        other.value = other.initial = value
+    module.data = {other if key is variable else key: each for key, each in module.data.items()}
+    module.symbols[datum.name.lower()] = other
 
 
 def _names(datum: s.Data) -> Iterator[str]:
@@ -495,5 +611,5 @@ def initialise_variables(program: Program) -> None:
     """Give each VAR its first value again, as PP to main does."""
     for module in program.modules.values():
         for variable in module.data:
-            if variable.storage is s.Storage.VAR:
+            if variable.storage is s.Storage.VAR and not variable.fault:
                 variable.value = variable.type.default() if variable.initial is UNSET else variable.initial

@@ -5,7 +5,8 @@
     RapidError
     ├── RapidSyntaxError     the text is not RAPID: mend the module
     ├── RapidReferenceError  a name, type or argument does not fit: mend the module, or load what it refers to
-    │   ├── NotProvided          RobotWare has it, the library has not: the program runs up to there
+    │   ├── Unresolved           nothing declares a name: the program runs up to where it is used
+    │   │   └── NotProvided          RobotWare has it, the library has not
     │   ├── ModuleNameTaken      there is a module of that name: unload it first, or replace it
     │   └── ProgramTooLarge      there is no memory for it: make it smaller, or unload others
     ├── RapidRuntimeError    an execution error with an error number, which an ERROR handler may catch
@@ -29,21 +30,46 @@ class RapidSyntaxError(RapidError):
 
 
 class RapidReferenceError(RapidError):
-    """A name is unknown or used as what it is not; the sentence begins with module and line.
+    """A name is unknown or used as what it is not; the message begins with module and line.
 
     Attributes:
+        sentence: what does not fit, without the place.
         line, column: counted from 1, 0 where the error has no position in a file.
     """
 
-    def __init__(self, sentence: str, *, filename: str = "", line: int = 0, column: int = 0) -> None:
-        super().__init__(sentence)
+    def __init__(self, message: str, *, sentence: str = "", filename: str = "", line: int = 0, column: int = 0) -> None:
+        super().__init__(message)
+        self.sentence = sentence or message
         self.filename = filename
         self.line = line
         self.column = column
 
 
-class NotProvided(RapidReferenceError):
-    """An instruction or function of RobotWare that this library has not: an error only where it is executed."""
+class Unresolved(RapidReferenceError):
+    """Nothing declares a name: an error only where the program uses it, with the error number `error` then.
+
+    Technical reference manual, RAPID kernel: references are resolved late, so that modules may be loaded in any order.
+    """
+
+    error = "ERR_REFUNKDAT"
+
+
+class UnresolvedFunction(Unresolved):
+    error = "ERR_REFUNKFUN"
+
+
+class UnresolvedProcedure(Unresolved):
+    error = "ERR_REFUNKPRC"
+
+
+class UnresolvedTrap(Unresolved):
+    error = "ERR_REFUNKTRP"
+
+
+class NotProvided(Unresolved):
+    """What RobotWare has and this library has not; the error is none of RAPID's, so that no handler takes it."""
+
+    error = "NOT_PROVIDED"
 
 
 class ModuleNameTaken(RapidReferenceError):

@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from yumi.rapid import ast as s
-from yumi.rapid.errors import NotProvided, RapidRuntimeError
+from yumi.rapid.errors import (
+    NotProvided,
+    RapidReferenceError,
+    RapidRuntimeError,
+    Unresolved,
+    UnresolvedFunction,
+)
 from yumi.rapid.library import Call, FormalParameter, LibraryRoutine
 from yumi.rapid.program import (
     CodeBuilder,
@@ -81,6 +87,7 @@ class Scope:
     Attributes:
         builder: where its steps go, None for the data of a module.
         is_declaration: whether the expression must be constant, as the first value of a datum is.
+        faults: data of the routine whose declaration names what nothing declares, and why.
     """
 
     def __init__(self, program: Program, module: LoadedModule, builder: CodeBuilder | None = None) -> None:
@@ -88,23 +95,27 @@ class Scope:
         self.module = module
         self.builder = builder
         self.locals: dict[str, Local] = {}
+        self.faults: dict[str, str] = {}
         self.is_declaration = builder is None
 
-    def find(self, name: str, node: s.Node) -> Found:
+    def find(self, name: str, node: s.Node, kind: type[Unresolved] = Unresolved) -> Found:
+        """What a name means here; raises the kind of Unresolved where nothing declares it."""
         local = self.locals.get(name.lower())
         if local is not None:
             return local
         if self.builder is not None:
             self.builder.code.names.add(name.lower())
+        if name.lower() in self.faults:
+            raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[name.lower()]}", Unresolved)
         found = self.program.find(name, self.module) or self.program.find_signal(name)
         if found is None and (name.startswith("<") or self.program.library.is_missing(name)):
             what = "an instruction or function of RobotWare that is not provided here"
             what = "a placeholder: complete the statement" if name.startswith("<") else what
             raise misfit(self.module, node, f"'{name}' is {what}", NotProvided)
         if found is None:
-            self.refuse(node, f"'{name}' is not declared, and no signal has that name")
+            raise misfit(self.module, node, f"'{name}' is not declared, and no signal has that name", kind)
         if isinstance(found, Variable) and found.value is UNSET:
-            self.refuse(node, f"'{name}' has no type, since its declaration does not fit")
+            raise misfit(self.module, node, f"'{name}' cannot be used: {found.fault.rstrip('.')}", Unresolved)
         return found
 
     def refuse(self, node: s.Node, sentence: str) -> NoReturn:
@@ -315,7 +326,7 @@ class Expressions:
                 self.scope.refuse(node, "Present takes the name of a parameter of this routine")
             slot = local.slot
             return Compiled(lambda frame: frame.slots[slot] is not ABSENT, BOOL)
-        found = self.scope.find(node.name, node)
+        found = self.scope.find(node.name, node, UnresolvedFunction)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a function")
         return self.calls.function(found, node)
@@ -428,7 +439,7 @@ class Calls:
     def arguments(self, routine: Routine, given: Sequence[s.Argument], node: s.Node) -> list[GetReference]:
         """For each parameter, how to get what is passed for it."""
         parameters = self.signature(routine).parameters
-        matched = self._matched(routine.name, parameters, given, node)
+        matched = self._matched(routine, parameters, given, node)
         values = [argument.value if (argument := matched.get(p.key)) else None for p in parameters]
         runs = [value is not None and self.expressions.runs_routine(value) for value in values]
         references = []
@@ -444,9 +455,10 @@ class Calls:
         return lambda frame: frame.slots[slot]
 
     def _matched(
-        self, name: str, parameters: Sequence[FormalParameter], given: Sequence[s.Argument], node: s.Node
+        self, routine: Routine, parameters: Sequence[FormalParameter], given: Sequence[s.Argument], node: s.Node
     ) -> dict[str, s.Argument]:
         """Arguments by parameter: positions for required ones, names for optional ones, alternatives once."""
+        name = routine.name
         required = [p for p in parameters if p.group is None]
         optional = {p.key: p for p in parameters if p.group is not None}
         matched: dict[str, s.Argument] = {}
@@ -454,7 +466,10 @@ class Calls:
             key = (argument.name or "").lower()
             if argument.is_optional:
                 if key not in optional:
-                    self.scope.refuse(argument, f"'{name}' has no optional argument '\\{argument.name}'")
+                    sentence = f"'{name}' has no optional argument '\\{argument.name}'"
+                    # A later RobotWare may have it: an error only where it is executed.
+                    kind = RapidReferenceError if isinstance(routine, UserRoutine) else NotProvided
+                    raise misfit(self.scope.module, argument, sentence, kind)
                 parameter = optional[key]
             elif not required:
                 self.scope.refuse(argument, f"'{name}' has too many arguments")
@@ -487,7 +502,8 @@ class Calls:
             self.scope.refuse(argument, f"'\\{parameter.name}' needs a value: '\\{parameter.name}:=...'")
         if parameter.mode is s.Mode.VALUE:
             compiled = self.expressions.value(argument.value, parameter.type)
-            name, type_, evaluate, convert = parameter.name, compiled.type, compiled.evaluate, parameter.type.convert
+            name = argument.value.name if isinstance(argument.value, s.Name) else parameter.name  # for ArgName
+            type_, evaluate, convert = compiled.type, compiled.evaluate, parameter.type.convert
             return lambda frame: Variable(name, type_, convert(evaluate(frame)))
         return self._by_reference(parameter, argument.value, node)
 

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.program import UserRoutine
@@ -31,12 +32,18 @@ class Edge(Enum):
         return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
 
 
+class Change(Protocol):
+    """Which change of a signal orders an interrupt."""
+
+    def is_in(self, old: float, new: float) -> bool: ...
+
+
 @dataclass(slots=True)
 class SignalOrder:
-    """ISignalDI, ISignalDO, ISignalGI, ISignalGO."""
+    """ISignalDI, ISignalDO, ISignalGI, ISignalGO, ISignalAI, ISignalAO."""
 
     signal: str
-    edge: Edge
+    edge: Change
     is_single: bool
 
 
@@ -50,11 +57,21 @@ class TimerOrder:
 
 
 @dataclass(slots=True)
+class ChangeOrder:
+    """IPers, and whatever else reports by itself that its interrupt has come: see `Interrupts.occurred`."""
+
+    is_single: bool
+
+
+Order = SignalOrder | TimerOrder | ChangeOrder
+
+
+@dataclass(slots=True)
 class Connection:
     """An interrupt number with its trap; asleep, what comes is dropped."""
 
     trap: UserRoutine
-    order: SignalOrder | TimerOrder | None = None
+    order: Order | None = None
     is_asleep: bool = False
 
 
@@ -85,8 +102,17 @@ class Interrupts:
         self.connections[new] = Connection(trap)
         return new
 
-    def order(self, number: int, order: SignalOrder | TimerOrder) -> None:
+    def order(self, number: int, order: Order) -> None:
         self._connection(number).order = order
+
+    def is_ordered(self, number: int, order: Order) -> bool:
+        """Whether the order still stands."""
+        connection = self.connections.get(number)
+        return connection is not None and connection.order is order
+
+    def occurred(self, number: int) -> None:
+        """The interrupt has come."""
+        self._enqueue(number, self._connection(number))
 
     def delete(self, number: int) -> None:
         """Remove an interrupt and what is queued of it; unknown numbers are none."""
@@ -104,6 +130,12 @@ class Interrupts:
             order = connection.order
             if isinstance(order, SignalOrder) and order.signal.lower() == signal.lower() and order.edge.is_in(old, new):
                 self._enqueue(number, connection)
+
+    def occur(self, number: int) -> None:
+        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
+        connection = self.connections.get(number)
+        if connection is not None:
+            self._enqueue(number, connection)
 
     def next_timer(self) -> float:
         """Task time at which the next timer is due [s], infinite when none runs."""

@@ -27,8 +27,10 @@ from __future__ import annotations
 import inspect
 import math
 from collections import ChainMap
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
@@ -57,6 +59,7 @@ from yumi.rapid.types import (
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
 
+_parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])
 Wait = Iterator["float | None"]
 
@@ -77,7 +80,7 @@ class Call:
         self._arguments = arguments
 
     def present(self, name: str) -> bool:
-        return self._arguments[name.lower()] is not ABSENT
+        return self._arguments.get(name.lower(), ABSENT) is not ABSENT
 
     def __getitem__(self, name: str) -> Any:
         return self._arguments[name.lower()].value
@@ -147,15 +150,28 @@ class FormalParameter:
         return self.name.lower()
 
 
+class Support(Enum):
+    """How far an instruction or function does what RobotWare's does; the values are those of the coverage page."""
+
+    DONE = "done"
+    ACCEPTED = "accepted without effect"
+    REFUSED = "refused"
+
+
 @dataclass(frozen=True, slots=True)
 class LibraryRoutine:
-    """An instruction (`returns` is None) or function written in Python."""
+    """An instruction (`returns` is None) or function written in Python.
+
+    Attributes:
+        support: whether it does what RobotWare's does.
+    """
 
     name: str
     parameters: tuple[FormalParameter, ...]
     returns: Type | None
     implementation: Callable[[Call], Any]
     may_wait: bool
+    support: Support = Support.DONE
 
 
 class Library:
@@ -185,6 +201,24 @@ class Library:
         keys = [parameter.key for parameter in self.formal(signature)]
         self.function(name, signature, returns)(lambda call: compute(*(call.get(key) for key in keys)))
 
+    def accepted(self, name: str, signature: str = "") -> None:
+        """Register an instruction that a program may execute and that changes nothing here."""
+        self._add(name, signature, None, lambda call: None, Support.ACCEPTED)
+
+    def refused(self, name: str, signature: str, error: str, sentence: str, returns: str | None = None) -> None:
+        """Register an instruction or function that always fails, as a controller without what it needs does."""
+
+        def refuse(call: Call) -> None:
+            raise RapidRuntimeError(error, f"{name}: {sentence}")
+
+        self._add(name, signature, None if returns is None else self.type(returns), refuse, Support.REFUSED)
+
+    def _add(
+        self, name: str, signature: str, returns: Type | None, implementation: Callable[[Call], Any], support: Support
+    ) -> None:
+        parameters = self.formal(signature)
+        self._routines[name.lower()] = LibraryRoutine(name, parameters, returns, implementation, False, support)
+
     def _register(self, name: str, signature: str, returns: Type | None) -> Callable[[Implementation], Implementation]:
         parameters = self.formal(signature)
 
@@ -204,7 +238,7 @@ class Library:
                 p.mode,
                 p.group,
             )
-            for p in parse_parameters(signature)
+            for p in _parsed(signature)
         )
 
     def record(self, name: str, components: dict[str, str]) -> RecordType:
@@ -244,6 +278,15 @@ class Library:
         It is loaded, and stops where it executes one.
         """
         self._missing.update(dict.fromkeys(name.lower() for name in names))
+
+    def replace_implementations(self, names: Iterable[str], implementation: Callable[[Call], Any]) -> None:
+        """Let routines that are registered do something else; they keep their parameters."""
+        for name in names:
+            self._routines[name.lower()] = replace(
+                self._routines[name.lower()],
+                implementation=implementation,
+                may_wait=inspect.isgeneratorfunction(implementation),
+            )
 
     def include(self, other: Library) -> None:
         """Take over everything that `other` registered itself, without what it is based on."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from yumi.rapid.compiler import compile_routine
 from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.interrupts import Interrupts
-from yumi.rapid.program import Code, Span, UserRoutine
+from yumi.rapid.program import Code, EventKind, Span, UserRoutine
 from yumi.rapid.types import Reference
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Frame:
         step: the step that comes next.
         waiting: the instruction that is not done yet, or None.
         due: task time at which it must be polled even between two advances [s], or None.
-        is_interrupted: whether a trap has come between two of its statements.
+        is_interrupted: whether a trap, a step or a breakpoint has come between two of its statements.
         error: the error its ERROR clause is working on, or None outside of it.
         is_undoing: whether it is abandoned and executes its UNDO clause.
     """
@@ -103,6 +103,11 @@ class Frame:
         """The line of the statement that is being executed, or comes next."""
         begun = self.step > 0 and not self.is_interrupted
         return self.code.spans[self.step - 1 if begun else self.step].line
+
+    @property
+    def next_line(self) -> int:
+        """The line of the statement that comes next."""
+        return self.code.spans[self.step].line
 
     def is_between_statements(self) -> bool:
         return self.waiting is None and self.code.spans[self.step].start == self.step
@@ -175,6 +180,14 @@ class Frame:
             raise Propagated(RapidRuntimeError("ERR_EXCRTYMAX", sentence), is_long_jump=False)
         self.step, self.error = self.retry_step, None
 
+    @property
+    def remaining_retries(self) -> float:
+        """How often RETRY is still possible for the statement that failed."""
+        return MOST_RETRIES - (self._retries if self._retried == self.retry_step else 0)
+
+    def reset_retries(self) -> None:
+        self._retried = -1
+
     def try_next(self) -> None:
         self.step, self.error = self.next_step, None
         self._retried = -1
@@ -191,7 +204,11 @@ STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an in
 
 
 class Machine:
-    """The execution of one task: its call stack and its interrupts."""
+    """The execution of one task: its call stack and its interrupts.
+
+    Attributes:
+        pause: where steps and breakpoints stop: asked before each statement, it says why; None without any.
+    """
 
     def __init__(self, task: Task) -> None:
         self.task = task
@@ -202,6 +219,7 @@ class Machine:
         self.budget = 0
         self.deadline = math.inf
         self.until_clock_read = 0
+        self.pause: Callable[[Frame], EventKind | None] | None = None
         self._unwinding: tuple[int, Callable[[], None]] | None = None
 
     # Running ------------------------------------------------------------------------------------------------------
@@ -226,6 +244,9 @@ class Machine:
                     if frame.waiting is not None:
                         return
             elif self.is_exhausted():
+                return
+            elif self.pause is not None and frame.is_between_statements() and (kind := self.pause(frame)) is not None:
+                self.task.paused(kind, frame)
                 return
             else:
                 self._execute(frame)

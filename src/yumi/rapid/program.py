@@ -14,7 +14,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from yumi.rapid import ast as s
-from yumi.rapid.errors import RapidReferenceError
+from yumi.rapid.devices import Devices
+from yumi.rapid.errors import RapidReferenceError, Unresolved
 from yumi.rapid.library import FormalParameter, Library, LibraryRoutine
 from yumi.rapid.types import UNSET, AliasType, ArrayType, RecordType, Signal, Type, Variable
 
@@ -36,6 +37,8 @@ class EventKind(Enum):
 
     ERROR = "error"
     STOP = "stop"
+    BREAKPOINT = "breakpoint"
+    STEPPED = "one step executed"
     STOP_ALL_TASKS = "stop all motion tasks"
     SYSTEM_STOP = "stop the system"
     SYSTEM_STOP_BLOCK = "stop the system, program pointers lost"
@@ -73,7 +76,13 @@ class Severity(Enum):
 
 
 class Host(Protocol):
-    """The controller as a RAPID task sees it."""
+    """The controller as a RAPID task sees it.
+
+    Attributes:
+        devices: its disk, network, FlexPendant and so on.
+    """
+
+    devices: Devices
 
     def write_text(self, task: str, text: str) -> None:
         """Show one line on the operator's display (TPWrite)."""
@@ -320,6 +329,7 @@ def misfit(
     """The error of something in a module that does not fit."""
     return kind(
         f"{module.name}, line {node.line}: {sentence}.",
+        sentence=f"{sentence}.",
         filename=module.syntax.filename,
         line=node.line,
         column=node.column,
@@ -341,6 +351,7 @@ class Program:
         modules: by lower-case name.
         codes: the routines that are compiled.
         system_data: ERRNO and INTNO.
+        shared: finds the persistent of a name that other tasks have; all tasks share its value.
     """
 
     def __init__(
@@ -354,6 +365,7 @@ class Program:
         self.host = host
         self.system_data = system_data
         self.modules: Mapping[str, LoadedModule] = modules or {}
+        self.shared: Callable[[str], Variable | None] = lambda name: None
         self.codes: dict[UserRoutine, Code] = {}
         self._types: dict[UserType, Type] = {}
         self._signatures: dict[UserRoutine, Signature] = {}
@@ -383,10 +395,12 @@ class Program:
     def _changed(self, modules: Mapping[str, LoadedModule], new: LoadedModule | None) -> Program:
         """The program with other modules; it keeps the code in which no name can have come to mean something else."""
         program = Program(self.library, self.host, self.system_data, modules)
+        program.shared = self.shared
         gone = {key: module for key, module in self.modules.items() if modules.get(key) is not module}
         changed = [*gone.values(), *([new] if new else [])]
         symbols = {name: symbol for module in changed for name, symbol in tuple(module.symbols.items())}
-        if not any(isinstance(symbol, UserType) for symbol in symbols.values()):  # types reach through many names
+        has_types = any(isinstance(symbol, UserType) for symbol in symbols.values())  # they reach through many names
+        if not has_types and not any(variable.fault for module in modules.values() for variable in module.data):
             for routine, code in tuple(self.codes.items()):
                 if routine.module not in changed and code.names.isdisjoint(symbols):
                     program.codes[routine] = code
@@ -425,7 +439,7 @@ class Program:
         if not isinstance(found, UserType):
             library_type = self.library.find_type(name)
             if library_type is None:
-                raise misfit(module, node, f"there is no data type '{name}'")
+                raise misfit(module, node, f"there is no data type '{name}'", Unresolved)
             return library_type
         known = self._types.get(found)
         if known is not None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
+import re
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, TypeVar
 
 from yumi.errors import RobotNotReady
@@ -31,6 +34,7 @@ from yumi.rapid.errors import (
     RapidSyntaxError,
     RapidValueError,
     UnknownSymbol,
+    Unresolved,
 )
 from yumi.rapid.expressions import Expressions, Scope
 from yumi.rapid.interrupts import Interrupts, TimerQueue
@@ -44,13 +48,15 @@ T = TypeVar("T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller
 STEPS_PER_SECOND = 500_000  # and as many more as a long advance may need
 TIME_PER_ADVANCE = 0.5e-3  # [s] of the task's clock, so that two tasks leave three quarters of a cycle to the rest
-LONGEST_PROGRAM = 2_000_000  # characters in all modules together
-MOST_DATA = 5_000  # declared in all modules together
+LONGEST_PROGRAM = 4_000_000  # characters in all modules together
+MOST_DATA = 20_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
+# From the name of a datum on: what stands between ":=" and ";".
+FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
 FATAL = 0.0  # the number of an error that no handler may take
 
 
@@ -77,6 +83,23 @@ class ModuleInfo:
     text: str = field(default="", repr=False, compare=False)
 
 
+class StepKind(Enum):
+    """How far a step goes; the values are RWS' words."""
+
+    IN = "stepin"
+    OVER = "stepover"
+    OUT = "stepout"
+
+
+@dataclass(frozen=True, slots=True)
+class StackEntry:
+    """A routine of the call stack and the line it is at, counted from 1 in the module's file."""
+
+    module: str
+    routine: str
+    line: int
+
+
 @dataclass(frozen=True, slots=True)
 class Prepared:
     """A module ready to be loaded.
@@ -100,6 +123,7 @@ class Task:
         name: such as "T_ROB_R".
         host: the controller it runs on.
         library: instructions, functions, types and data beside the program's own.
+        entry: the procedure the program begins with.
 
     Attributes:
         now: the task's time, which passes in `advance` only [s].
@@ -109,12 +133,17 @@ class Task:
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
         program: its modules and their code; another one after a module was loaded or unloaded.
+        repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
+        breakpoints: module in lower case and line; they count when `start` says so.
     """
 
-    def __init__(self, name: str, host: Host, library: Library) -> None:
+    def __init__(self, name: str, host: Host, library: Library, entry: str = "main") -> None:
         self.name = name
         self.host = host
         self.library = library
+        self.entry = entry
+        self.repeats = False
+        self.breakpoints: set[tuple[str, int]] = set()
         self.now = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
@@ -127,6 +156,7 @@ class Task:
             for name, type_name in (("ERRNO", "errnum"), ("INTNO", "intnum"))
         }
         self.program = Program(library, host, system_data)
+        self._ended_at = -1.0
         self._machine = Machine(self)
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
@@ -155,7 +185,7 @@ class Task:
             RapidReferenceError: a name is declared twice, or what is declared does not fit.
             ModuleNameTaken: there is a module of the name already.
             ProgramTooLarge: there is no memory for it.
-            RobotNotReady: the module it would replace is executing.
+            RobotNotReady: the module it would replace is executing; in a stopped task the program pointer is lost.
         """
         module = parse_module(text, filename)
         self._check_loadable(module, replace=replace)
@@ -202,7 +232,8 @@ class Task:
         new = LoadedModule.of(module)
         program = base.loaded(new)
         if has_pp:
-            link_module(program, new)
+            for each in program.modules.values():  # what the others lacked may have come
+                link_module(program, each)
             for routine in program.routines:
                 if routine not in program.codes:
                     with suppress(RapidReferenceError):  # an error of its call
@@ -229,6 +260,8 @@ class Task:
         discarded = [code for routine, code in codes if routine not in program.codes and id(code) not in executed]
         self.program = program
         if removed is not None:
+            if any(frame.routine.module is removed for frame in self._machine.frames):
+                self.lose_pp()
             removed.clear()
         self.background(lambda: _free(discarded))
 
@@ -241,14 +274,20 @@ class Task:
             raise RapidRuntimeError("ERR_PRGMEMFULL", f"With those of the routine {sentence}")
 
     def unload(self, module: str) -> None:
-        """Remove a module; raises UnknownSymbol, or RobotNotReady while one of its routines is executing."""
+        """Remove a module; the program pointer is lost when it is in it.
+
+        Raises:
+            UnknownSymbol: there is no such module.
+            RobotNotReady: the task is started and one of the module's routines is executing.
+        """
         found = self._module(module)
         self._check_not_executing(found)
         self._adopt(self.program.unloaded(module), found)
 
     def _check_not_executing(self, module: LoadedModule) -> None:
-        if any(frame.routine.module is module for frame in self._machine.frames):
-            raise RobotNotReady(f"The module '{module.name}' is executing; move PP to main before it is unloaded.")
+        is_started = self._execution is Execution.STARTED
+        if is_started and any(frame.routine.module is module for frame in self._machine.frames):
+            raise RobotNotReady(f"The module '{module.name}' is executing; stop the task before it is unloaded.")
 
     # Execution ----------------------------------------------------------------------------------------------------
 
@@ -261,15 +300,42 @@ class Task:
             RobotNotReady: the task is started.
             RapidReferenceError: something in a module does not fit, or there is no procedure `main`.
         """
+        self.check()
+        self._begin(self._main())
+
+    def move_pp_to_routine(self, name: str, module: str = "") -> None:
+        """Put the program pointer on a procedure without parameters, otherwise as `move_pp_to_main`.
+
+        Raises:
+            RobotNotReady: the task is started.
+            RapidReferenceError: something in a module does not fit, or there is no such procedure.
+            UnknownSymbol: there is no such module.
+        """
+        self.check()
+        where = self._module(module) if module else None
+        found = self.program.find(name, where)
+        if (
+            not isinstance(found, UserRoutine)
+            or found.syntax.kind is not s.RoutineKind.PROC
+            or found.syntax.parameters
+            or (where is not None and found.module is not where)
+        ):
+            raise RapidReferenceError(f"The task {self.name} has no procedure {name}() without parameters.")
+        self._begin(found)
+
+    def check(self) -> None:
+        """Link and compile the program; raises as `move_pp_to_main`, and changes nothing."""
         if self._execution is Execution.STARTED:
             raise RobotNotReady(f"The task {self.name} is running; stop it before PP is moved to main.")
         compile_program(self.program)
-        main = self._main()
+        self._main()
+
+    def _begin(self, routine: UserRoutine) -> None:
         self._machine.undo_all(STEPS_OF_UNDO)
         self._machine.interrupts.clear()
         self._booked.clear()
         initialise_variables(self.program)
-        self._machine.enter(main, (), None)
+        self._machine.enter(routine, (), None)
         self._execution = Execution.READY
 
     def lose_pp(self) -> None:
@@ -280,17 +346,51 @@ class Task:
         self._execution = Execution.UNINITIALIZED
 
     def _main(self) -> UserRoutine:
-        main = self.program.find("main", None)
+        main = self.program.find(self.entry, None)
         if not isinstance(main, UserRoutine) or main.syntax.kind is not s.RoutineKind.PROC or main.syntax.parameters:
-            raise RapidReferenceError(f"No module of the task {self.name} has a procedure main().")
+            raise RapidReferenceError(f"No module of the task {self.name} has a procedure {self.entry}().")
         return main
 
-    def start(self) -> None:
-        """Go on where the program pointer is; raises RobotNotReady when it is nowhere."""
+    def start(self, step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
+        """Go on where the program pointer is, to the end of one step when one is given.
+
+        Raises:
+            RobotNotReady: the program pointer is nowhere.
+        """
         if not self._machine.frames:
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
+        self._machine.frames[-1].is_interrupted = False  # by a step or a breakpoint
+        self._machine.pause = self._pauses(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
         self._execution = Execution.STARTED
         self.is_running = True
+
+    def _pauses(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
+        """Why the task pauses before a statement; not before the one it starts with."""
+        frames = self._machine.frames
+        depth, top = len(frames), frames[-1]
+        begun = not top.is_between_statements()
+        depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
+
+        def pauses(frame: Frame) -> EventKind | None:
+            nonlocal begun
+            if not begun and frame is top:
+                begun = True
+                return None
+            begun = True
+            module = frame.routine.module
+            may_enter = step is not StepKind.IN or frame is top or "NOSTEPIN" not in module.syntax.attributes
+            if may_enter and len(frames) <= depths[step]:
+                return EventKind.STEPPED
+            is_breakpoint = stop_at_breakpoints and (module.name.lower(), frame.next_line) in self.breakpoints
+            return EventKind.BREAKPOINT if is_breakpoint else None
+
+        return pauses
+
+    @property
+    def call_stack(self) -> tuple[StackEntry, ...]:
+        """The routines under way, the innermost first; its line is where the program pointer stands."""
+        frames = reversed(self._machine.frames)
+        return tuple(StackEntry(each.routine.module.name, each.routine.name, each.line) for each in frames)
 
     def stop(self) -> None:
         """Stop where the program is; `start` resumes it. Nothing happens when it is not running."""
@@ -339,12 +439,60 @@ class Task:
         """Some instructions and functions take as long as a hundred steps."""
         self._machine.until_clock_read = 0
 
+    @property
+    def executing_module(self) -> LoadedModule | None:
+        """The module of the routine that is being executed, None without a program pointer."""
+        return self._machine.frames[-1].routine.module if self._machine.frames else None
+
+    def exit_cycle(self) -> None:
+        """Leave all routines, each after its UNDO clause, and go on as at the end of main (ExitCycle)."""
+        self._machine.unwind(0, self.finished)
+
+    @property
+    def is_in_trap(self) -> bool:
+        return self._machine.in_trap
+
+    @property
+    def clause(self) -> str:
+        """The clause of the routine that is being executed: "ERR", "UNDO", or "NONE" for its statements."""
+        frame = self._machine.frames[-1]
+        return "UNDO" if frame.is_undoing else "NONE" if frame.error is None else "ERR"
+
+    def remaining_retries(self) -> float:
+        """How often the error handler that is being executed may still RETRY its statement."""
+        return self._machine.frames[-1].remaining_retries
+
+    def reset_retries(self) -> None:
+        self._machine.frames[-1].reset_retries()
+
+    def saved_text(self, module: LoadedModule) -> str:
+        """A module's text, its persistents with their values of now as first values."""
+        text = module.syntax.text
+        lines = list(itertools.accumulate((len(line) for line in text.splitlines(keepends=True)), initial=0))
+        for variable, datum in sorted(module.data.items(), key=lambda item: -item[1].position):
+            if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET:
+                continue
+            found = FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
+            if found is not None:
+                value = format_value(variable.type, variable.value)
+                text = f"{text[: found.start(1)]}{value}{text[found.end(1) :]}"
+        return text
+
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
+        self._machine.enter(self._procedure(name), (), None)
+
+    def interrupt_of(self, procedure: str) -> int:
+        """The number of an interrupt that calls a procedure without arguments, as MoveLSync does."""
+        found, interrupts = self._procedure(procedure), self._machine.interrupts
+        numbers = (number for number, connection in interrupts.connections.items() if connection.trap is found)
+        return next(numbers, None) or interrupts.connect(0, found)
+
+    def _procedure(self, name: str) -> UserRoutine:
         found = self.program.find(name, self._machine.frames[-1].routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
-        self._machine.enter(found, (), None)
+        return found
 
     # Stops ---------------------------------------------------------------------------------------
 
@@ -363,12 +511,28 @@ class Task:
     def exited(self, frame: Frame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)
 
+    def paused(self, kind: EventKind, frame: Frame) -> None:
+        """A step has been executed, or a breakpoint is reached."""
+        why = "at the breakpoint in" if kind is EventKind.BREAKPOINT else "after one step, in"
+        frame.is_interrupted = True  # it stands before the statement
+        self._halt(kind, f"{self.name} has stopped {why} {self._where(frame)}.", frame)
+
     def finished(self) -> None:
-        """The procedure main has returned; the program pointer stands on main again."""
-        main = self._main()
-        frame = self._machine.enter(main, (), None)
+        """The procedure main has returned; the program pointer stands on main again.
+
+        RAPID overview, initialization: data and interrupts stay as they are when main begins again.
+        """
+        frame = self._machine.enter(self._main(), (), None)
+        if self.repeats:
+            if self._ended_at == self.now and frame.waiting is None:  # a program without waits leaves time to others
+                frame.begin_wait(self._until_next_advance(), None, None)
+            self._ended_at = self.now
+            return
         self._halt(EventKind.FINISHED, f"{self.name} has finished main.", frame)
         self._execution = Execution.READY
+
+    def _until_next_advance(self) -> Generator[float | None, None, None]:
+        yield None
 
     def _halt(self, kind: EventKind, sentence: str, frame: Frame, error: RapidRuntimeError | None = None) -> None:
         self.stop()
@@ -492,7 +656,12 @@ class Task:
         if not isinstance(found, Variable):
             raise UnknownSymbol(f"The module '{owner.name}' has no datum '{symbol}'.")
         if found.value is UNSET:
-            link(self.program, owner, found)
+            try:
+                link(self.program, owner, found)
+            except Unresolved as error:
+                raise UnknownSymbol(f"The module '{owner.name}' has no value for '{symbol}': {error}") from error
+            found = owner.symbols[found.name.lower()]  # of another task, where they share it
+            assert isinstance(found, Variable)
         return found
 
 

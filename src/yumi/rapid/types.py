@@ -270,9 +270,11 @@ class Variable:
 
     Attributes:
         initial: what a VAR begins with at each PP to main, UNSET for objects, which are made anew.
+        fault: why it has neither type nor value: its declaration names what nothing declares.
+        watchers: called when its value has changed, see `watch`.
     """
 
-    __slots__ = ("initial", "is_local", "is_task", "name", "storage", "type", "value")
+    __slots__ = ("fault", "initial", "is_local", "is_task", "name", "storage", "type", "value", "watchers")
 
     def __init__(
         self,
@@ -291,10 +293,38 @@ class Variable:
         self.is_local = is_local
         self.is_task = is_task
         self.initial: Any = UNSET
+        self.fault = ""
+        self.watchers: list[Callable[[], None]] = []
 
     @property
     def is_constant(self) -> bool:
         return self.storage is Storage.CONST
+
+    def watch(self, watcher: Callable[[], None]) -> None:
+        """Call `watcher` whenever the value has changed; a variable that nothing watches pays nothing for it."""
+        self.watchers.append(watcher)
+        self.__class__ = _WatchedVariable
+
+
+_VALUE: Any = Variable.__dict__["value"]
+
+
+class _WatchedVariable(Variable):
+    """A variable with watchers; it has the same slots, so that a variable may become one."""
+
+    __slots__ = ()
+
+    @property
+    def value(self) -> Any:
+        return _VALUE.__get__(self)
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        old = _VALUE.__get__(self)
+        _VALUE.__set__(self, new)
+        if new != old:
+            for watcher in tuple(self.watchers):
+                watcher()
 
 
 class Part:

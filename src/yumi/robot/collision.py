@@ -146,7 +146,7 @@ class CollisionModel:
     ) -> None:
         self.arms = {
             side: _ArmShapes(
-                side, (*_link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ())), padding
+                side, (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ())), padding
             )
             for side in Side
         }
@@ -499,7 +499,8 @@ def box_distances(start: Array, end: Array, half: Array) -> Array:
     return np.asarray(np.linalg.norm(outside(left + share * (right - left))[:, 0], axis=1))
 
 
-def _link_parts() -> tuple[Part, ...]:
+def link_parts() -> tuple[Part, ...]:
+    """The arm's links, the same on both arms."""
     parts = []
     for frame, shapes in enumerate(LINK_SHAPES):
         for shape in shapes:

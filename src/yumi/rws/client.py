@@ -7,9 +7,11 @@ forms are in reference/rws.md §4-12; what a page holds is read in :mod:`yumi.rw
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
+from queue import Queue
 from types import TracebackType
 from typing import TypeVar
 from weakref import WeakSet
@@ -21,17 +23,28 @@ from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConne
 from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import Page, Pairs, read_page
-from yumi.rws.events import OnChange, OnLost, Resource, Subscription, write_resources
-from yumi.rws.replies import CfgInstance, Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
+from yumi.rws.events import Change, Interruption, OnChange, OnLost, Resource, Subscription, write_resources
+from yumi.rws.replies import CfgInstance, ControllerIdentity, Event, FileInfo, ModuleInfo, Signal, SystemInfo, TaskInfo
 from yumi.rws.session import BUSY, Request, RwsSession, Transport
 from yumi.rws.transport import HttpTransport
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, ExecutionState, OperatingMode, RapidValue, decode, encode
 
 T = TypeVar("T")
 
 DEFAULT_USER = "Default User"
 DEFAULT_PASSWORD = "robotics"  # every controller leaves the factory with it; it is no secret
 DEFAULT_TIMEOUT = 4.0  # [s]; a controller that switches many drives on takes up to one
+
+RESTART_DEADLINE = 300.0
+"""Longest time a restart may take [s]; a YuMi's takes about a minute."""
+
+_RESTART_POLL = 1.0
+_BACKUP_POLL = 0.5
+_BACKUP_DEADLINE = 600.0
+_PROGRESS = re.compile(r"/progress/[\w-]+")
+
+OnProgress = Callable[[str], None]
+"""Called with what is being done, in a few words."""
 
 _SIGNALS = "/rw/iosystem/signals"
 _SYMBOLS = "/rw/rapid/symbol"
@@ -61,10 +74,10 @@ class RwsClient:
         timeout: float = DEFAULT_TIMEOUT,
         clock: Clock | None = None,
     ) -> None:
-        time = clock or SystemClock()
-        transport = HttpTransport(address, time) if isinstance(address, str) else address
+        self._clock = clock or SystemClock()
+        transport = HttpTransport(address, self._clock) if isinstance(address, str) else address
         self.address = transport.address
-        self._session = RwsSession(transport, user=user, password=password, timeout=timeout, clock=time)
+        self._session = RwsSession(transport, user=user, password=password, timeout=timeout, clock=self._clock)
         self._subscriptions: WeakSet[Subscription] = WeakSet()
 
     def __enter__(self) -> RwsClient:
@@ -112,6 +125,23 @@ class RwsClient:
             self._session.exchange(_get("/logout"))
             self._session.close()
 
+    def call(self, method: str, path: str, query: Pairs = (), form: Pairs | None = None) -> Page | None:
+        """Any request of Robot Web Services; the page it is answered with, or None where there is none.
+
+        Args:
+            method: of HTTP.
+            path: such as ``/rw/panel/opmode``.
+            query: parameters in the URL, such as the action.
+            form: parameters in the body.
+        """
+        reply = self._session.exchange(Request(method.upper(), path, query, form))
+        self._accepted(reply, f"{method.upper()} {path}")
+        return read_page(reply.headers.get("Content-Type", ""), reply.content) if reply.content else None
+
+    def identity(self) -> ControllerIdentity:
+        """Name, serial number and kind of the controller."""
+        return self._read(_get("/ctrl/identity"), replies.identity, "reading the identity")
+
     def system(self) -> SystemInfo:
         """Name, RobotWare version and options."""
         return self._read(_get("/rw/system"), replies.system, "reading the system")
@@ -127,6 +157,14 @@ class RwsClient:
     def operating_mode(self) -> OperatingMode:
         """Position of the mode switch."""
         return self._read(_get("/rw/panel/opmode"), replies.operating_mode, "reading the operating mode")
+
+    def collision_state(self) -> CollisionState:
+        """State of the collision detection."""
+        return self._read(_get("/rw/panel/coldetstate"), replies.collision_state, "reading the collision state")
+
+    def mastership(self, domain: str) -> str:
+        """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
+        return self._read(_get(f"/rw/mastership/{domain}"), replies.mastership, f"reading the mastership of {domain}")
 
     def set_motors(self, on: bool) -> None:
         """Switch the motors; they may need a moment after the call until ``controller_state`` says so."""
@@ -181,6 +219,68 @@ class RwsClient:
         """Warm restart: every connection and session ends, and the controller does not answer for some time."""
         self._do(_post("/rw/panel", "restart", ("restart-mode", "restart")), "restarting the controller")
 
+    def wait_for_restart(self, on_progress: OnProgress = lambda text: None, deadline: float = RESTART_DEADLINE) -> None:
+        """Restart, wait until the controller is gone, and until it answers again.
+
+        Args:
+            on_progress: gets what is waited for, with the seconds since the restart.
+            deadline: longest wait for either [s].
+
+        Raises:
+            NoConnection: it does not go down, or does not come back, in time.
+        """
+        self.restart()
+        start = self._clock.now()
+        has_gone = False
+        while True:
+            passed = self._clock.now() - start
+            if passed > deadline:
+                what = "come back" if has_gone else "restart"
+                raise NoConnection(
+                    f"The controller at {self.address} does not {what} in {deadline:.0f} s; look at its FlexPendant."
+                )
+            try:
+                self.tasks()
+                if has_gone:
+                    return
+            except (NoConnection, ControllerRefused, ProtocolError):  # gone, or starting: it answers 503 then
+                has_gone = True
+            on_progress(f"the controller restarts, {passed:.0f} s")
+            self._clock.wait(_RESTART_POLL)
+
+    def backup(self, name: str, on_progress: OnProgress = lambda text: None) -> str:
+        """Have the controller back itself up; where the backup is, such as ``BACKUP:/before_yumi``.
+
+        Args:
+            name: of the directory of the backup.
+            on_progress: gets the state of it as the controller says it.
+
+        Raises:
+            ControllerRefused: it cannot, or the backup failed.
+            NoConnection: it does not end in time.
+        """
+        what = f"making the backup {name}"
+        reply = self._session.exchange(_post("/ctrl/backup", "backup", ("backup", f"/fileservice/$BACKUP/{name}")))
+        self._accepted(reply, what)
+        found = _PROGRESS.search(reply.headers.get("Location", ""))
+        start = self._clock.now()
+        while found is not None:
+            state = self._read(_get(found[0]), replies.progress, what)
+            on_progress(state.state)
+            if not state.is_pending:
+                if state.code not in (0, replies.DONE):
+                    raise ControllerRefused(f"{self.address}: {what} failed: {state.state}.", status=0, code=state.code)
+                break
+            if self._clock.now() - start > _BACKUP_DEADLINE:
+                raise NoConnection(f"{self.address}: {what} does not end within {_BACKUP_DEADLINE:.0f} s.")
+            self._clock.wait(_BACKUP_POLL)
+        return f"BACKUP:/{name}"
+
+    def restore(self, name: str) -> None:
+        """Have the controller become as in the backup ``name`` in BACKUP; it restarts, see ``wait_for_restart``."""
+        form = ("backup", f"/fileservice/$BACKUP/{name}")
+        self._do(_post("/ctrl/backup", "restore", form), f"restoring the backup {name}")
+
     def tasks(self) -> tuple[TaskInfo, ...]:
         """The RAPID tasks, in the controller's order."""
         return self._read(_get("/rw/rapid/tasks"), replies.tasks, "reading the RAPID tasks")
@@ -214,6 +314,47 @@ class RwsClient:
         with self._mastership("rapid"):
             self._do(_post(f"/rw/rapid/tasks/{task}", "unloadmod", ("module", name)), f"unloading {name} from {task}")
 
+    def write_file(self, path: str, content: bytes) -> None:
+        """Create or replace a file such as ``HOME:/logo.png``."""
+        self._do(Request("PUT", _file(path), content=content), f"writing {path}")
+
+    def read_file(self, path: str) -> bytes:
+        """Content of a file such as ``HOME:/pick.mod``."""
+        reply = self._session.exchange(_get(_file(path)))
+        self._accepted(reply, f"reading {path}")
+        return reply.content
+
+    def read_tree(self, path: str, on_progress: OnProgress = lambda text: None) -> dict[str, bytes]:
+        """Every file in a directory and those below it, by its path behind ``path``."""
+        found: dict[str, bytes] = {}
+        folders = [""]
+        while folders:
+            folder = folders.pop()
+            for entry in self.files(f"{path}{folder}"):
+                name = f"{folder}/{entry.name}"
+                if entry.size is None:
+                    folders.append(name)
+                else:
+                    found[name.lstrip("/")] = self.read_file(f"{path}{name}")
+                    on_progress(f"{path}{name}")
+        return found
+
+    def make_directory(self, path: str) -> None:
+        """Create a directory such as ``HOME:/yumi``; the one above it must be there."""
+        above, _, name = path.rstrip("/").rpartition("/")
+        form = (("fs-action", "create"), ("fs-newname", name))
+        self._do(Request("POST", _file(f"{above}/").rstrip("/"), form=form), f"creating {path}")
+
+    def copy_file(self, path: str, name: str, *, replace: bool = False) -> None:
+        """Copy a file within its directory, to the name ``name``."""
+        form = (("fs-action", "copy"), ("fs-newname", name), ("fs-overwrite", "true" if replace else "false"))
+        self._do(Request("POST", _file(path), form=form), f"copying {path}")
+
+    def rename_file(self, path: str, name: str) -> None:
+        """Give a file or directory another name in its directory."""
+        form = (("fs-action", "rename"), ("fs-newname", name))
+        self._do(Request("POST", _file(path), form=form), f"renaming {path}")
+
     def upload(self, path: str, text: str) -> None:
         """Create or replace a file such as ``HOME:/pick.mod``; RAPID's files are Latin-1.
 
@@ -225,13 +366,11 @@ class RwsClient:
         except UnicodeEncodeError as error:
             wrong = text[error.start]
             raise CommandRefused(f"RAPID files hold Latin-1 only; {path} cannot have {wrong!r} in it.") from error
-        self._do(Request("PUT", _file(path), content=content), f"writing {path}")
+        self.write_file(path, content)
 
     def download(self, path: str) -> str:
         """Content of a file such as ``HOME:/pick.mod``."""
-        reply = self._session.exchange(_get(_file(path)))
-        self._accepted(reply, f"reading {path}")
-        return reply.content.decode("latin-1")
+        return self.read_file(path).decode("latin-1")
 
     def files(self, path: str) -> tuple[FileInfo, ...]:
         """What is in a directory such as ``HOME:/yumi``."""
@@ -245,6 +384,18 @@ class RwsClient:
         """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
         what = f"reading {module}/{name} of {task}"
         return self._read(_get(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}"), replies.symbol, what)
+
+    def value(self, task: str, module: str, name: str) -> RapidValue:
+        """Value of a RAPID symbol: a number, bool, string, or a tuple for a record or an array."""
+        return decode(self.symbol(task, module, name))
+
+    def set_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        """Write a RAPID symbol; a record or an array is a tuple.
+
+        Raises:
+            CommandRefused: the value has a number that is not finite.
+        """
+        self.set_symbol(task, module, name, encode(value))
 
     def symbol_type(self, task: str, module: str, name: str) -> str:
         """Name of a RAPID symbol's type."""
@@ -317,11 +468,88 @@ class RwsClient:
         self._subscriptions.add(subscription)
         return subscription
 
+    def watch(self, resources: Sequence[Resource], retry: float = 1.0) -> Iterator[Change | Interruption]:
+        """The present values of ``resources`` and then each change, for as long as it is iterated over.
+
+        After a break (the link, the session, a restart of the controller) it subscribes again by itself: an
+        :class:`Interruption` says so, and the present values come again, as changes may have been missed.
+
+        Args:
+            resources: see :mod:`yumi.rws.events`.
+            retry: time between two attempts to subscribe again [s].
+
+        Raises:
+            CommandRefused: there is no resource.
+            ControllerRefused, LoginRefused: the first subscription is refused; later ones are tried again.
+        """
+        received: Queue[Change | Interruption] = Queue()
+        subscription: Subscription | None = self.subscribe(
+            resources, received.put, lambda reason: received.put(Interruption(reason))
+        )
+        try:
+            while True:
+                item = received.get()
+                yield item
+                if isinstance(item, Change):
+                    continue
+                if subscription is not None:
+                    subscription.disconnect()
+                subscription = None
+                while subscription is None:
+                    try:
+                        subscription = self.subscribe(
+                            resources, received.put, lambda reason: received.put(Interruption(reason))
+                        )
+                    except (NoConnection, LoginRefused, ControllerRefused, ProtocolError) as error:
+                        log.debug("not subscribed again yet: %s", error)
+                        self._clock.wait(retry)
+        finally:
+            if subscription is not None:
+                subscription.close()
+
     def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
         """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
-        return self._read(
-            _get(f"/rw/cfg/{domain}/{type}/instances"), replies.cfg, f"reading the configuration {domain}/{type}"
-        )
+        found: tuple[CfgInstance, ...] = ()
+        query: Pairs | None = ()
+        while query is not None:
+            request = _get(f"/rw/cfg/{domain}/{type}/instances", *query)
+            page = self._page(self._session.exchange(request), f"reading the configuration {domain}/{type}")
+            found += replies.cfg(page)
+            query = page.next_query if page.states else None
+        return found
+
+    def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
+        """Change attributes of an instance of the configuration; they act after the next restart."""
+        with self._mastership("cfg"):
+            request = _post(f"/rw/cfg/{domain}/{type}/instances/{name}", "set", *attributes.items())
+            self._do(request, f"changing {domain}/{type}/{name}")
+
+    def create_cfg(self, domain: str, type: str, name: str) -> None:
+        """Add an instance with default values to the configuration; it acts after the next restart."""
+        with self._mastership("cfg"):
+            request = _post(f"/rw/cfg/{domain}/{type}/instances", "create-default", ("name", name))
+            self._do(request, f"adding {domain}/{type}/{name}")
+
+    def remove_cfg(self, domain: str, type: str, name: str) -> None:
+        """Remove an instance of the configuration; it is gone after the next restart."""
+        with self._mastership("cfg"):
+            request = Request("DELETE", f"/rw/cfg/{domain}/{type}/instances/{name}")
+            self._do(request, f"removing {domain}/{type}/{name}")
+
+    def load_cfg(self, path: str, *, replace: bool = False) -> None:
+        """Load a cfg file of the controller such as ``HOME:/SIO.cfg``; it acts after the next restart.
+
+        Args:
+            path: the file as RAPID names it.
+            replace: whether its instances take the place of those of the same names, which are an error otherwise.
+        """
+        form = (("filepath", _file(path)), ("action-type", "replace" if replace else "add"))
+        with self._mastership("cfg"):
+            self._do(_post("/rw/cfg", "load", *form), f"loading {path}")
+
+    def save_cfg(self, domain: str, path: str) -> None:
+        """Write a domain of the configuration, such as ``SIO``, to a file of the controller."""
+        self._do(_post(f"/rw/cfg/{domain}", "saveas", ("filepath", _file(path))), f"saving {domain} to {path}")
 
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""

@@ -56,6 +56,13 @@ class Change:
     fields: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Interruption:
+    """Changes may have been missed from here on, until the present values come again; ``reason`` says why."""
+
+    reason: str
+
+
 CONTROLLER_STATE = Resource("/rw/panel/ctrlstate")
 """Field ``ctrlstate``."""
 

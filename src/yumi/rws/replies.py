@@ -16,7 +16,15 @@ from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
 from yumi.rws import types as codes
 from yumi.rws.documents import Page, State, read_status
-from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution
+from yumi.rws.types import (
+    CollisionState,
+    ControllerState,
+    EventType,
+    ExecutionState,
+    OperatingMode,
+    SignalType,
+    TaskExecution,
+)
 
 E = TypeVar("E", bound=Enum)
 SixAxes = tuple[float, float, float, float, float, float]
@@ -27,11 +35,37 @@ _VERSION = re.compile(r"\d+(\.\d+)+")
 
 @dataclass(frozen=True, slots=True)
 class SystemInfo:
-    """The controller's system, e.g. version (6, 13, 0, 0)."""
+    """The controller's system, e.g. version (6, 13, 0, 0); a new installation of RobotWare has another ``id``."""
 
     name: str
     robotware: tuple[int, ...]
     options: tuple[str, ...]
+    id: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerIdentity:
+    """Which controller it is; the serial number is empty for a virtual one."""
+
+    name: str
+    serial: str
+    is_virtual: bool
+
+
+PENDING, DONE = 294914, 294912
+"""Codes of a job's progress (reference/rws.md §4.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a job of the controller is, in its words, with its code."""
+
+    code: int
+    state: str
+
+    @property
+    def is_pending(self) -> bool:
+        return self.code == PENDING
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +160,23 @@ def system(page: Page) -> SystemInfo:
     if not _VERSION.fullmatch(version):
         raise ProtocolError(f"The controller's RobotWare version {version!r} is not numbers and dots.")
     options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
-    return SystemInfo(state.text("name"), tuple(int(part) for part in version.split(".")), options)
+    robotware = tuple(int(part) for part in version.split("."))
+    return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
+
+
+def identity(page: Page) -> ControllerIdentity:
+    """``/ctrl/identity``."""
+    state = page.one("ctrl-identity-info", "ctrl-identity-info-li")
+    is_virtual = state.text("ctrl-type").startswith("Virtual")
+    return ControllerIdentity(state.text("ctrl-name"), state.fields.get("ctrl-id", ""), is_virtual)
+
+
+def progress(page: Page) -> Progress:
+    """``/progress/{id}``."""
+    if not page.states:
+        raise ProtocolError("The controller's answer holds no progress.")
+    state = page.states[0]
+    return Progress(_whole(state, "code"), state.text("state"))
 
 
 def clock(page: Page) -> datetime:
@@ -146,6 +196,21 @@ def controller_state(page: Page) -> ControllerState:
 def operating_mode(page: Page) -> OperatingMode:
     """``/rw/panel/opmode``."""
     return _enum(OperatingMode, page.one("pnl-opmode").text("opmode"))
+
+
+def collision_state(page: Page) -> CollisionState:
+    """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
+    fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
+    return _enum(CollisionState, fields.get("coldetstate", ""))
+
+
+def mastership(page: Page) -> str:
+    """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
+    state = page.one("msh-resource")
+    if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
+        return ""
+    known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
+    return ", ".join(known) or f"another client ({state.text('mastership')})"
 
 
 def speed_ratio(page: Page) -> int:

@@ -20,7 +20,7 @@ from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient
-from yumi.errors import RapidError
+from yumi.errors import NoConnection, RapidError
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.ast import Module
 from yumi.rapid.errors import RapidSyntaxError
@@ -29,13 +29,16 @@ from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
+from yumi.rws.types import EventType
+from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
-from yumi.virtual.rws.rapid import quoted
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from yumi.virtual.rws.symbols import quoted
+from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -50,6 +53,7 @@ def world_settings(
     grippers: Mapping[Side, GripperModules],
     leaks: Mapping[Side, float | None],
     are_calibrated: bool = False,
+    system: System | None = None,
 ) -> WorldSettings:
     """A virtual robot whose clock shows the time of day.
 
@@ -61,6 +65,7 @@ def world_settings(
         grippers: modules of each gripper.
         leaks: of the object under each gripper's cups, 0 (tight) to 1 (open); None for no object.
         are_calibrated: whether the grippers start calibrated.
+        system: programs and system parameters; ours when it is None.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
@@ -72,6 +77,7 @@ def world_settings(
         cup_objects={side: CupObject(leak) for side, leak in leaks.items() if leak is not None},
         grippers_are_calibrated=are_calibrated,
         start_time=time.time(),
+        system=system,
     )
 
 
@@ -92,16 +98,18 @@ class Pace:
 
     Args:
         clock: the machine's.
+        speed: how many times faster than real time the robot is; whatever this is, one cycle is 4.032 ms to it.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, speed: float = 1.0) -> None:
         self._clock = clock
+        self._speed = speed
         self._due = clock.now()
 
     def wait(self) -> None:
         """From the end of a cycle, when its datagrams have left, until the next one begins."""
-        self._due += CYCLE
-        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER))
+        self._due += CYCLE / self._speed
+        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER / self._speed))
         if self._clock.now() - self._due > LONGEST_LAG:
             self._due = self._clock.now()
 
@@ -160,7 +168,10 @@ class VirtualController:
         user: user name that may log in.
         password: its password.
         host: address to listen on.
+        speed: how many times faster than real time it runs.
+        is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
+        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`LocalNetwork`).
     """
 
     def __init__(
@@ -171,11 +182,17 @@ class VirtualController:
         user: str,
         password: str,
         host: str,
+        speed: float = 1.0,
+        is_started: bool = False,
         link: Callable[[str, int], UdpClient] = UdpClient,
+        rapid_sockets: str | None = None,
     ) -> None:
+        self._speed = speed
+        self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
+        self.world.controller.devices.network = LocalNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
@@ -185,14 +202,19 @@ class VirtualController:
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
             task.background = self._background.submit
-        self._links = {side: link(*self.world.egm_destination(side)) for side in Side}
-        self._foreign_links = {side: link(*self.world.egm_destination(side)) for side in Side}
+        self._link_to = link
+        self._destinations: dict[Side, tuple[str, int]] = {}
+        self._links: dict[Side, UdpClient] = {}
+        self._foreign_links: dict[Side, UdpClient] = {}
+        for side in self.world.arms:
+            self._follow_device(side)
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
         """Serve until ``is_over``; ``on_ready`` gets the HTTP port.
 
         Raises:
             NoConnection: the port is taken.
+            Refused: RAPID is to be started and cannot be.
         """
         prefer_process()
         gc.set_threshold(700, 10, _RARELY)  # a full collection takes longer than a cycle once programs are long
@@ -200,14 +222,26 @@ class VirtualController:
         try:
             with short_switch_interval(), self._server as server:
                 prefer_thread()  # the robot's; those of the server and of the background have begun and stay ordinary
+                if self._is_started:
+                    with self._lock:
+                        self.world.controller.set_motors(True)
+                        self.world.controller.start_rapid()
                 on_ready(server.port)
-                pace = Pace(self._clock)
+                pace = Pace(self._clock, self._speed)
                 while not is_over.is_set():
                     inboxes = {side: link.receive() for side, link in self._links.items()}
                     with self._lock:
                         departures = self.world.exchange(inboxes)
                         self._service.advance(self._clock.now())
                     for side, datagram, is_foreign in departures:
+                        try:
+                            self._follow_device(side)
+                        except NoConnection as error:
+                            with self._lock:
+                                self.world.controller.events.append(
+                                    41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
+                                )
+                            continue
                         (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
         finally:
@@ -215,6 +249,22 @@ class VirtualController:
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
+
+    def _follow_device(self, side: Side) -> None:
+        """Send an arm's datagrams where its UDPUC device says: another one may be chosen, or act after a restart.
+
+        Raises:
+            NoConnection: the device names a host that is not known.
+        """
+        destination = self.world.egm_destination(side)
+        if destination == self._destinations.get(side):
+            return
+        for links in (self._links, self._foreign_links):
+            link = self._link_to(*destination)
+            if side in links:
+                links[side].close()
+            links[side] = link
+        self._destinations[side] = destination
 
     def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:

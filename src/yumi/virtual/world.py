@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
-import yumi.controller_files
-import yumi.virtual.controller
+from yumi.robot.arms import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
+from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
+from yumi.virtual.controller.system import System, delivered_system
 from yumi.virtual.controller.units import ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
-_HOME = "HOME:/yumi/"
+_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
+_ADD_IN = "StateMachine Core"
+"""The option whose interface our program has; clients look for it."""
+
+_NOWHERE = "127.0.0.1", 9
+"""The discard port."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +42,7 @@ class WorldSettings:
         egm: what kind of EGM clients the arms have; their cycle is that of the whole robot.
         grippers_are_calibrated: whether the grippers start calibrated.
         start_time: what the controller's clock shows at first [s]; seconds since 1970 where people read it.
+        system: programs and parameters; the state machine of this package when it is None.
     """
 
     robot_name: str = "YuMi"
@@ -50,6 +56,7 @@ class WorldSettings:
     egm: EgmOptions = field(default_factory=EgmOptions)
     grippers_are_calibrated: bool = False
     start_time: float = 0.0
+    system: System | None = None
 
 
 class World:
@@ -67,10 +74,11 @@ class World:
     def __init__(self, settings: WorldSettings | None = None) -> None:
         settings = settings or WorldSettings()
         self.cycle_time = settings.egm.cycle_time
-        self._configuration = _configuration(settings)
+        system = settings.system or delivered_system()
         self._units: dict[Side, ArmUnit] = {}
-        for side in Side:
-            arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
+        robot = system.robot
+        for side, kinematics_of in robot.arms.items():
+            arm = _arm(robot, side, kinematics_of(), settings)
             gripper = VirtualGripper(
                 settings.workpieces.get(side),
                 settings.gripper_modules.get(side, GripperModules.SERVO),
@@ -83,13 +91,12 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
-        folder = _controller_files()
-        modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
+        options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
         self.controller = Irc5(
             tuple(self._units.values()),
-            self._configuration,
-            {_HOME + path.name: path.read_text(encoding="ascii") for path in modules},
-            Identity(system_name=settings.robot_name, controller_name=settings.robot_name),
+            system,
+            _with_addresses(system.configuration(), settings, robot),
+            Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
             settings.start_time,
         )
 
@@ -128,23 +135,28 @@ class World:
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to."""
-        device = self._configuration.find("SIO", "COM_TRP", self._units[side].egm_device)
-        assert device is not None, "EGMSetupUC chooses devices that exist"
+        device = self.controller.effective.find("SIO", "COM_TRP", self._units[side].egm_device)
+        if device is None:  # from the factory: EGM cannot be set up, so that nothing is sent
+            return _NOWHERE
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
-def _configuration(settings: WorldSettings) -> Configuration:
-    """A stock YuMi's parameters, then ours, then the addresses of this machine instead of the robot cell's."""
-    folders = (Path(next(iter(yumi.virtual.controller.__path__))) / "stock", _controller_files())
-    paths = [path for folder in folders for path in sorted(folder.glob("*.cfg"))]
-    configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
-    for side in Side:
+def _arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
+    """An arm of the robot: a YuMi's has the dynamics of the settings, others have limits of their own."""
+    if robot.is_yumi:
+        return VirtualArm(side, settings.positions.get(side), settings.arm_model)
+    model = replace(settings.arm_model, limits=kinematics.limits, supervises_load=False)
+    return VirtualArm(side, settings.positions.get(side), model, kinematics, robot.unit_of(side))
+
+
+def _with_addresses(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
+    """The addresses of this machine instead of the robot cell's."""
+    for side in () if settings.system and settings.system.is_factory else robot.arms:
+        unit = robot.unit_of(side)
         address = {"RemoteAdress": settings.egm_host}
         if side in settings.egm_ports:
             address["RemotePortNumber"] = str(settings.egm_ports[side])
-        configuration.change("SIO", "COM_TRP", side.unit, address)
+        if configuration.find("SIO", "COM_TRP", unit) is None:
+            configuration.put("SIO", "COM_TRP", {"Name": unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
+        configuration.change("SIO", "COM_TRP", unit, address)
     return configuration
-
-
-def _controller_files() -> Path:
-    return Path(next(iter(yumi.controller_files.__path__)))

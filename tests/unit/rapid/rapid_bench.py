@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from yumi.rapid import InstructionSet, Task, TaskEvent
+from yumi.rapid.devices import Devices
 from yumi.rapid.program import Severity
+from yumi.virtual.controller.files import FileStore, RapidDisk
+from yumi.virtual.sockets import LocalNetwork
 
 
 class RecordingHost:
@@ -14,7 +17,9 @@ class RecordingHost:
         self.events: list[TaskEvent] = []
         self.log: list[tuple[str, str, Severity]] = []
         self.files: dict[str, str] = {}
-        self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0}
+        self.devices = Devices(RapidDisk(FileStore({})), LocalNetwork())
+        self.devices.log = lambda number, title, text, severity: self.log.append((title, text, severity))
+        self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0, "ai1": 0.0, "ao1": 0.0, "gi1": 0.0}
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)

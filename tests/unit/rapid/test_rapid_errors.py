@@ -201,8 +201,8 @@ def test_undo_that_does_not_end_does_not_keep_pp_from_main() -> None:
 
 @pytest.mark.parametrize("clause", ["UNDO", "BACKWARD"])
 def test_clauses_that_are_executed_rarely_have_to_fit(clause: str) -> None:
-    with pytest.raises(RapidReferenceError, match="'missing' is not declared"):
-        Bench(f"{clause} missing;").task.move_pp_to_main()
+    with pytest.raises(RapidReferenceError, match="a bool is found where a num is needed"):
+        Bench(f"{clause} WaitTime TRUE;").task.move_pp_to_main()
 
 
 @pytest.mark.parametrize("clause", ["UNDO", "BACKWARD"])

@@ -44,7 +44,6 @@ def test_datum_may_have_the_name_of_its_type() -> None:
 @pytest.mark.parametrize(
     ("declarations", "sentence"),
     [
-        ("VAR nothing x;", "there is no data type 'nothing'"),
         ("CONST num x;", "the constant 'x' needs a value"),
         ("CONST num a := b; CONST num b := a;", "depends on itself"),
         ("RECORD R R again; ENDRECORD VAR R x;", "the type 'R' contains itself"),
@@ -54,7 +53,6 @@ def test_datum_may_have_the_name_of_its_type() -> None:
         ("VAR num a; VAR num b := a;", "'a' is not a constant, which a declaration needs"),
         ("VAR num a := Sin(1);", "a declaration cannot call a function"),
         ("CONST num a := 1 / 0;", "the value of 'a' cannot be computed: 1 is divided by zero."),
-        ("PROC p() missing; ENDPROC", "M, line 2: 'missing' is not declared, and no signal has that name."),
     ],
 )
 def test_declaration_that_does_not_fit_is_refused(declarations: str, sentence: str) -> None:
@@ -88,10 +86,59 @@ def test_persistent_of_a_routine_is_refused() -> None:
 
 
 def test_error_has_file_line_and_column() -> None:
-    bench = Bench("x := 1;")
+    bench = Bench('x := "";', "VAR num x;")
     with pytest.raises(RapidReferenceError) as caught:
         bench.task.move_pp_to_main()
-    assert (caught.value.filename, caught.value.line, caught.value.column) == ("M.mod", 4, 1)
+    assert (caught.value.filename, caught.value.line, caught.value.column) == ("M.mod", 4, 6)
+
+
+UNRESOLVED = {
+    "missing;": "ERR_REFUNKPRC",
+    "x := missing(1);": "ERR_REFUNKFUN",
+    "x := missing;": "ERR_REFUNKDAT",
+    "missing := 1;": "ERR_REFUNKDAT",
+    "Set missing;": "ERR_REFUNKDAT",
+    "CONNECT i WITH missing;": "ERR_REFUNKTRP",
+    "Incr odd;": "ERR_REFUNKDAT",
+    "x := DERIVED;": "ERR_REFUNKDAT",
+    "WHILE missing > 1 DO ENDWHILE": "ERR_REFUNKDAT",
+    "IF FALSE THEN x := 1; ELSEIF missing THEN x := 2; ENDIF": "ERR_REFUNKDAT",
+    "TEST 5 CASE missing: x := 1; ENDTEST": "ERR_REFUNKDAT",
+    "FOR n FROM 1 TO missing DO ENDFOR": "ERR_REFUNKDAT",
+    "takes x;": "ERR_REFUNKDAT",
+    "within;": "ERR_REFUNKDAT",
+    '%"missing"%;': "ERR_REFUNKPRC",
+    "Set do1 \\NoSuchArgument;": "NOT_PROVIDED",
+}
+DECLARED = """VAR num x; VAR intnum i; VAR nothing odd; CONST num DERIVED := 2 * MISSING;
+PROC takes(nothing n) ENDPROC
+PROC within() VAR nothing n; TPWrite "declared"; Incr n; ENDPROC
+"""
+
+
+@pytest.mark.parametrize("statement", UNRESOLVED)
+def test_name_that_nothing_declares_is_an_error_where_it_is_used(statement: str) -> None:
+    bench = started(f'TPWrite "before";\n{statement}\nTPWrite "after";', DECLARED)
+    assert (bench.stop.error, bench.lines[0], "after" in bench.lines) == (UNRESOLVED[statement], "before", False)
+    assert bench.stop.line in (4, 5, 8)
+
+
+def test_statement_that_is_not_reached_may_name_what_nothing_declares() -> None:
+    bench = started('IF x = 1 THEN missing; ELSEIF x = 0 THEN TPWrite "fine"; ELSEIF odd THEN ENDIF', DECLARED)
+    assert (bench.lines, bench.stop.error) == (["fine"], "")
+
+
+def test_handler_takes_the_error_of_an_unknown_name() -> None:
+    handler = 'ERROR (ERR_OF_ANOTHER_OPTION, ERR_REFUNKPRC) TPWrite "handled"; TRYNEXT;'
+    assert started(f"missing; {handler}").lines == ["handled"]
+
+
+@pytest.mark.parametrize("statement", ["enlarge 1;", "total := total + 1;", "IF total < 9 total := total + 1;"])
+def test_name_is_known_as_soon_as_its_module_is_loaded(statement: str) -> None:
+    bench = started(f"WHILE TRUE DO WaitTime 1; {statement} ENDWHILE")
+    bench.task.load("MODULE Late VAR num total; PROC enlarge(num n) total := total + n; ENDPROC ENDMODULE", "late.mod")
+    bench.run(2.5)
+    assert bench.task.read("Late", "total") == "2"
 
 
 FAULTS = """MODULE Faulty

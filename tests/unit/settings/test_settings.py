@@ -147,7 +147,7 @@ def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> No
         ("collision: {boxes: {table: {size: [1, 0, 1]}}}", "each edge is longer than 0 m."),
         (
             "collision: {boxes: {table: {extent: [1, 1, 1]}}}",
-            "boxes: table has no setting 'sise'; it has: position",
+            "boxes: table has no setting 'extent'; it has: position",
         ),
         ("collision: {boxes: {table: {size: wide}}}", "size is 'wide'; it must be a list of numbers."),
         ("collision: {right_tools: {needle: {radius: 0}}}", "radius is 0; allowed is 0.001 to 0.5 m."),

@@ -16,7 +16,7 @@ from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
 from yumi.robot.joints import CYCLE
-from yumi.virtual.rws import rapid as rws_rapid
+from yumi.virtual.rws import symbols as rws_rapid
 from yumi.virtual.rws.operations import Call, Router
 from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, parsed
 from yumi.virtual.world import World

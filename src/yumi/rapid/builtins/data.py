@@ -122,11 +122,13 @@ for _name, _signature, _compute in (
     ("Distance", "pos Point1, pos Point2", math.dist),
 ):
     MATHS.formula(_name, _signature, "num", _compute)
-MATHS.formula("AbsDnum", "dnum Value", "dnum", abs)
+    if _name not in ("Exp", "Max", "Min", "Distance"):
+        MATHS.formula(f"{_name}Dnum", _signature.replace("num ", "dnum "), "dnum", _compute)
 MATHS.formula("NumToDnum", "num Value", "dnum", float)
 
 
 @MATHS.function("Round", r"num Val, \num Dec", "num")
+@MATHS.function("RoundDnum", r"dnum Val, \num Dec", "dnum")
 def rounded(call: Call) -> float:
     scale = 10.0 ** _decimals(call)
     nearest = math.floor(abs(call["Val"]) * scale + 0.5)
@@ -134,6 +136,7 @@ def rounded(call: Call) -> float:
 
 
 @MATHS.function("Trunc", r"num Val, \num Dec", "num")
+@MATHS.function("TruncDnum", r"dnum Val, \num Dec", "dnum")
 def truncated(call: Call) -> float:
     scale = 10.0 ** _decimals(call)
     value: float = math.trunc(call["Val"] * scale) / scale

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from yumi.rapid.builtins.data import DATA
-from yumi.rapid.library import Call, Deadline, Library, Wait
+import math
+import operator
+from collections.abc import Callable
 
-SIGNALS = Library(DATA)
+from yumi.rapid.builtins.constants import CONSTANTS
+from yumi.rapid.devices import IoDevices
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Deadline, Library, Wait
+from yumi.rapid.types import Signal
+
+SIGNALS = Library(CONSTANTS)
 PULSE_S = 0.2  # the length of PulseDO without \PLength
 
 
 def _write(call: Call, value: float) -> None:
-    r"""Set the call's signal, after \SDelay where it is given; the program goes on at once."""
+    r"""Set the call's signal, after \SDelay where it is given; the program goes on at once.
+
+    Raises:
+        RapidRuntimeError: ERR_AO_LIM or ERR_GO_LIM for a value the signal does not take, ERR_NORUNUNIT.
+    """
     task, name = call.task, call["Signal"].name
-    if call.present("SDelay"):
+    _check_device(call, name)
+    io = task.host.devices.io
+    low, high = io.limits(name) if io is not None else (-math.inf, math.inf)
+    if not low <= value <= high:
+        error = "ERR_AO_LIM" if call.name == "SetAO" else "ERR_GO_LIM"
+        raise RapidRuntimeError(error, f"{call.name}: {name} takes {low:g} to {high:g}, not {value:g}.")
+    if call.get("SDelay") is not None:
         task.timers.add(task.now + call["SDelay"], lambda: task.write_signal(name, value))
     else:
         task.write_signal(name, value)
@@ -20,12 +37,12 @@ def _write(call: Call, value: float) -> None:
 
 @SIGNALS.instruction("Set", "VAR signaldo Signal")
 def set_output(call: Call) -> None:
-    call.task.write_signal(call["Signal"].name, 1.0)
+    _write(call, 1.0)
 
 
 @SIGNALS.instruction("Reset", "VAR signaldo Signal")
 def reset_output(call: Call) -> None:
-    call.task.write_signal(call["Signal"].name, 0.0)
+    _write(call, 0.0)
 
 
 @SIGNALS.instruction("InvertDO", "VAR signaldo Signal")
@@ -39,14 +56,14 @@ def set_digital_output(call: Call) -> None:
     _write(call, 1.0 if call["Value"] else 0.0)
 
 
-@SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, num Value")
+@SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, anynum Value")
 def set_group_output(call: Call) -> None:
     _write(call, call["Value"])
 
 
 @SIGNALS.instruction("SetAO", "VAR signalao Signal, num Value")
 def set_analog_output(call: Call) -> None:
-    call.task.write_signal(call["Signal"].name, call["Value"])
+    _write(call, call["Value"])
 
 
 @SIGNALS.instruction("PulseDO", r"\switch High, \num PLength, VAR signaldo Signal")
@@ -59,6 +76,7 @@ def pulse_output(call: Call) -> None:
 
 
 def _level(call: Call) -> float:
+    _check_device(call, call["Signal"].name)
     return call.task.read_signal(call["Signal"].name)
 
 
@@ -69,6 +87,8 @@ for _name, _type, _returns in (
     ("GOutput", "signalgo", "num"),
     ("AInput", "signalai", "num"),
     ("AOutput", "signalao", "num"),
+    ("GInputDnum", "signalgi", "dnum"),
+    ("GOutputDnum", "signalgo", "dnum"),
 ):
     SIGNALS.function(_name, f"VAR {_type} Signal", _returns)(_level)
 
@@ -94,19 +114,179 @@ def wait_in_position(call: Call) -> Wait:
         yield None
 
 
+_SHOWN = (
+    r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
+    r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber, \VAR bool TimeFlag"
+)
+_RELATIONS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
+    ("LT", operator.lt),
+    ("GT", operator.gt),
+    ("NOTEQ", operator.ne),
+)
+
+
 def _wait_for_level(call: Call) -> Wait:
+    r"""Until the signal has the value, or the relation to it; \ValueAtTimeout gets what it has when time is up."""
     deadline, value = Deadline.of(call), call["Value"]
-    while _level(call) != value:
-        if deadline.is_over():
-            return
-        yield deadline.due
-    deadline.met()
+    relation = next((holds for name, holds in _RELATIONS if call.get(name)), operator.eq)
+    messages, name = call.task.host.devices.pendant.messages, call.task.name
+    if call.get("Visualize"):
+        lines = call.get("MsgArray") or (call.get("Message", f"Waiting for {call['Signal'].name}"),)
+        messages[name] = (call.get("Header", call.name), *lines)
+    try:
+        while not relation(_level(call), value):
+            if call.task.now >= deadline.time and call.get("ValueAtTimeout") is not None:
+                call["ValueAtTimeout"] = _level(call)
+            if deadline.is_over():
+                return
+            yield deadline.due
+        deadline.met()
+    finally:
+        if call.get("Visualize"):
+            messages.pop(name, None)
 
 
-for _name, _type in (
-    ("WaitDI", "signaldi"),
-    ("WaitDO", "signaldo"),
-    ("WaitGI", "signalgi"),
-    ("WaitGO", "signalgo"),
+for _name, _type, _value, _relation in (
+    ("WaitDI", "signaldi", "num Value", ""),
+    ("WaitDO", "signaldo", "num Value", ""),
+    ("WaitGI", "signalgi", "anynum Value", r"\switch NOTEQ | \switch LT | \switch GT, "),
+    ("WaitGO", "signalgo", "anynum Value", r"\switch NOTEQ | \switch LT | \switch GT, "),
+    ("WaitAI", "signalai", "num Value", r"\switch LT | \switch GT, "),
+    ("WaitAO", "signalao", "num Value", r"\switch LT | \switch GT, "),
 ):
-    SIGNALS.instruction(_name, rf"VAR {_type} Signal, num Value, \num MaxTime, \VAR bool TimeFlag")(_wait_for_level)
+    _out = r", \VAR num ValueAtTimeout" if _relation else ""
+    SIGNALS.instruction(_name, rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, {_SHOWN}")(
+        _wait_for_level
+    )
+
+# Devices, networks and other names for signals ----------------------------------------------------------------------
+
+SIGNALS.alias("busstate", "num")
+SIGNALS.alias("iounit_state", "num")
+SIGNALS.alias("signalorigin", "num")
+_STATES: dict[str, dict[str, int]] = {
+    "busstate": {
+        **{f"BUSSTATE_{name}": value for value, name in enumerate(("HALTED", "RUN", "ERROR", "STARTUP", "INIT"))},
+        **{"IOBUS_LOG_STATE_STOPPED": 10, "IOBUS_LOG_STATE_STARTED": 11},
+        **{
+            f"IOBUS_PHYS_STATE_{name}": value
+            for value, name in enumerate(("HALTED", "RUNNING", "ERROR", "STARTUP", "INIT"), 20)
+        },
+    },
+    "iounit_state": {
+        **{f"IOUNIT_{name}": value for value, name in enumerate(("RUNNING", "RUNERROR", "DISABLE", "OTHERERR"), 1)},
+        **{"IOUNIT_LOG_STATE_DISABLED": 10, "IOUNIT_LOG_STATE_ENABLED": 11},
+        **{
+            f"IOUNIT_PHYS_STATE_{name}": value
+            for value, name in enumerate(
+                ("DEACTIVATED", "RUNNING", "ERROR", "UNCONNECTED", "UNCONFIGURED", "STARTUP", "INIT"), 20
+            )
+        },
+    },
+    "signalorigin": {"SIGORIG_NONE": 0, "SIGORIG_CFG": 1, "SIGORIG_ALIAS": 2},
+}
+for _type, _values in _STATES.items():
+    for _name, _number in _values.items():
+        SIGNALS.data(_name, _type, _number)
+
+
+def _io(call: Call, name: str, unit: str) -> IoDevices:
+    """The host's devices, of which one has the name; raises ERR_NAME_INVALID."""
+    io = call.task.host.devices.io
+    known = (() if io is None else io.devices()) if unit == "device" else (io.devices().values() if io else ())
+    if io is None or name.lower() not in (each.lower() for each in known):
+        raise RapidRuntimeError("ERR_NAME_INVALID", f"{call.name}: there is no {unit} '{name}'.")
+    return io
+
+
+def _check_device(call: Call, signal: str) -> None:
+    """Raise ERR_NORUNUNIT where the signal is on a device that the program has disabled."""
+    devices = call.task.host.devices
+    if devices.disabled and devices.io is not None and devices.io.device_of(signal).lower() in devices.disabled:
+        raise RapidRuntimeError("ERR_NORUNUNIT", f"{call.name}: the device of {signal} is disabled; see IOEnable.")
+
+
+@SIGNALS.instruction("IODisable", "string UnitName, num MaxTime")
+@SIGNALS.instruction("IOEnable", "string UnitName, num MaxTime")
+def switch_device(call: Call) -> None:
+    """Disable a device, so that its signals cannot be used, or enable it again; done at once here."""
+    _io(call, call["UnitName"], "device")
+    disabled, name = call.task.host.devices.disabled, call["UnitName"].lower()
+    if call.name == "IODisable":
+        disabled.add(name)
+    else:
+        disabled.discard(name)
+
+
+@SIGNALS.function("IOUnitState", r"string UnitName, \switch Phys | \switch Logic", "iounit_state")
+def device_state(call: Call) -> float:
+    _io(call, call["UnitName"], "device")
+    is_enabled = call["UnitName"].lower() not in call.task.host.devices.disabled
+    if call.present("Phys"):
+        name = "IOUNIT_PHYS_STATE_RUNNING" if is_enabled else "IOUNIT_PHYS_STATE_DEACTIVATED"
+    elif call.present("Logic"):
+        name = "IOUNIT_LOG_STATE_ENABLED" if is_enabled else "IOUNIT_LOG_STATE_DISABLED"
+    else:
+        name = "IOUNIT_RUNNING" if is_enabled else "IOUNIT_DISABLE"
+    return float(_STATES["iounit_state"][name])
+
+
+@SIGNALS.instruction("IOBusStart", "string BusName")
+def start_bus(call: Call) -> None:
+    """An I/O network always runs here; one that does not exist is an error."""
+    _io(call, call["BusName"], "network")
+
+
+@SIGNALS.instruction("IOBusState", r"string BusName, VAR busstate State, \switch Phys | \switch Logic")
+def bus_state(call: Call) -> None:
+    _io(call, call["BusName"], "network")
+    name = "IOBUS_PHYS_STATE_RUNNING" if call.present("Phys") else "BUSSTATE_RUN"
+    name = "IOBUS_LOG_STATE_STARTED" if call.present("Logic") else name
+    call["State"] = float(_STATES["busstate"][name])
+
+
+@SIGNALS.function("ValidIO", "VAR signal Signal", "bool")
+def is_valid(call: Call) -> bool:
+    """Whether a signal can be used: it exists, an alias is connected, its device is enabled."""
+    try:
+        _level(call)
+    except RapidRuntimeError:
+        return False
+    return True
+
+
+@SIGNALS.instruction("AliasIO", "anytype FromSignal, VAR signal ToSignal")
+def connect_alias(call: Call) -> None:
+    """Let a datum of the program stand for a signal of the configuration, given itself or by its name."""
+    given, io = call["FromSignal"], call.task.host.devices.io
+    name = given.name if isinstance(given, Signal) else given
+    if not isinstance(name, str):
+        raise RapidRuntimeError("ERR_ALIASIO_DEF", "AliasIO takes a signal or its name.")
+    try:
+        call.task.read_signal(name)
+    except RapidRuntimeError as error:
+        raise RapidRuntimeError("ERR_ALIASIO_DEF", f"AliasIO: there is no signal '{name}'.") from error
+    reference = call.reference("ToSignal")
+    if io is not None and reference.type.name != f"signal{io.type_of(name).lower()}":
+        sentence = f"AliasIO: {name} is a signal{io.type_of(name).lower()}, {reference.name} a {reference.type.name}."
+        raise RapidRuntimeError("ERR_ALIASIO_TYPE", sentence)
+    reference.value = Signal(name)
+
+
+@SIGNALS.instruction("AliasIOReset", "VAR signal Signal")
+def reset_alias(call: Call) -> None:
+    reference = call.reference("Signal")
+    if not reference.value.name:
+        raise RapidRuntimeError("ERR_NO_ALIASIO_DEF", f"AliasIOReset: {reference.name} stands for no signal.")
+    reference.value = Signal("")
+
+
+@SIGNALS.function("GetSignalOrigin", "VAR signal Signal, VAR string SignalName", "signalorigin")
+def origin(call: Call) -> float:
+    """Whether a signal is the configuration's or an alias, and which it stands for."""
+    reference = call.reference("Signal")
+    call["SignalName"] = reference.value.name
+    if not reference.value.name:
+        return float(_STATES["signalorigin"]["SIGORIG_NONE"])
+    is_alias = reference.name != "Signal"  # the parameter's name stands for a signal that is passed itself
+    return float(_STATES["signalorigin"]["SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG"])

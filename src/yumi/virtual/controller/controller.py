@@ -2,30 +2,44 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
+from pathlib import PurePosixPath
 
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.rapid.task import Task
+from yumi.rapid.program import Program
+from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
+from yumi.virtual.controller.devices import rapid_devices
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
+from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
-from yumi.virtual.controller.tasks import RapidExecution, TaskHost
-from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, Identity, MechanicalUnit, SyncPoints
+from yumi.virtual.controller.system import System, modules_of, task_settings
+from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
+from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
-from yumi.virtual.instructions.motion import SpeedRatio, add_motion
+from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
+from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
+from yumi.virtual.instructions.triggers import add_triggers
+from yumi.virtual.mechanics.arm import VirtualArm
+
+log = logging.getLogger(__name__)
 
 RESTART_DELAY = 0.2
 """The controller still answers for this time after a restart was requested [s]."""
 
 RESTART_TIME = 20.0
 """How long nothing answers during a restart [s]."""
+
+_NOT_LOADED = 40228
+"""Number of the event about a module of the configuration that is missing or is not RAPID; ABB's own is not known."""
 
 _STOPPED_BY_SAFETY = (
     ControllerState.GUARD_STOP,
@@ -53,9 +67,9 @@ class Irc5:
     program pointers at main.
 
     Args:
-        arms: the arms with what belongs to them, in the order of the tasks.
-        configuration: the system parameters.
-        files: the file store, by path such as ``HOME:/yumi/TRobMain.mod``.
+        arms: the arms with what belongs to them.
+        system: system parameters, files, and the modules of each task.
+        configuration: the system parameters, as they are after the addresses were changed.
         identity: names, version and options.
         start_time: what its clock shows at first [s]; seconds since 1970 where people read it.
 
@@ -63,7 +77,6 @@ class Irc5:
         identity: names, version and options.
         mode: position of the mode selector.
         controller_state: state of motors and safety chain.
-        cycle: what RAPID does at the end of main, in the words of RWS.
         speed_ratio: speed override of RAPID motions, 0 to 100 [%].
         time: the controller's clock [s].
         files: the file store.
@@ -73,41 +86,80 @@ class Irc5:
         events: the event log.
         signals: the I/O system.
         execution: the RAPID tasks and whether they run.
+        configuration: the system parameters as clients read and change them.
+        effective: those that are in use: as they were when the controller started.
+        devices: what RAPID programs find: files, network, FlexPendant, message queues.
+        installed: the parameters the controller was installed with; an installation restart (istart) returns to them.
+        started_at: when it has started last, on its clock [s].
+        energy_reset_at: when its counter of energy was reset [s].
+        jobs: work that takes its time.
+        own_settings: language, clock, network and the like.
+        motion: what ``/rw/motionsystem`` shows and sets beside the mechanical units.
     """
 
     def __init__(
         self,
         arms: Sequence[ArmUnit],
+        system: System,
         configuration: Configuration,
-        files: Mapping[str, str],
         identity: Identity | None = None,
         start_time: float = 0.0,
     ) -> None:
         self.identity = identity or Identity()
         self.mode = OperatingMode.AUTO
         self.controller_state = ControllerState.MOTORS_OFF
-        self.cycle = "forever"
         self.speed_ratio = 100
         self.time = start_time
-        self.files = FileStore(files, lambda: self.time)
+        self.files = FileStore(system.files, lambda: self.time)
         self.collision_state = CollisionState.INIT
         self.is_restarting = False
+        self.started_at = self.energy_reset_at = start_time
+        self.jobs = Jobs()
+        self.own_settings = OwnSettings()
+        self.motion = MotionState()
+        self._discards_programs = False
+        self._programs: dict[str, tuple[Program, int]] = {}
+        self._program_names: dict[str, str] = {}
         self._restart_left = 0.0
         self._restart_time = RESTART_TIME
-        self.units: tuple[MechanicalUnit, ...] = YUMI_UNITS
+        self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
-        self._configuration = configuration
+        self._system = system
+        self.configuration = configuration
+        self.effective = Configuration()
+        self.effective.become(configuration)
+        self.installed = Configuration()
+        self.installed.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
+        self._stationary = self._outputs_of_standstill()
         self._gripper_signals: dict[Side, dict[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
         self.execution = RapidExecution(
-            [self._loaded(unit) for unit in arms],
+            self._tasks(system),
             self.events,
             halt=lambda reason: self._switch_motors_off(ControllerState.MOTORS_OFF, reason),
         )
-        self.execution.move_pp_to_main()
+        self.devices = rapid_devices(
+            self.files,
+            self.effective,
+            self.signals,
+            self.identity,
+            self.events,
+            now=lambda: self.time,
+            tasks=lambda: self.tasks,
+            restart=self.restart,
+        )
+        for task in self.tasks.values():
+            task.host.devices = self.devices
+        if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
+            try:
+                self.execution.move_pp_to_main()
+            except Refused as refused:  # what does not fit can be mended over RWS
+                self.events.append(40228, "Execution error", str(refused), EventType.ERROR)
+                log.warning("%s", refused)
+        self.execution.start_background()
         self.supervise()
 
     # What clients read
@@ -118,8 +170,13 @@ class Irc5:
         return self.execution.is_running
 
     @property
+    def cycle(self) -> str:
+        """What RAPID does at the end of main, in the words of RWS."""
+        return self.execution.cycle
+
+    @property
     def tasks(self) -> Mapping[str, Task]:
-        """The RAPID tasks by name, the right arm's first."""
+        """The RAPID tasks by name, in the order of their declarations: on a YuMi the right arm's first."""
         return self.execution.tasks
 
     @property
@@ -138,9 +195,28 @@ class Irc5:
             raise Refused(Refusal.UNKNOWN, f"there is no mechanical unit {unit}.")
         return jointtarget(self._arms[found.side].arm.position)
 
+    def program_changes(self, task: str) -> int:
+        """How often the program of a task has changed since it was asked first: modules loaded and unloaded."""
+        program = self.tasks[task].program
+        known, count = self._programs.get(task, (program, 0))
+        self._programs[task] = (program, count + (known is not program))
+        return self._programs[task][1]
+
+    def program_name(self, task: str) -> str:
+        """The name of a task's program."""
+        return self._program_names.get(task, "program")
+
+    def name_program(self, task: str, name: str) -> None:
+        """Give a task's program a name."""
+        self._program_names[task] = name
+
+    def arm_of(self, unit: MechanicalUnit) -> VirtualArm:
+        """The arm that a mechanical unit belongs to."""
+        return self._arms[unit.side].arm
+
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
-        return self._configuration.instances(domain, type)
+        return self.configuration.instances(domain, type)
 
     # What clients ask for
 
@@ -165,8 +241,13 @@ class Irc5:
             unit.arm.switch_motors_on()
         self.events.append(10011, "Motors ON", "The motors of both arms are on.")
 
-    def start_rapid(self) -> None:
-        """Start both tasks from their program pointers.
+    def start_rapid(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
+        """Start all selected tasks from their program pointers.
+
+        Args:
+            cycle: "once" or "forever" from now on; empty leaves it as it is.
+            step: execute one step only.
+            stop_at_breakpoints: whether they stop at breakpoints.
 
         Raises:
             Refused: WRONG_MODE, MOTORS_OFF, ALREADY_RUNNING or NO_PROGRAM_POINTER.
@@ -175,14 +256,14 @@ class Irc5:
         self.acknowledge_collision()
         if self.controller_state is not ControllerState.MOTORS_ON:
             raise Refused(Refusal.MOTORS_OFF, "RAPID starts with motors on only: switch them on first.")
-        self.execution.start()
+        self.execution.start(cycle, step, stop_at_breakpoints=stop_at_breakpoints)
 
     def stop_rapid(self) -> None:
-        """Stop both tasks and the arms; nothing happens when RAPID is stopped."""
+        """Stop all NORMAL tasks and the arms; nothing happens when RAPID is stopped."""
         self.execution.stop("RAPID has been stopped on request.")
 
     def move_pp_to_main(self) -> None:
-        """Set the program pointers of both tasks to main; all variables are initialized.
+        """Set the program pointers of all selected tasks to main; all variables are initialized.
 
         Raises:
             Refused: WRONG_MODE or NOT_STOPPED.
@@ -191,7 +272,7 @@ class Irc5:
         self.execution.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:
-        """Set the speed override of RAPID motions; it counts from the next motion on.
+        """Set the speed override of RAPID motions; it counts at once.
 
         Raises:
             Refused: WRONG_MODE or OUT_OF_RANGE.
@@ -221,7 +302,7 @@ class Irc5:
         self.execution.unload_module(task, name)
 
     def replace_program(self, files: Mapping[str, str]) -> None:
-        """Load another program into both tasks, or that of the configuration when ``files`` is empty."""
+        """Load another program into the motion tasks, or that of the configuration when ``files`` is empty."""
         self.execution.stop("Another program is loaded.")
         self.files.update(files)
         paths = list(files) or [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
@@ -231,14 +312,24 @@ class Irc5:
         """Reset the state of the collision detection."""
         self.collision_state = CollisionState.INIT
 
-    def restart(self, duration: float = RESTART_TIME) -> None:
-        """Warm restart: soon nothing answers for ``duration`` [s]; then motors are off, RAPID is stopped.
+    def restart(
+        self, duration: float = RESTART_TIME, *, discards_programs: bool = False, discards_settings: bool = False
+    ) -> None:
+        """Restart: soon nothing answers for ``duration`` [s]; then motors are off, RAPID is stopped.
 
-        Programs, program pointers, variables and files stay; EGM's identities and virtual signals do not. Nothing
-        happens while a restart is under way.
+        Programs, program pointers, variables and files stay; EGM's identities and virtual signals do not. System
+        parameters that have been changed take effect. Nothing happens while a restart is under way.
+
+        Args:
+            duration: how long nothing answers [s]; infinite where the controller is shut down.
+            discards_programs: whether the tasks begin with the modules of the configuration again (pstart).
+            discards_settings: whether the system parameters become those of the installation again (istart).
         """
         if self._restart_left <= 0.0:
             self._restart_left, self._restart_time = RESTART_DELAY, duration
+            self._discards_programs = discards_programs
+            if discards_settings:
+                self.configuration.become(self.installed)
 
     def settle(self) -> None:
         """Run the interrupts that are due, so that the effects of a write can be read at once."""
@@ -266,20 +357,27 @@ class Irc5:
     def collide(self, side: Side) -> None:
         """An arm collides: motion supervision stops RAPID and both arms; the motors stay on."""
         self.collision_state = CollisionState.TRIGGERED
-        sentence = f"Motion supervision triggered for {side.unit}: the {side.word} arm has met something."
-        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(side.unit,))
+        unit = self._arms[side].mechanical_unit
+        sentence = (
+            f"Motion supervision triggered for {unit}: the {self._arms[side].arm.kinematics.name} has met something."
+        )
+        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(unit,))
         self.execution.stop(sentence)
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
         self.time += dt
+        self.jobs.advance(dt)
         if self._restart_left > 0.0:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
                 self.is_restarting = False
+                self._use_configuration()
+                self.execution.start_background(is_restart=True)
                 self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
             elif self._restart_left <= 0.0:  # from now on nothing answers
                 self.is_restarting = True
+                self.execution.stop_background()
                 self._restart_left = self._restart_time
                 if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
                     self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
@@ -288,18 +386,21 @@ class Irc5:
                 self.signals.restore_defaults()
                 self._gripper_signals.clear()
                 self.collision_state = CollisionState.INIT
+        for unit in self._arms.values():
+            unit.override_speed(self.speed_ratio)
         self.execution.advance(dt)
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
+        for signal, unit in self._stationary:
+            self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
-            self.signals.drive(f"OUTPUT_STATIONARY_{unit.side.unit}", float(unit.arm.is_stationary))
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values
                 self._is_copying = True
                 for name, value in values.items():
-                    self.signals.drive(f"{name}_{unit.side.name[0]}", float(value))
+                    self._show(f"{name}_{unit.side.name[0]}", float(value))
                 self._is_copying = False
             failure = unit.egm.take_failure()
             if failure is None:
@@ -313,10 +414,58 @@ class Irc5:
             else:
                 self._switch_motors_off(state, failure.sentence)
 
+    def _use_configuration(self) -> None:
+        """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
+        self.started_at = self.time
+        self.effective.become(self.configuration)
+        self.signals.configure(self.effective)
+        self._stationary = self._outputs_of_standstill()
+        if self._discards_programs:
+            for task in self.tasks.values():
+                task.lose_pp()
+                for module in task.modules:
+                    task.unload(module.name)
+        for installed in self.execution.installed.values():
+            loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
+            loaded |= {module.name.lower() for module in installed.task.modules}
+            for path in modules_of(installed.settings, self._system, self.effective):
+                file = PurePosixPath(path)
+                if file.name.lower() in loaded or file.stem.lower() in loaded:
+                    continue
+                try:
+                    self.load_module(installed.task.name, path, replace=False)
+                except Refused as refused:
+                    sentence = f"{installed.task.name}: {refused}"
+                    self.events.append(_NOT_LOADED, "Module not loaded", sentence, EventType.ERROR)
+        if self._discards_programs:
+            self._discards_programs = False
+            try:
+                self.execution.move_pp_to_main()
+            except Refused as refused:
+                self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
+
+    def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
+        """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
+        units = {unit.mechanical_unit: unit for unit in self._arms.values()}
+        outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
+        return tuple(
+            (output["Signal"], units[output["Arg1"]])
+            for output in outputs
+            if output.get("Status") == "MechUnitNotMoving"
+            and output.get("Arg1") in units
+            and output.get("Signal", "") in self.signals
+        )
+
+    def _show(self, name: str, value: float) -> None:
+        """Drive a signal that the system parameters may leave out."""
+        if name in self.signals:
+            self.signals.drive(name, value)
+
     def _signal_changed(self, name: str, old: float, new: float) -> None:
         if name.startswith("hand_") and self.signals.get(name).type.is_output and not self._is_copying:
-            unit = next(unit for unit in self._arms.values() if name.endswith(f"_{unit.side.name[0]}"))
-            unit.gripper.write(name[:-2], int(new))
+            unit = next((unit for unit in self._arms.values() if name.endswith(f"_{unit.side.name[0]}")), None)
+            if unit is not None:
+                unit.gripper.write(name[:-2], int(new))
         self.execution.signal_changed(name, old, new)
 
     def _switch_motors_off(self, state: ControllerState, reason: str) -> None:
@@ -335,23 +484,41 @@ class Irc5:
         if self.mode is not OperatingMode.AUTO:
             raise Refused(Refusal.WRONG_MODE, f"the controller is in {self.mode.value}: {otherwise}, or select AUTO.")
 
-    def _loaded(self, unit: ArmUnit) -> tuple[Task, ArmUnit, TaskHost]:
-        """The task of one arm with the modules the configuration lists for it (CAB_TASK_MODULES)."""
-        host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
-        library = robot_library(
-            unit,
-            configuration=self._configuration,
-            events=self.events,
-            speed_ratio=lambda: self.speed_ratio,
-            units=self.units,
-            sync_points=self._sync_points,
-        )
-        task = Task(unit.side.task, host, library)
-        task.in_position = lambda: unit.arm.is_stationary
-        for module in self.cfg("SYS", "CAB_TASK_MODULES"):
-            path = module.attributes["File"]
-            task.load(host.read_file(path), path.rsplit("/")[-1])
-        return task, unit, host
+    def _tasks(self, system: System) -> list[InstalledTask]:
+        """The tasks of CAB_TASKS with their modules, each with the arm of its mechanical unit group."""
+        tasks = []
+        settings = task_settings(self.effective)
+        free = list(self._arms.values())
+        named = {unit.mechanical_unit: unit for unit in free}
+        for each in settings:
+            if each.robot.upper() in named and each.is_motion_task:
+                free.remove(named[each.robot.upper()])
+        for each in settings:
+            unit = named.get(each.robot.upper())
+            if unit is None and each.is_motion_task and free:  # of a group this robot does not have
+                unit = free.pop(0)
+            host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
+            library = robot_library(
+                unit or next(iter(self._arms.values())),
+                configuration=self.effective,
+                events=self.events,
+                speed_ratio=lambda: self.speed_ratio,
+                units=self.units,
+                sync_points=self._sync_points,
+                is_motion_task=each.is_motion_task and unit is not None,
+            )
+            task = Task(each.name, host, library, each.entry)
+            if unit is not None:
+                task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
+            for path in modules_of(each, system, self.effective):
+                try:
+                    task.load(host.read_file(path), path.rsplit("/")[-1])
+                except FileNotFoundError as error:
+                    sentence = f"CAB_TASK_MODULES names a module of {each.name} that is missing: {error}"
+                    self.events.append(40228, "Execution error", sentence, EventType.ERROR)
+                    log.warning("%s", sentence)
+            tasks.append(InstalledTask(task, each, host, unit))
+        return tasks
 
 
 def robot_library(
@@ -362,12 +529,18 @@ def robot_library(
     speed_ratio: SpeedRatio,
     units: Sequence[MechanicalUnit],
     sync_points: SyncPoints,
+    is_motion_task: bool = True,
 ) -> Library:
-    """RAPID's own instructions with those of one arm on top."""
+    """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
-    add_data(library, unit.side.unit)
-    add_motion(library, unit, speed_ratio)
-    add_egm(library, unit, configuration, events)
-    add_gripper(library, unit.gripper, events)
+    add_data(library, unit.mechanical_unit, units)
+    motion = add_motion(library, unit, speed_ratio, events)
+    add_motion_settings(library, motion)
+    add_triggers(library, motion)
+    if not is_motion_task:
+        forbid_motion(library)
+    elif unit.arm.kinematics.is_of_yumi:
+        add_egm(library, unit, configuration, events)
+        add_gripper(library, unit.gripper, events)
     add_system(library, unit, units, configuration, sync_points)
     return library

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+from yumi.rapid.devices import Entry
 from yumi.virtual.controller.events import Refusal, Refused
 
 DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"
-"""Of RAPID's files."""
+"""Of RAPID's files, unless they are UTF-8."""
 
 CAPACITY = 64 * 1024 * 1024
 """Of all devices together [bytes]."""
@@ -19,6 +21,22 @@ MOST_FILES = 1000
 
 LONGEST_PATH = 1000
 """Characters."""
+
+
+def decoded(content: bytes) -> str:
+    """The text of a file: UTF-8 when it is, Latin-1 otherwise; RobotStudio writes either."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode(ENCODING)
+
+
+def encoded(text: str) -> bytes:
+    """A file with the text: Latin-1 where it has the characters, UTF-8 otherwise."""
+    try:
+        return text.encode(ENCODING)
+    except UnicodeEncodeError:
+        return text.encode("utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,25 +63,26 @@ class FileStore(MutableMapping[str, str]):
     """Files, found in any letter case; as a mapping it shows their texts.
 
     Args:
-        files: texts by path.
+        files: texts or contents by path.
         now: the controller's clock [s].
     """
 
-    def __init__(self, files: Mapping[str, str], now: Callable[[], float] = lambda: 0.0) -> None:
+    def __init__(self, files: Mapping[str, str] | Mapping[str, bytes], now: Callable[[], float] = lambda: 0.0) -> None:
         self._now = now
         self._files: dict[str, File] = {}
         for device in DEVICES:
             self._put(f"{device}:", None)
-        self.update(files)
+        for path, given in files.items():
+            self.write(path, given if isinstance(given, bytes) else encoded(given))
 
     def __getitem__(self, path: str) -> str:
         content = self._files[_key(path)].content
         if content is None:
             raise KeyError(path)
-        return content.decode(ENCODING)
+        return decoded(content)
 
     def __setitem__(self, path: str, text: str) -> None:
-        self.write(path, text.encode(ENCODING))
+        self.write(path, encoded(text))
 
     def __delitem__(self, path: str) -> None:
         del self._files[_key(path)]
@@ -73,6 +92,11 @@ class FileStore(MutableMapping[str, str]):
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+    @property
+    def used(self) -> int:
+        """Of the capacity [bytes]."""
+        return sum(map(_size, self._files.values()))
 
     def get_file(self, path: str) -> File:
         """A file or directory.
@@ -154,7 +178,7 @@ class FileStore(MutableMapping[str, str]):
             self._files[_key(moved)] = replace(file, path=moved, changed=self._now())
 
     def _check_space(self, more: int, files: int = 1) -> None:
-        used = sum(map(_size, self._files.values()))
+        used = self.used
         if used + more > CAPACITY or len(self._files) + files > MOST_FILES:
             raise Refused(
                 Refusal.NO_SPACE,
@@ -170,12 +194,100 @@ class FileStore(MutableMapping[str, str]):
         self._files[_key(path)] = File(_clean(path), content, self._now())
 
 
+class RapidDisk:
+    """The files as RAPID's instructions see them; what the store refuses is an OSError (:class:`Disk`)."""
+
+    def __init__(self, files: FileStore) -> None:
+        self._files = files
+
+    def read(self, path: str) -> bytes:
+        """The content of a file."""
+        content = self._find(path).content
+        if content is None:
+            raise IsADirectoryError(f"{path} is a directory.")
+        return content
+
+    def write(self, path: str, content: bytes) -> None:
+        """Create or replace a file in a directory that exists."""
+        self._find(_clean(path).rpartition("/")[0])
+        with _os_errors():
+            self._files.write(path, content)
+
+    def entry(self, path: str) -> Entry:
+        """The file or directory of that path."""
+        file = self._find(path)
+        return Entry(file.name, file.content is None, _size(file), file.changed)
+
+    def entries(self, path: str) -> tuple[Entry, ...]:
+        """What is in a directory."""
+        if self._find(path).content is not None:
+            raise NotADirectoryError(f"{path} is a file.")
+        return tuple(Entry(e.name, e.content is None, _size(e), e.changed) for e in self._files.entries(path))
+
+    def make_directory(self, path: str) -> None:
+        """Create a directory in another one."""
+        self._check_free(path)
+        self._find(_clean(path).rpartition("/")[0])
+        with _os_errors():
+            self._files.make_directory(path)
+
+    def remove(self, path: str) -> None:
+        """Remove a file, or a directory with what is in it."""
+        self._find(path)
+        with _os_errors():
+            self._files.remove(path)
+
+    def copy(self, path: str, to: str) -> None:
+        """Copy a file."""
+        self.write(to, self.read(path))
+
+    def rename(self, path: str, to: str) -> None:
+        """Give a file or directory another path."""
+        self._check_free(to)
+        self._find(path)
+        self._find(_clean(to).rpartition("/")[0])
+        with _os_errors():
+            self._files.copy(path, to)
+            self._files.remove(path)
+
+    def space(self) -> tuple[int, int]:
+        """Size of the disk, and what is free of it [bytes]."""
+        return CAPACITY, CAPACITY - self._files.used
+
+    def _find(self, path: str) -> File:
+        try:
+            return self._files.get_file(path)
+        except Refused as refused:
+            raise FileNotFoundError(str(refused)) from refused
+
+    def _check_free(self, path: str) -> None:
+        try:
+            self._files.get_file(path)
+        except Refused:
+            return
+        raise FileExistsError(f"{path} exists already.")
+
+
+@contextmanager
+def _os_errors() -> Iterator[None]:
+    try:
+        yield
+    except Refused as refused:
+        raise OSError(str(refused)) from refused
+
+
 def _size(file: File) -> int:
     return len(file.content or b"")
 
 
 def _clean(path: str) -> str:
-    return path.rstrip("/")
+    """The path as the store has it: ``$HOME/x`` and ``HOME:x`` are ``HOME:/x``."""
+    path = path.rstrip("/")
+    if path.startswith("$"):
+        device, slash, rest = path[1:].partition("/")
+        path = f"{device.upper().rstrip(':')}:{slash}{rest}"
+    device, colon, rest = path.partition(":")
+    return f"{device}:/{rest}" if colon and rest and not rest.startswith("/") else path
 
 
 def _key(path: str) -> str:

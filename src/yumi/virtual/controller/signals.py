@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import count
 from types import MappingProxyType
 
 from yumi.errors import SettingsError
+from yumi.rws.cfg_files import read_cfg, write_cfg
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.events import Refusal, Refused
 
@@ -47,7 +48,11 @@ _DEFAULTS: Mapping[tuple[str, str], Mapping[str, Value]] = {
     },
     ("SIO", "COM_TRP"): {"PhyChannel": ""},
 }
-_ATTRIBUTE = re.compile(r'-(\w+)\s*("[^"]*"|[^\s"]\S*)?')
+
+
+def defaults_of(domain: str, type_name: str) -> Mapping[str, Value]:
+    """The values a new instance of a type has, as far as they are known."""
+    return _DEFAULTS.get((domain.upper(), type_name.upper()), {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,46 +69,91 @@ class Instance:
 
 
 class Configuration:
-    """All instances; domains and types are found in any letter case, as on the controller."""
+    """All instances; domains and types are found in any letter case, as on the controller.
+
+    Attributes:
+        changes: rises with each change.
+    """
 
     def __init__(self, texts: Iterable[str] = ()) -> None:
         self._instances: dict[tuple[str, str], dict[str, Instance]] = {}
+        self._headers: dict[str, str] = {}
+        self.changes = 0
         for text in texts:
             self.load(text)
 
-    def load(self, text: str) -> None:
-        """Add the instances of a cfg file; an instance of the same name is replaced.
+    def load(self, text: str, replacing: Container[str] = (), *, replace: bool = True) -> None:
+        """Add the instances of a cfg file: all, or none.
+
+        Args:
+            text: of the file.
+            replacing: types, in capitals, of which what there was is removed where the file has instances of them.
+            replace: whether an instance of the same name is replaced; it is an error otherwise.
 
         Raises:
-            SettingsError: the text is not a cfg file.
+            SettingsError: the text is not a cfg file, or an instance cannot be added.
         """
-        # Lines that are not empty or comments; those that end in a backslash are joined with the next.
-        joined = (line.strip() for line in re.sub(r"\\\s*\n", " ", text).splitlines())
-        header, *lines = (line for line in joined if line and not line.startswith("#"))
-        domain, colon, _ = header.partition(":CFG_")
-        if not colon:
-            raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
-        type_name = ""
-        for line in lines:
-            if line.endswith(":"):
-                type_name = line[:-1]
-            else:
-                # An attribute without a value is a flag that is set.
-                found = _ATTRIBUTE.findall(line)
-                self.put(domain, type_name, {name: value.strip('"') if value else "TRUE" for name, value in found})
+        file = read_cfg(text)
+        loaded = Configuration()
+        loaded.become(self)
+        for type_name in dict.fromkeys(type_name.upper() for type_name, _ in file.instances):
+            if type_name in replacing:
+                loaded._instances.pop((file.domain.upper(), type_name), None)
+        for type_name, attributes in file.instances:
+            name = attributes.get("name") or attributes.get("Name") or ""
+            if not replace and loaded.find(file.domain, type_name, name) is not None:
+                raise SettingsError(f"{file.domain}/{type_name} has {name} already.")
+            loaded.put(file.domain, type_name, attributes)
+        self.become(loaded)
+        self._headers[file.domain] = file.header
+
+    def text(self, domain: str) -> str:
+        """The cfg file of a domain."""
+        types = [type_name for found, type_name in self._instances if found == domain]
+        instances = [(name, each.attributes) for name in types for each in self.instances(domain, name)]
+        return write_cfg(self._headers.get(domain, f"{domain}:CFG_1.0:6:0::"), instances)
+
+    def remove(self, domain: str, type_name: str, name: str) -> None:
+        """Remove an instance that exists."""
+        key = (domain.upper(), type_name.upper())
+        self.changes += 1
+        del self._instances[key][name]
+        if not self._instances[key]:
+            del self._instances[key]
 
     def put(self, domain: str, type_name: str, attributes: Mapping[str, Value]) -> None:
-        """Add one instance, completed with the defaults of its type."""
+        """Add one instance, completed with the defaults of its type.
+
+        An instance of a type without names is the same as another one when all its attributes are.
+
+        Raises:
+            SettingsError: a signal of a kind that does not exist.
+        """
         key = (domain.upper(), type_name.upper())
         complete = {**attributes, **{k: v for k, v in _DEFAULTS.get(key, {}).items() if k not in attributes}}
-        name = complete.get("name") or complete.get("Name") or f"{type_name}_{len(self.instances(*key))}"
-        self._instances.setdefault(key, {})[name] = Instance(name, MappingProxyType(complete))
+        _check(key, complete)
+        instances = self._instances.setdefault(key, {})
+        name = complete.get("name") or complete.get("Name")
+        if not name:
+            if any(each.attributes == complete for each in instances.values()):
+                return
+            name = next(free for n in count() if (free := f"{type_name}_{n}") not in instances)
+        self.changes += 1
+        instances[name] = Instance(name, MappingProxyType(complete))
 
     def change(self, domain: str, type_name: str, name: str, attributes: Mapping[str, Value]) -> None:
-        """Give an instance that exists other values of some attributes."""
+        """Give an instance that exists other values of some attributes; raises SettingsError as :meth:`put`."""
         instances = self._instances[domain.upper(), type_name.upper()]
-        old = instances[name]
-        instances[name] = replace(old, attributes=MappingProxyType({**old.attributes, **attributes}))
+        changed = {**instances[name].attributes, **attributes}
+        _check((domain.upper(), type_name.upper()), changed)
+        self.changes += 1
+        instances[name] = replace(instances[name], attributes=MappingProxyType(changed))
+
+    def become(self, other: Configuration) -> None:
+        """Take over all instances of another configuration: what the controller does when it starts."""
+        self._instances = {key: dict(instances) for key, instances in other._instances.items()}
+        self._headers = dict(other._headers)
+        self.changes += 1
 
     @property
     def domains(self) -> tuple[str, ...]:
@@ -122,6 +172,33 @@ class Configuration:
         return self._instances.get((domain.upper(), type_name.upper()), {}).get(name)
 
 
+# What a device of each type is on where its -Network is left out, as RobotStudio writes it.
+_NETWORKS: Mapping[str, str] = {
+    "ETHERNETIP_DEVICE": "EtherNetIP",
+    "DEVICENET_DEVICE": "DeviceNet",
+    "DEVICENET_INTERNAL_DEVICE": "DeviceNet",
+    "PROFINET_DEVICE": "PROFINET",
+    "PROFINET_INTERNAL_DEVICE": "PROFINET",
+    "PROFIBUS_DEVICE": "PROFIBUS",
+    "PROFIBUS_INTERNAL_ANYBUS": "PROFIBUS_Anybus",
+    "LOCAL_DEVICE": "Local",
+}
+
+
+def _check(key: tuple[str, str], attributes: Mapping[str, Value]) -> None:
+    """Refuse a signal of a kind that does not exist, or without a number to start with."""
+    if key != ("EIO", "EIO_SIGNAL"):
+        return
+    kind, value = attributes.get("SignalType", ""), attributes.get("Default", "")
+    try:
+        SignalType(kind.upper()), float(value)
+    except ValueError:
+        raise SettingsError(
+            f"the signal {attributes.get('Name', '')} of the EIO parameters has the SignalType {kind!r} and the "
+            f"Default {value!r}; allowed are {', '.join(each.value for each in SignalType)} and a number."
+        ) from None
+
+
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
 
@@ -138,6 +215,7 @@ class Signal:
         value: 0 or 1 for digital signals, a whole number for groups.
         device: the device it is on; empty for a virtual signal.
         network: the network the device is on; empty for a virtual signal.
+        physical: what the device has, while the signal is simulated; None where that is the value itself.
     """
 
     name: str
@@ -147,41 +225,62 @@ class Signal:
     value: float
     device: str
     network: str = ""
+    physical: float | None = None
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its value is a client's and not the device's."""
+        return self.physical is not None
 
 
 class Signals:
-    """All signals, found in any letter case; a change is announced at once, so that no edge is ever missed."""
+    """All signals, found in any letter case; a change is announced at once, so that no edge is ever missed.
+
+    Attributes:
+        disabled: devices that have been disabled.
+        stopped: networks that have been stopped.
+    """
 
     def __init__(self, signals: Iterable[Signal], on_change: OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
+        self.disabled: set[str] = set()
+        self.stopped: set[str] = set()
         self._defaults = {signal.name: signal.value for signal in self._signals.values()}
 
     @classmethod
     def configured(cls, configuration: Configuration, on_change: OnChange) -> Signals:
         """The signals the configuration declares, at their default values."""
-        kinds = ("ETHERNETIP_DEVICE", "DEVICENET_DEVICE")
-        devices = [device for kind in kinds for device in configuration.instances("EIO", kind)]
-        networks = {device.name: device.attributes["Network"] for device in devices}
-        signals = []
+        signals = cls((), on_change)
+        signals.configure(configuration)
+        return signals
+
+    def configure(self, configuration: Configuration) -> None:
+        """Become the signals the configuration declares, at their default values; those on a device keep theirs."""
+        devices = [(kind, device) for kind in _NETWORKS for device in configuration.instances("EIO", kind)]
+        networks = {device.name: device.attributes.get("Network", _NETWORKS[kind]) for kind, device in devices}
+        known, self._signals, self._defaults = self._signals, {}, {}
         for instance in configuration.instances("EIO", "EIO_SIGNAL"):
             attributes = instance.attributes
-            signals.append(
-                Signal(
-                    name=instance.name,
-                    type=SignalType(attributes["SignalType"]),
-                    category=attributes["Category"],
-                    access=attributes["Access"],
-                    value=float(attributes["Default"]),
-                    device=attributes["Device"],
-                    network=networks.get(attributes["Device"], ""),
-                )
+            default = float(attributes["Default"])
+            before = known.get(instance.name.lower())
+            self._defaults[instance.name] = default
+            self._signals[instance.name.lower()] = Signal(
+                name=instance.name,
+                type=SignalType(attributes["SignalType"].upper()),
+                category=attributes["Category"],
+                access=attributes["Access"],
+                value=before.value if before is not None and before.device else default,
+                device=attributes["Device"],
+                network=networks.get(attributes["Device"], ""),
             )
-        return cls(signals, on_change)
 
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(signal.name for signal in self._signals.values())
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name.lower() in self._signals
 
     def get(self, name: str) -> Signal:
         """The signal as it is now.
@@ -206,7 +305,32 @@ class Signals:
                 Refusal.READ_ONLY,
                 f"signal {name} has access level {signal.access}; clients write those with All.",
             )
-        self.drive(name, value)
+        if signal.device in self.disabled or signal.network in self.stopped:
+            raise Refused(Refusal.NOT_STOPPED, f"the device {signal.device} of signal {name} does not run.")
+        if signal.is_simulated:
+            self.simulate(name, value)
+        else:
+            self.drive(name, value)
+
+    def simulate(self, name: str, value: float | None) -> None:
+        """Give a signal a value of a client's own, whatever its device says; None ends that.
+
+        Raises:
+            Refused: UNKNOWN or OUT_OF_RANGE.
+        """
+        signal = self.get(name)
+        physical = signal.value if signal.physical is None else signal.physical
+        self._signals[signal.name.lower()] = replace(signal, physical=None)
+        self.drive(name, physical if value is None else value)
+        if value is not None:
+            changed = self.get(name)
+            self._signals[signal.name.lower()] = replace(changed, physical=physical)
+
+    def end_simulations(self) -> None:
+        """Give all signals their devices' values again."""
+        for signal in tuple(self._signals.values()):
+            if signal.is_simulated:
+                self.simulate(signal.name, None)
 
     def drive(self, name: str, value: float) -> None:
         """Write a signal as the controller itself or a device does, whatever its access level.
@@ -217,9 +341,15 @@ class Signals:
         signal = self.get(name)
         if signal.type.is_digital and value not in (0, 1):
             raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
-        if value != signal.value:
+        if signal.is_simulated:  # the device's value waits until the simulation ends
+            self._signals[signal.name.lower()] = replace(signal, physical=value)
+        elif value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
+
+    def has(self, name: str) -> bool:
+        """Whether there is a signal of that name."""
+        return name.lower() in self._signals
 
     def restore_defaults(self) -> None:
         """Give the signals that are on no device the value they start with."""

@@ -1,20 +1,34 @@
-"""The RAPID tasks of the virtual controller: started and stopped together, each on its screen, signals and files."""
+"""The RAPID tasks of the virtual controller: NORMAL ones start and stop together, the others always run.
+
+Each has its screen; all share signals, files and the persistents of one name.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 from yumi.egm.messages import RapidState
 from yumi.errors import RapidError, RobotNotReady
+from yumi.rapid.ast import Storage
+from yumi.rapid.devices import Devices, NoNetwork
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
 from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
-from yumi.rapid.task import Task
+from yumi.rapid.task import StepKind, Task
+from yumi.rapid.types import UNSET, Variable
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
+from yumi.virtual.controller.files import FileStore, RapidDisk
 from yumi.virtual.controller.signals import Signals
+from yumi.virtual.controller.system import TaskSettings, TaskType, TrustLevel
 from yumi.virtual.controller.units import ArmUnit
+
+log = logging.getLogger(__name__)
 
 _SCREEN_LINES = 200
 _NUMBERS: Mapping[Severity, tuple[int, EventType]] = {
@@ -30,9 +44,11 @@ class TaskHost:
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
         events: why the task stopped by itself, until they are read.
+        devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
 
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
+        self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
@@ -42,6 +58,7 @@ class TaskHost:
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
+        log.debug("%s: %s", task, text)
 
     def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
         code, type = _NUMBERS[severity]
@@ -74,68 +91,170 @@ class TaskHost:
         return self._is_virtual
 
 
-_OF_ITS_OWN_TASK = (EventKind.STOP, EventKind.FINISHED)
+_OF_ITS_OWN_TASK = (EventKind.STOP, EventKind.FINISHED, EventKind.STEPPED)
 """Events that stop one task while the others continue."""
 
 
+@dataclass(eq=False, slots=True)
+class InstalledTask:
+    """A task with what it runs on.
+
+    Attributes:
+        task: the task itself.
+        settings: what CAB_TASKS says of it.
+        host: its screen, signals and files.
+        unit: the arm its instructions move, None for a task without.
+        is_active: whether the task panel has it selected; tasks that are not are neither started nor stopped.
+    """
+
+    task: Task
+    settings: TaskSettings
+    host: TaskHost
+    unit: ArmUnit | None = None
+    is_active: bool = True
+
+    @property
+    def is_normal(self) -> bool:
+        return self.settings.type is TaskType.NORMAL
+
+    @property
+    def has_program(self) -> bool:
+        """Whether there is more in it than system modules: it has, or should have, an entry routine."""
+        return any(not module.is_system for module in self.task.modules) or self._has_entry()
+
+    def _has_entry(self) -> bool:
+        return self.task.program.find(self.task.entry, None) is not None
+
+
 class RapidExecution:
-    r"""The tasks of all arms; an error, EXIT or a stop of all tasks in one of them stops the others with it.
+    r"""All tasks; an error, EXIT or a stop of all tasks in a NORMAL one stops the others with it.
 
     Args:
-        tasks: the tasks in their order, each with the arm it moves and what it runs on.
+        tasks: the tasks in their order.
         events: the controller's event log.
         halt: switches the motors off for a reason (SystemStopAction \Halt).
 
     Attributes:
+        installed: the tasks with what they run on, by name.
         tasks: the tasks by name.
-        is_running: whether RAPID runs in any task.
+        is_running: whether RAPID runs in any NORMAL task.
+        cycle: what happens at the end of a program: "forever", it begins again, or "once"; the words are RWS'.
     """
 
     def __init__(
         self,
-        tasks: Sequence[tuple[Task, ArmUnit, TaskHost]],
+        tasks: Sequence[InstalledTask],
         events: EventLog,
         halt: Callable[[str], None] = lambda reason: None,
     ) -> None:
-        self.tasks: Mapping[str, Task] = MappingProxyType({task.name: task for task, _, _ in tasks})
+        self.installed: Mapping[str, InstalledTask] = MappingProxyType({each.task.name: each for each in tasks})
+        self.tasks: Mapping[str, Task] = MappingProxyType({each.task.name: each.task for each in tasks})
         self.is_running = False
-        self._units = [unit for _, unit, _ in tasks]
-        self._hosts = {task.name: host for task, _, host in tasks}
+        self.cycle = "forever"
         self._events = events
         self._halt = halt
+        for each in tasks:
+            each.task.program.shared = partial(self._shared, each.task)
 
     @property
     def screens(self) -> Mapping[str, tuple[str, ...]]:
         """The lines each task wrote to the FlexPendant, oldest first."""
-        return {name: tuple(host.lines) for name, host in self._hosts.items()}
+        return {name: tuple(each.host.lines) for name, each in self.installed.items()}
 
-    def start(self) -> None:
-        """Start all tasks that do not run from their program pointers.
+    def _shared(self, task: Task, name: str) -> Variable | None:
+        """The persistent of a name that another task has; all tasks share its value."""
+        for other in self.tasks.values():
+            found = other.program.find(name, None) if other is not task else None
+            if isinstance(found, Variable) and found.storage is Storage.PERS and not found.is_task:
+                return found if found.value is not UNSET else None
+        return None
+
+    @property
+    def _selected(self) -> list[InstalledTask]:
+        """The tasks that users start and stop."""
+        return [each for each in self.installed.values() if each.is_normal and each.is_active and each.has_program]
+
+    def select(self, task: str, *, is_active: bool) -> None:
+        """Select a task on the task panel, or take it out.
+
+        Raises:
+            Refused: NOT_STOPPED while it runs; WRONG_MODE for a task that is not NORMAL, which always runs.
+        """
+        installed = self.installed[task]
+        if not installed.is_normal:
+            raise Refused(Refusal.WRONG_MODE, f"{task} is a {installed.settings.type.name} task, which always runs.")
+        if installed.task.execution is Execution.STARTED:
+            raise Refused(Refusal.NOT_STOPPED, f"{task} runs: stop RAPID before it is selected or taken out.")
+        installed.is_active = is_active
+
+    def start(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
+        """Start all selected tasks that do not run from their program pointers.
+
+        Args:
+            cycle: "once" or "forever" from now on; empty leaves it as it is.
+            step: execute one step only.
+            stop_at_breakpoints: whether they stop at breakpoints.
 
         Raises:
             Refused: ALREADY_RUNNING or NO_PROGRAM_POINTER.
         """
-        if all(task.execution is Execution.STARTED for task in self.tasks.values()):
+        selected = self._selected
+        if not selected:
+            raise Refused(Refusal.NO_PROGRAM_POINTER, "no task that is selected has a program: load one first.")
+        if all(each.task.execution is Execution.STARTED for each in selected):
             raise Refused(Refusal.ALREADY_RUNNING, "RAPID is running already.")
-        for task in self.tasks.values():
-            if task.execution is Execution.UNINITIALIZED:
-                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program pointer: move it to main first.")
+        for each in selected:
+            if each.task.execution is Execution.UNINITIALIZED:
+                name = each.task.name
+                raise Refused(Refusal.NO_PROGRAM_POINTER, f"{name} has no program pointer: move it to main first.")
         self.is_running = True
-        for task in self.tasks.values():
-            task.start()
+        self.cycle = cycle or self.cycle
+        for each in selected:
+            if each.task.execution is not Execution.STARTED:
+                each.task.repeats = self.cycle == "forever"
+                each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
+            if each.unit is not None:
+                with suppress(RobotNotReady):
+                    each.unit.arm.follow_path()  # what a stop has interrupted
         self._show_in_egm()
-        self._events.append(10150, "Program started", "RAPID runs in all tasks.")
+        names = ", ".join(each.task.name for each in selected)
+        self._events.append(10150, "Program started", f"RAPID runs in {names}.")
+
+    def start_background(self, *, is_restart: bool = False) -> None:
+        """Start the tasks that are not NORMAL: SEMISTATIC ones from their beginning, STATIC ones where they were."""
+        for each in self.installed.values():
+            if each.is_normal or not each.has_program:
+                continue
+            task = each.task
+            try:
+                if task.execution is Execution.UNINITIALIZED or (
+                    is_restart and each.settings.type is TaskType.SEMISTATIC
+                ):
+                    task.stop()
+                    task.move_pp_to_main()
+            except RapidReferenceError as error:
+                self._events.append(40228, "Execution error", f"{task.name} cannot run: {error}", EventType.ERROR)
+                continue
+            task.repeats = True
+            task.start()
+
+    def stop_background(self) -> None:
+        """Stop the tasks that are not NORMAL, as a restart does."""
+        for each in self.installed.values():
+            if not each.is_normal:
+                each.task.stop()
 
     def stop(self, reason: str) -> None:
         """Stop all tasks and bring the arms to a standstill; nothing happens when RAPID is stopped."""
         if not self.is_running:
             return
         self.is_running = False
-        for task in self.tasks.values():
-            task.stop()
+        normal = [each for each in self.installed.values() if each.is_normal]
+        for each in normal:
+            each.task.stop()
         self._show_in_egm()
         # An arm under EGM ramps down as configured; any other motion stops as fast as the drives allow.
-        for unit in self._units:
+        for unit in [each.unit for each in normal if each.unit is not None]:
             was_under_egm = unit.arm.egm is not None
             unit.egm.abort()
             if not was_under_egm:
@@ -150,11 +269,32 @@ class RapidExecution:
         """
         if self.is_running:
             raise Refused(Refusal.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first.")
-        for task in self.tasks.values():
+        tasks = [each.task for each in self._selected]
+        for task in tasks:  # all or none
             try:
-                task.move_pp_to_main()
+                task.check()
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
+        for each in self._selected:
+            each.task.move_pp_to_main()
+            if each.unit is not None:
+                each.unit.begin_program()
+
+    def move_pp_to_routine(self, task: str, routine: str, module: str = "") -> None:
+        """Set the program pointer of one task to a procedure without parameters; its variables are initialized.
+
+        Raises:
+            Refused: NOT_STOPPED, or NO_PROGRAM_POINTER when there is no such procedure or the program does not fit.
+        """
+        if self.is_running:
+            raise Refused(Refusal.NOT_STOPPED, "the program pointer cannot be moved while RAPID runs: stop it first.")
+        try:
+            self.tasks[task].move_pp_to_routine(routine, module)
+        except (RapidReferenceError, UnknownSymbol, RobotNotReady) as error:
+            raise Refused(Refusal.NO_PROGRAM_POINTER, str(error)) from error
+        unit = self.installed[task].unit
+        if unit is not None:
+            unit.begin_program()
 
     def load_module(self, task: str, text: str, path: str, *, replace: bool) -> None:
         """Load a module into ``task``.
@@ -162,7 +302,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED, NAME_TAKEN or BAD_PROGRAM; the program is as it was.
         """
-        self._check_stopped("modules are loaded")
+        self._check_stopped("modules are loaded", task)
         try:
             self.tasks[task].load(text, path, replace=replace)
         except ModuleNameTaken as error:
@@ -173,8 +313,8 @@ class RapidExecution:
             raise Refused(Refusal.BAD_PROGRAM, str(error)) from error
 
     def replace_program(self, texts: Mapping[str, str]) -> None:
-        """Load other modules, by their paths, in the place of all; the program pointers go to their main."""
-        for task in self.tasks.values():
+        """Load other modules, by their paths, in the place of all of motion tasks; PP goes to their main."""
+        for task in [each.task for each in self.installed.values() if each.settings.is_motion_task]:
             task.lose_pp()
             for module in task.modules:
                 task.unload(module.name)
@@ -188,7 +328,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED or NO_MODULE.
         """
-        self._check_stopped("modules are unloaded")
+        self._check_stopped("modules are unloaded", task)
         try:
             self.tasks[task].unload(name)
         except UnknownSymbol as error:
@@ -196,44 +336,54 @@ class RapidExecution:
         except RobotNotReady as error:
             raise Refused(Refusal.NOT_STOPPED, str(error)) from error
 
-    def _check_stopped(self, what: str) -> None:
-        if self.is_running:
+    def _check_stopped(self, what: str, task: str) -> None:
+        if self.is_running and self.installed[task].is_normal:
             raise Refused(Refusal.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
 
     def advance(self, dt: float) -> None:
         """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""
-        if not self.is_running:
-            return
-        for task in self.tasks.values():
-            task.advance(dt)
-        for name, host in self._hosts.items():
-            while host.events:
-                self._react(name, host.events.popleft())
+        for each in self.installed.values():
+            if self.is_running if each.is_normal else each.task.is_running:
+                each.task.advance(dt)
+        for each in self.installed.values():
+            while each.host.events:
+                self._react(each, each.host.events.popleft())
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Pass an edge on to the tasks; those that do not run lose it."""
         for task in self.tasks.values():
             task.signal_changed(name, old, new)
 
-    def _react(self, task: str, event: TaskEvent) -> None:
+    def _react(self, stopped: InstalledTask, event: TaskEvent) -> None:
+        task = stopped.task.name
         if event.kind is EventKind.ERROR:
             place = f"{task}/{event.module}/{event.routine}, line {event.line}"
             self._events.append(40228, "Execution error", f"{place}: {event.sentence}", EventType.ERROR)
+            log.warning("%s", event.sentence)
         self._show_in_egm()
         reason = f"{task} has stopped: {event.sentence}"
-        none_runs = all(task.execution is not Execution.STARTED for task in self.tasks.values())
+        if not stopped.is_normal:
+            # System parameters manual, TrustLevel: what the error of a task that always runs does to the others.
+            trust = stopped.settings.trust if event.kind is EventKind.ERROR else TrustLevel.NO_SAFETY
+            if trust is not TrustLevel.NO_SAFETY:
+                self.stop(reason)
+            if trust in (TrustLevel.SYS_FAIL, TrustLevel.SYS_HALT):
+                self._halt(reason)
+            return
+        none_runs = all(each.task.execution is not Execution.STARTED for each in self._selected)
         if event.kind not in _OF_ITS_OWN_TASK or none_runs:
             self.stop(reason)
         elif event.kind is EventKind.STOP:
             self._events.append(10125, "Program stopped", reason)
         if event.kind is EventKind.SYSTEM_STOP_BLOCK:
-            for each in self.tasks.values():
-                each.lose_pp()
+            for each in self._selected:
+                each.task.lose_pp()
         elif event.kind is EventKind.SYSTEM_HALT:
             self._halt(reason)
 
     def _show_in_egm(self) -> None:
         """The datagrams of each arm carry the state of its own task."""
-        for task, unit in zip(self.tasks.values(), self._units, strict=True):
-            is_started = task.execution is Execution.STARTED
-            unit.egm.rapid = RapidState.RUNNING if is_started else RapidState.STOPPED
+        for each in self.installed.values():
+            if each.unit is not None and each.settings.is_motion_task:
+                is_started = each.task.execution is Execution.STARTED
+                each.unit.egm.rapid = RapidState.RUNNING if is_started else RapidState.STOPPED

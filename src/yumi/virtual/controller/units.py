@@ -14,7 +14,9 @@ from typing import Any
 from yumi.robot.joints import Side
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.course import CircleMode
 from yumi.virtual.mechanics.gripper import VirtualGripper
+from yumi.virtual.mechanics.path import Acceleration
 
 # The strings clients compare with are exact; without 604-1 they take the two arms for one group.
 YUMI_OPTIONS = (
@@ -81,6 +83,7 @@ class MechanicalUnit:
         has_integrated_unit: the unit that is integrated in this one, or :data:`NO_UNIT`.
         drive_module: number of its drive module.
         status, mode, tool, wobj, payload, total_payload, jog_mode, coord_system: what jogging would use.
+        motion_task: the RAPID task that moves it, where it is not that of the arm's side.
     """
 
     name: str
@@ -99,11 +102,12 @@ class MechanicalUnit:
     total_payload: str = "load0"
     jog_mode: str = "AxisGroup1"
     coord_system: str = "World"
+    motion_task: str = ""
 
     @property
     def task(self) -> str:
         """The RAPID task that moves it."""
-        return self.side.task
+        return self.motion_task or self.side.task
 
 
 def _arm(side: Side) -> MechanicalUnit:
@@ -143,6 +147,41 @@ class SyncPoints:
 
 
 @dataclass(slots=True)
+class MotionSettings:
+    """What a program sets for the motions that follow; each PP to main restores the defaults.
+
+    Attributes:
+        checks_lines, checks_joints: whether configurations are checked (ConfL, ConfJ).
+        speed_percent, most_speed: VelSet: factor on programmed speeds [%], and the highest of the tool [mm/s].
+        refreshed: SpeedRefresh [%].
+        displacement: the program displacement in the work object (PDispOn), as a RAPID pose; None is none.
+        offsets: of the external axes (EOffsOn) [deg], the first being the seventh axis or arm angle.
+        circles: how the tool turns on circles.
+        wrist_may_turn: SingArea Wrist: near a singularity the orientation may differ.
+        warns_of_corners: whether corners that become stop points are logged (CornerPathWarning).
+        supervision: MotionSup and its tuning [%], None where it is off.
+        load: what GripLoad has set.
+        softness: of the axes (SoftAct) [%], by ABB's number.
+        accelerations: AccSet's two factors [%].
+    """
+
+    checks_lines: bool = True
+    checks_joints: bool = True
+    speed_percent: float = 100.0
+    most_speed: float = 5000.0
+    refreshed: float = 100.0
+    displacement: Any = None
+    offsets: tuple[float, ...] = (0.0,) * 6
+    circles: CircleMode = CircleMode.PATH
+    wrist_may_turn: bool = False
+    warns_of_corners: bool = True
+    supervision: float | None = 100.0
+    load: Any = None
+    softness: dict[int, float] = field(default_factory=dict)
+    accelerations: tuple[float, float] = (100.0, 100.0)
+
+
+@dataclass(slots=True)
 class ArmUnit:
     """What the instructions of one task act on.
 
@@ -154,6 +193,8 @@ class ArmUnit:
         egm_identities: names of the variables that hold an EGM identity.
         egm_device: name of the UDPUC device EGMSetupUC chose last.
         tool, wobj: RAPID values of the last motion's tool and work object; None until there was one.
+        settings: what the program has set for its motions.
+        synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
     """
 
     arm: VirtualArm
@@ -164,9 +205,32 @@ class ArmUnit:
     egm_device: str = ""
     tool: Any = None
     wobj: Any = None
+    settings: MotionSettings = field(default_factory=MotionSettings)
+    synchronized_tasks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self.egm_device = self.egm_device or self.arm.side.unit
+        self.egm_device = self.egm_device or self.arm.unit
+
+    def begin_program(self) -> None:
+        """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
+        self.settings = MotionSettings()
+        self.synchronized_tasks = ()
+        path = self.arm.path
+        path.holds.clear()
+        path.acceleration = Acceleration()
+        if self.arm.is_stationary:
+            path.restart_at(self.arm.planned)
+        else:
+            path.abandon()
+
+    @property
+    def mechanical_unit(self) -> str:
+        """Name of the mechanical unit that the task moves."""
+        return self.arm.unit
+
+    def override_speed(self, ratio: float) -> None:
+        """Follow the controller's speed override [%]; 0 is very slow."""
+        self.arm.path.set_override(max(ratio * self.settings.refreshed / 1e4, 0.01))
 
     def forget_egm(self) -> None:
         """The controller restarts: all state of EGM is lost."""

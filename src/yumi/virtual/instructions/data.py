@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from yumi.rapid.library import Library
 from yumi.robot.inverse_kinematics import arm_angle, configuration
-from yumi.robot.joints import JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
-from yumi.virtual.controller.units import YUMI_UNITS
+from yumi.virtual.controller.units import MechanicalUnit
 from yumi.virtual.mechanics.motion import StopMode
 
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
@@ -31,11 +31,11 @@ class SyncPoint:
     """What a syncident stands for: tasks meet at its name, so it holds nothing."""
 
 
-def add_data(library: Library, own_unit: str) -> None:
-    """Register types and data; ``ROB_ID`` is the arm of the task."""
+def add_data(library: Library, own_unit: str, units: Sequence[MechanicalUnit]) -> None:
+    """Register types and data; ``ROB_ID`` is the robot of the task."""
     library.object_type("egmident", EgmIdentity)
     library.object_type("syncident", SyncPoint)
-    library.object_type("mecunit", lambda: YUMI_UNITS[0])
+    library.object_type("mecunit", lambda: units[0])
     for name in ("egmstate", "egmstopmode", "egmframetype"):
         library.alias(name, "num")
     library.record("egm_minmax", {"min": "num", "max": "num"})
@@ -46,7 +46,7 @@ def add_data(library: Library, own_unit: str) -> None:
         library.data(f"EGM_STOP_{mode.name}", "egmstopmode", float(mode.value))
     for number, name in enumerate(_FRAME_TYPES):
         library.data(f"EGM_FRAME_{name}", "egmframetype", float(number))
-    for unit in YUMI_UNITS:
+    for unit in units:
         library.data(unit.name, "mecunit", unit)
         if unit.name == own_unit:
             library.data("ROB_ID", "mecunit", unit)
@@ -68,19 +68,20 @@ _Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 def jointtarget(position: Joints) -> JointTarget:
     """RAPID's jointtarget of joint positions [rad]."""
+    if len(position) < JOINT_COUNT:
+        return tuple(degrees(value) for value in position), (NOT_PRESENT,) * 6
     robax, eax_a = abb_from_chain(joints([degrees(value) for value in position]))
     return robax, (eax_a, *(NOT_PRESENT,) * 5)
 
 
 def chain_from_jointtarget(target: Any, now: Joints, limits: JointLimits) -> Joints:
     """Joint positions [rad] of a jointtarget; an axis with 9E9 stays where it is ``now`` [rad]."""
-    eax_a_deg = target.extax[0]
-    chain_deg = chain_from_abb(target.robax, eax_a_deg)
+    chain_deg = target.robax if len(now) < JOINT_COUNT else chain_from_abb(target.robax, target.extax[0])
     position = [
         is_now if value_deg >= NOT_PRESENT else _within(radians(value_deg), low, high)
         for value_deg, is_now, low, high in zip(chain_deg, now, limits.lower, limits.upper, strict=True)
     ]
-    return joints(position)
+    return cast("Joints", tuple(position))
 
 
 def chain_order(axes: Sequence[T]) -> tuple[T, T, T, T, T, T, T]:

@@ -1,113 +1,473 @@
-"""RAPID's motion instructions: joint motions, where the arm is, waiting for it."""
+r"""RAPID's moves: MoveAbsJ, MoveJ, MoveL, MoveC and MoveExtJ, where the robot is, and what a target means.
+
+A move is planned while the arm is on the one before it, so that the program is one move ahead of the arm: a move with a
+zone is done for the program when the arm begins it, a move to a stop point when the arm stands there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import hypot, inf, radians
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from math import degrees, hypot, pi, radians, tau
 from typing import Any
 
-from yumi.errors import CommandRefused, RobotNotReady
+import numpy as np
+from numpy.typing import NDArray
+
+from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.robot.joints import Joints
+from yumi.robot.arms import Arm
+from yumi.robot.inverse_kinematics import Configuration
+from yumi.robot.joints import Joints, Pose
+from yumi.robot.kinematics import compose, matrix, quaternion_from_matrix
+from yumi.rws.types import EventType
+from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import (
+    NOT_PRESENT,
     chain_from_jointtarget,
     jointtarget,
     pose_from_rapid,
-    robtarget,
     wobj_from_rapid,
 )
+from yumi.virtual.instructions.poses import POSES, unit_quaternion
+from yumi.virtual.mechanics.course import (
+    STOP,
+    Fault,
+    Frames,
+    Leg,
+    MotionRefused,
+    Piece,
+    Speed,
+    Zone,
+    circle,
+    corner,
+    joint_leg,
+    line,
+    tool_leg,
+)
+from yumi.virtual.mechanics.path import Passage
 
 SpeedRatio = Callable[[], float]
+Build = Callable[[Joints, Zone], Leg]
+"""Plans a leg from joint positions [rad], after a zone."""
 
-_SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \num Inpos"
-_FRAMES = r"tooldata Tool, \wobjdata WObj, \loaddata TLoad"
+FATAL = "ERR_MOTION"
+"""Stops the program at once; not registered, so that no error handler gets it."""
+
+MOST_CONCURRENT = 5
+"""Moves with Conc that may follow one another."""
+
+SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \stoppointdata Inpos"
+FRAMES = r"tooldata Tool, \wobjdata WObj, \switch Corr, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
-_SLOWEST = 0.01  # a speed ratio of 0 is a very low speed
+_ERRORS = {Fault.OUT_OF_RANGE: "ERR_ROBLIMIT", Fault.OUT_OF_REACH: "ERR_OUTSIDE_REACH"}
+_SLOWEST = 1e-4  # [m/s]: a speed of 0 is a very low one
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A robtarget in SI units, in the work object.
+
+    Attributes:
+        point: of the tool [m], (3,).
+        rotation: of the tool, (3, 3).
+        angle: the arm angle [rad], None where the target leaves it as it is.
+        configuration: which posture is meant.
+    """
+
+    point: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    angle: float | None
+    configuration: Configuration
 
 
 class MotionInstructions:
-    """The motion instructions of one task."""
+    """The moves of one task."""
 
-    def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio) -> None:
-        self._unit = unit
+    def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> None:
+        self.unit = unit
+        self.arm = unit.arm
+        self.events = events
         self._speed_ratio = speed_ratio
         self._moved_at = -1.0  # task time [s]
+        self._concurrent = 0
+
+    # What the arguments mean --------------------------------------------------------------------------------------
+
+    def frames(self, tool: Any, wobj: Any, *, is_displaced: bool = True) -> Frames:
+        """Tool and work object, with the program displacement."""
+        robot_holds_tool = bool(tool.robhold)
+        if robot_holds_tool == (wobj is not None and bool(wobj.robhold)):
+            sentence = "The robot has to hold either the tool or the work object: see robhold of both."
+            raise RapidRuntimeError(FATAL, sentence)
+        wobj_pose = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) if wobj is None else wobj_from_rapid(wobj)
+        displacement = self.unit.settings.displacement
+        if displacement is not None and is_displaced:
+            wobj_pose = compose(wobj_pose, pose_from_rapid(displacement))
+        return Frames(_unit_pose(pose_from_rapid(tool.tframe)), _unit_pose(wobj_pose), robot_holds_tool)
+
+    def target(self, robtarget: Any) -> Target:
+        """A robtarget with the offset of the external axes."""
+        angle_deg = robtarget.extax[0]
+        has_angle = self.arm.kinematics.reference is not None and angle_deg < NOT_PRESENT
+        conf = robtarget.robconf
+        return Target(
+            np.array(robtarget.trans) * 1e-3,
+            matrix(unit_quaternion(robtarget.rot)),
+            radians(angle_deg + self.unit.settings.offsets[0]) if has_angle else None,
+            Configuration(round(conf.cf1), round(conf.cf4), round(conf.cf6), round(conf.cfx)),
+        )
+
+    def speed(self, call: Call, speed: Any) -> Speed:
+        """The programmed speed with VelSet."""
+        settings = self.unit.settings
+        factor = settings.speed_percent / 100.0
+        tool = min(call.get("V", speed.v_tcp) * factor, settings.most_speed) * 1e-3
+        return Speed(
+            max(min(tool, self.arm.kinematics.tool_speed), _SLOWEST),
+            max(radians(speed.v_ori) * factor, _SLOWEST),
+            call.get("T", 0.0),
+        )
+
+    def zone(self, call: Call) -> Zone:
+        """How near the arm comes to the target; a search comes to a stop."""
+        zone = call.get("Zone")
+        if zone is None or zone.finep or call.get("Inpos") is not None:
+            return STOP
+        return Zone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
+
+    # Moves --------------------------------------------------------------------------------------------------------
 
     def move_abs_j(self, call: Call) -> Wait:
-        """MoveAbsJ: done when the arm stands at the target, also after a stop and restart in between.
+        """MoveAbsJ."""
+        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
+        frames = self.frames(call["Tool"], call.get("WObj"), is_displaced=False)
+        target = call["ToJointPos"]
+        offset = self.unit.settings.offsets[0]
+        if offset and not call.present("NoEOffs") and target.extax[0] < NOT_PRESENT:
+            target = target._replace(extax=target.extax._replace(eax_a=target.extax[0] + offset))
 
-        A motion of no length ends at once, but only one in a cycle: a loop of them leaves time to other tasks.
+        def build(start: Joints, entry: Zone) -> Leg:
+            end = chain_from_jointtarget(target, start, kinematics.limits)
+            return joint_leg(kinematics, start, end, frames, speed, zone, entry)
+
+        yield from self.passed(call, build)
+
+    def move_ext_j(self, call: Call) -> Wait:
+        """MoveExtJ: the seventh axis alone; robots of six axes have no other ones here."""
+        kinematics, zone = self.arm.kinematics, self.zone(call)
+        frames = self.frames(_predefined(call, "tool0"), None)
+        fastest, time, external = call["Speed"].v_reax, call.get("T", 0.0), call["ToJointPos"].extax
+
+        def build(start: Joints, entry: Zone) -> Leg:
+            robax, _ = jointtarget(start)
+            target = call["ToJointPos"]._replace(robax=call["ToJointPos"].robax._make(robax))
+            end = chain_from_jointtarget(target, start, kinematics.limits)
+            turn = max((abs(a - b) for a, b in zip(end, start, strict=True)), default=0.0)
+            return joint_leg(
+                kinematics, start, end, frames, Speed(duration=time or turn / radians(fastest)), zone, entry
+            )
+
+        if external[0] < NOT_PRESENT and kinematics.reference is not None:
+            yield from self.passed(call, build)
+
+    def move_j(self, call: Call) -> Wait:
+        """MoveJ."""
+        yield from self.passed(call, self.joint_build(call))
+
+    def move_l(self, call: Call) -> Wait:
+        """MoveL."""
+        yield from self.passed(call, self.line_build(call))
+
+    def move_c(self, call: Call) -> Wait:
+        """MoveC."""
+        yield from self.passed(call, self.circle_build(call))
+
+    def joint_build(self, call: Call) -> Build:
+        """How MoveJ and its like are planned."""
+        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
+        frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["ToPoint"])
+        is_checked = self.unit.settings.checks_joints
+
+        def build(start: Joints, entry: Zone) -> Leg:
+            end = posture(kinematics, target, frames, start, is_checked=is_checked)
+            return joint_leg(kinematics, start, end, frames, speed, zone, entry)
+
+        return build
+
+    def line_build(self, call: Call, target: Target | None = None) -> Build:
+        """How MoveL and its like are planned."""
+        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
+        frames, target = self.frames(call["Tool"], call.get("WObj")), target or self.target(call["ToPoint"])
+        is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
+
+        def build(start: Joints, entry: Zone) -> Leg:
+            here = place_of(kinematics, start, frames)
+            there = (target.point, target.rotation, _angle(target, here[2]))
+            leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry, passes_wrist=passes)
+            return _with_configuration(kinematics, leg, target) if is_checked else leg
+
+        return build
+
+    def circle_build(self, call: Call) -> Build:
+        """How MoveC and its like are planned."""
+        kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
+        frames = self.frames(call["Tool"], call.get("WObj"))
+        via, target = self.target(call["CirPoint"]), self.target(call["ToPoint"])
+        settings = self.unit.settings
+        is_checked, mode, passes = settings.checks_lines, settings.circles, settings.wrist_may_turn
+
+        def build(start: Joints, entry: Zone) -> Leg:
+            here = place_of(kinematics, start, frames)
+            there = (target.point, target.rotation, _angle(target, here[2]))
+            place = circle(here, (via.point, via.rotation), there, mode)
+            leg = tool_leg(kinematics, start, place, frames, speed, zone, entry, passes_wrist=passes)
+            return _with_configuration(kinematics, leg, target) if is_checked else leg
+
+        return build
+
+    def passed(
+        self, call: Call, build: Build, added: Callable[[Passage], None] | None = None
+    ) -> Generator[float | None, None, None]:
+        r"""Plan a leg, add it to the path, and wait as the zone and \Conc demand.
+
+        Args:
+            call: the move.
+            build: plans it.
+            added: called when the leg has been added to the path.
         """
-        arm = self._unit.arm
-        target = chain_from_jointtarget(call["ToJointPos"], arm.planned, arm.model.limits)
-        self._unit.tool = call["Tool"]
-        self._unit.wobj = call.get("WObj")
-        self._begin(call, target)
+        path, is_concurrent = self.arm.path, bool(call.get("Conc", False))
+        self._concurrent = self._concurrent + 1 if is_concurrent else 0
+        if self._concurrent > MOST_CONCURRENT:
+            sentence = rf"{call.name}: more than {MOST_CONCURRENT} moves with \Conc follow one another."
+            raise RapidRuntimeError("ERR_CONC_MAX", sentence)
         try:
-            if self._moved_at == call.task.now:
+            passage = yield from self._added(call, build)
+            if added is not None:
+                added(passage)
+            if self._moved_at == call.task.now:  # a loop of moves of no length leaves time to other tasks
                 yield None
-            while not (arm.is_stationary and arm.planned == target):
-                if arm.is_stationary:
-                    self._begin(call, target)
+            self._moved_at = call.task.now
+            is_stop = passage.leg.zone.is_stop
+            while not is_concurrent and (not path.has_begun(passage) or (is_stop and not self.is_there(passage))):
                 yield None
+                self.go_on()
         except GeneratorExit:
-            arm.stop()
+            path.abandon()
             raise
-        self._unit.has_moved = True
-        self._moved_at = call.task.now
 
-    def refuse(self, call: Call) -> None:
-        """Cartesian motions need inverse kinematics, which the virtual controller does not have."""
-        raise RapidRuntimeError(
-            "ERR_ROBLIMIT",
-            f"{call.name} needs inverse kinematics, which this virtual controller does not have: use MoveAbsJ.",
-        )
+    def _added(self, call: Call, build: Build) -> Generator[float | None, None, Passage]:
+        """Plan a leg behind what is planned, and add it, with a corner where there is still time for one."""
+        arm, path, unit = self.arm, self.arm.path, self.unit
+        self._check_ready()
+        while path.is_abandoned or (path.is_empty and not arm.is_stationary):
+            yield None
+        unit.override_speed(self._speed_ratio())
+        if path.is_empty and (path.end is None or path.end.end != arm.planned):
+            path.restart_at(arm.planned)
+        before = path.end
+        start = arm.planned if before is None else before.end
+        work = call.task.background(lambda: _planned(arm.kinematics, build, start, before))
+        while not work.done():
+            yield None
+        try:
+            leg, rounded = work.result()
+        except MotionRefused as refused:
+            code, title = refused.fault.value
+            self.events.append(code, title, str(refused), EventType.ERROR)
+            raise RapidRuntimeError(_ERRORS.get(refused.fault, FATAL), str(refused)) from refused
+        self._check_ready()
+        can_round = path.can_round()
+        if before is not None and not before.zone.is_stop and not can_round and unit.settings.warns_of_corners:
+            sentence = f"{call.task.name}: the next move came too late; the corner has become a stop point."
+            self.events.append(50024, "Corner path failure", sentence, EventType.WARNING)
+        passage = path.append(leg, rounded if can_round else None)
+        unit.tool, unit.wobj, unit.has_moved = call.get("Tool", unit.tool), call.get("WObj"), True
+        arm.follow_path()
+        return passage
+
+    def is_there(self, passage: Passage) -> bool:
+        """Whether the arm stands behind a leg."""
+        return self.arm.path.has_ended(passage) and self.arm.is_stationary
+
+    def go_on(self) -> None:
+        """The program runs: the arm follows the path, also after a stop."""
+        self.unit.override_speed(self._speed_ratio())
+        try:
+            self.arm.follow_path()
+        except RobotNotReady as error:
+            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
+
+    def _check_ready(self) -> None:
+        try:
+            self.arm.check_ready()
+        except RobotNotReady as error:
+            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     def wait_rob(self, call: Call) -> Wait:
         """WaitRob: until the arm stands."""
-        while not self._unit.arm.is_stationary:
+        while not self.arm.is_stationary:
             yield None
+
+    # Where the robot is -------------------------------------------------------------------------------------------
+
+    def read_frames(self, call: Call) -> Frames:
+        return self.frames(call.get("Tool", self.tool(call)), call.get("WObj", self.wobj(call)))
 
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
-        return jointtarget(self._unit.arm.position)
+        self._check_task(call)
+        robax, extax = jointtarget(self.arm.position)
+        return robax, self._without_offset(extax)
 
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
-        tool = pose_from_rapid(call.get("Tool", self.tool(call)).tframe)
-        wobj = wobj_from_rapid(call.get("WObj", self.wobj(call)))
-        return robtarget(self._unit.side, self._unit.arm.position, tool, wobj)
+        self._check_task(call)
+        return self.robtarget(self.arm.position, self.read_frames(call))
+
+    def position(self, call: Call) -> Any:
+        """CPos: where the tool's point is [mm]."""
+        return self.robtarget(self.arm.position, self.read_frames(call))[0]
 
     def tool(self, call: Call) -> Any:
         """CTool: the tool of the last motion."""
-        return self._unit.tool or _predefined(call, "tool0")
+        return self.unit.tool or _predefined(call, "tool0")
 
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
-        return self._unit.wobj or _predefined(call, "wobj0")
+        return self.unit.wobj or _predefined(call, "wobj0")
 
-    def _begin(self, call: Call, target: Joints) -> None:
-        """Start towards the target at the programmed speed times the override.
+    def robtarget(self, position: Joints, frames: Frames) -> tuple[Any, ...]:
+        """RAPID's robtarget of the tool at joint positions [rad]."""
+        kinematics = self.arm.kinematics
+        point, rotation, angle = place_of(kinematics, position, frames)
+        angle_deg = NOT_PRESENT if kinematics.reference is None else degrees(angle)
+        extax = self._without_offset((angle_deg, *(NOT_PRESENT,) * 5))
+        turns = tuple(float(number) for number in kinematics.configuration(position))
+        return tuple((point * 1e3).tolist()), quaternion_from_matrix(rotation), turns, extax
 
-        Raises:
-            RapidRuntimeError: ERR_ROBLIMIT when the target is out of range; the arm cannot be moved.
-        """
-        ratio = max(self._speed_ratio() / 100.0, _SLOWEST)
-        speed = call["Speed"]
+    def calculated_target(self, call: Call) -> Any:
+        """CalcRobT: the robtarget of a jointtarget."""
+        frames = self.frames(call["Tool"], call.get("WObj"))
+        joints = chain_from_jointtarget(call["Joint_target"], self.arm.planned, self.arm.kinematics.limits)
+        return self.robtarget(joints, frames)
+
+    def calculated_joints(self, call: Call) -> Any:
+        """CalcJointT: the jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
+        kinematics = self.arm.kinematics
+        frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["Rob_target"])
+        work = call.task.background(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
+        while not work.done():
+            yield None
+        if call.present("ErrorNumber"):
+            call["ErrorNumber"] = 0.0
         try:
-            self._unit.arm.move_to(
-                target,
-                tool_speed=call.get("V", speed.v_tcp) * 1e-3 * ratio or inf,
-                turn_speed=radians(speed.v_ori) * ratio or inf,
-                duration=call.get("T", 0.0),
-                tool=pose_from_rapid(call["Tool"].tframe),
+            robax, extax = jointtarget(work.result())
+        except MotionRefused as refused:
+            name = _ERRORS.get(refused.fault, "ERR_ROBLIMIT")
+            if not call.present("ErrorNumber"):
+                raise RapidRuntimeError(name, f"CalcJointT: {refused}") from refused
+            call["ErrorNumber"] = call.task.library.error_number(name)
+            robax, extax = jointtarget(self.arm.planned)
+        return robax, self._without_offset(extax)
+
+    def without_displacement(self, call: Call) -> Any:
+        """ORobT: a robtarget read under a program displacement or offset, as it is without them."""
+        target, settings = call["OrgPoint"], self.unit.settings
+        if settings.displacement is not None and not call.present("InPDisp"):
+            pose = compose(
+                pose_from_rapid(settings.displacement),
+                Pose(tuple(value * 1e-3 for value in target.trans), unit_quaternion(target.rot)),
             )
-        except CommandRefused as error:
-            raise RapidRuntimeError("ERR_ROBLIMIT", str(error)) from error
-        except RobotNotReady as error:
-            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
+            trans = tuple(value * 1e3 for value in pose.position)
+            target = target._replace(trans=target.trans._make(trans), rot=target.rot._make(pose.orientation))
+        if not call.present("InEOffs") and target.extax[0] < NOT_PRESENT:
+            target = target._replace(extax=target.extax._replace(eax_a=target.extax[0] + settings.offsets[0]))
+        return target
+
+    def _without_offset(self, extax: Any) -> Any:
+        first = extax[0]
+        return (first - self.unit.settings.offsets[0] if first < NOT_PRESENT else first, *extax[1:])
+
+    def _check_task(self, call: Call) -> None:
+        """Positions are those of this task's robot."""
+        name = call.get("TaskName", call.task.name)
+        if name.upper() != call.task.name.upper():
+            sentence = f"{call.name}: a task reads the position of its own robot here, not that of {name}."
+            raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+
+
+def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
+    """A leg, with the corner from the one before where there is room for one."""
+    leg = build(start, STOP if before is None else before.zone)
+    has_corner = before is not None and before.out < len(before.shares) - 1 and leg.into > 0
+    if before is None or not has_corner:
+        return leg, None
+    return leg, corner(arm, before, leg)
+
+
+def posture(arm: Arm, target: Target, frames: Frames, near: Joints, *, is_checked: bool) -> Joints:
+    """The posture [rad] of a target: of its configuration, or the one nearest to ``near`` where that is not checked.
+
+    Raises:
+        MotionRefused: there is none.
+    """
+    here = place_of(arm, near, frames)[2]
+    angle = _angle(target, here)
+    points, rotations = frames.tool0(target.point[None], target.rotation[None])
+    continued = arm.reached(points, rotations, angle, near)
+    if continued is not None and is_checked and arm.has_configuration(continued, target.configuration):
+        return continued
+    x, y, z = points[0].tolist()
+    found = arm.postures(Pose((x, y, z), quaternion_from_matrix(rotations[0])), float((angle + pi) % tau - pi))
+    where = f"[{x * 1e3:.1f}, {y * 1e3:.1f}, {z * 1e3:.1f}] mm (tool0 in the base frame)"
+    if not found:
+        sentence = f"The {arm.name} does not reach {where}. Choose a target within reach."
+        raise MotionRefused(Fault.OUT_OF_REACH, sentence)
+    wanted = target.configuration
+    fitting = [each for each in found if not is_checked or arm.has_configuration(each, wanted)] or [
+        # A target that is moved a little may leave its quarter turn.
+        each
+        for each in found
+        if arm.is_beside_configuration(each, wanted) and arm.configuration(each).cfx == wanted.cfx
+    ]
+    if not fitting:
+        others = ", ".join(sorted({str(list(arm.configuration(each))) for each in found}))
+        sentence = f"The {arm.name} does not reach {where} with the configuration {list(wanted)}, but with {others}."
+        raise MotionRefused(Fault.CONFIGURATION, sentence)
+    return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
+
+
+def place_of(arm: Arm, position: Joints, frames: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Point [m], rotation and arm angle [rad] of the tool in the work object, at joint positions [rad]."""
+    joints = np.array([position])
+    points, rotations = frames.tip(*arm.forward(joints))
+    return points[0], rotations[0], float(arm.angles(joints)[0])
+
+
+def _angle(target: Target, here: float) -> float:
+    """The arm angle [rad] of a target, counted on from where the arm is."""
+    if target.angle is None:
+        return here
+    return here + (target.angle - here + pi) % tau - pi
+
+
+def _with_configuration(arm: Arm, leg: Leg, target: Target) -> Leg:
+    """The leg, which has to end in the configuration that is programmed, or in a neighbouring quarter turn (ConfL)."""
+    if not arm.is_beside_configuration(leg.end, target.configuration):
+        wanted, ends = list(target.configuration), list(arm.configuration(leg.end))
+        raise MotionRefused(
+            Fault.CONFIGURATION,
+            f"The {arm.name} would end in the configuration {ends}, not in the programmed {wanted}: use MoveJ, "
+            r"another configuration, or ConfL\Off.",
+        )
+    return leg
+
+
+def _unit_pose(pose: Pose) -> Pose:
+    return Pose(pose.position, unit_quaternion(pose.orientation))
 
 
 def normalized(call: Call) -> Any:
@@ -119,23 +479,80 @@ def normalized(call: Call) -> Any:
     return tuple(part / length for part in rotation)
 
 
+def forbid_motion(library: Library) -> None:
+    """Let the motion instructions of a task without mechanical units be refused, as RAPID does."""
+
+    def refuse(call: Call) -> None:
+        sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
+        raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+
+    moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "TriggL", "TriggJ", "TriggC", "SearchL", "SearchC")
+    library.replace_implementations((*moves, *others), refuse)
+
+
 def _predefined(call: Call, name: str) -> Any:
     datum = call.task.library.datum(name)
     assert datum is not None, f"RAPID predefines {name}"
     return datum.value
 
 
-def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio) -> None:
-    """Register the motion instructions of one task."""
-    motion = MotionInstructions(unit, speed_ratio)
-    targets = rf"\switch Conc, {{}}, \num ID, \switch NoEOffs, {_SPEED}, {_FRAMES}"
+def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> MotionInstructions:
+    """Register the moves of one task."""
+    motion = MotionInstructions(unit, speed_ratio, events)
+    library.include(POSES)
+    inposdata = {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"}
+    library.record("inposdata", inposdata)
+    library.alias("stoppoint", "num")
+    library.alias("identno", "num")
+    library.record(
+        "stoppointdata",
+        {
+            "type": "stoppoint",
+            "progsynch": "bool",
+            "inpos": "inposdata",
+            "stoptime": "num",
+            "followtime": "num",
+            "signal": "string",
+            "relation": "opnum",
+            "checkvalue": "num",
+        },
+    )
+    for number, name in enumerate(("inpos", "stoptime", "fllwtime"), start=1):
+        library.data(name, "stoppoint", float(number))
+    for percent in (20, 50, 100):
+        value = (1, True, (percent, percent, 0, 2), 0, 0, "", 0, 0)
+        library.data(f"inpos{percent}", "stoppointdata", value)
+    for time in (0.5, 1.0, 1.5):
+        name = f"{time:.1f}".replace(".", "_")
+        library.data(f"stoptime{name}", "stoppointdata", (2, False, (0, 0, 0, 0), time, 0, "", 0, 0))
+        library.data(f"fllwtime{name}", "stoppointdata", (3, True, (0, 0, 0, 0), 0, time, "", 0, 0))
+    targets = rf"\switch Conc, {{}}, \identno ID, \switch NoEOffs, {SPEED}, {FRAMES}"
     library.instruction("MoveAbsJ", targets.format("jointtarget ToJointPos"))(motion.move_abs_j)
-    for name in ("MoveJ", "MoveL"):
-        library.instruction(name, targets.format("robtarget ToPoint"))(motion.refuse)
-    library.instruction("MoveC", targets.format("robtarget CirPoint, robtarget ToPoint"))(motion.refuse)
+    library.instruction("MoveJ", targets.format("robtarget ToPoint"))(motion.move_j)
+    library.instruction("MoveL", targets.format("robtarget ToPoint"))(motion.move_l)
+    library.instruction("MoveC", targets.format("robtarget CirPoint, robtarget ToPoint"))(motion.move_c)
+    library.instruction(
+        "MoveExtJ",
+        r"\switch Conc, jointtarget ToJointPos, \identno ID, \switch UseEOffs, speeddata Speed, \num T, "
+        r"zonedata Zone, \stoppointdata Inpos",
+    )(motion.move_ext_j)
     library.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")(motion.wait_rob)
-    library.function("CJointT", "", "jointtarget")(motion.joint_target)
-    library.function("CRobT", _READ_FRAMES, "robtarget")(motion.robot_target)
-    library.function("CTool", "", "tooldata")(motion.tool)
-    library.function("CWObj", "", "wobjdata")(motion.wobj)
+    library.function("CJointT", r"\switch TaskRef | \string TaskName", "jointtarget")(motion.joint_target)
+    library.function("CRobT", rf"\switch TaskRef | \string TaskName, {_READ_FRAMES}", "robtarget")(motion.robot_target)
+    library.function("CPos", _READ_FRAMES, "pos")(motion.position)
+    library.function("CTool", r"\switch TaskRef | \string TaskName", "tooldata")(motion.tool)
+    library.function("CWObj", r"\switch TaskRef | \string TaskName", "wobjdata")(motion.wobj)
+    library.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")(
+        motion.calculated_target
+    )
+    library.function(
+        "CalcJointT",
+        r"\switch UseCurWObjPos, robtarget Rob_target, tooldata Tool, \wobjdata WObj, \VAR errnum ErrorNumber",
+        "jointtarget",
+    )(motion.calculated_joints)
+    library.function("ORobT", r"robtarget OrgPoint, \switch InPDisp | \switch InEOffs", "robtarget")(
+        motion.without_displacement
+    )
     library.function("NOrient", "orient Rotation", "orient")(normalized)
+    return motion

@@ -9,9 +9,10 @@ from math import acos, dist, exp
 from typing import cast
 
 from yumi.errors import CommandRefused, RobotNotReady
+from yumi.robot.arms import Arm, yumi_arm
 from yumi.robot.dynamics import ArmDynamics
-from yumi.robot.joints import ZERO, Joints, Pose, Side, home, joint_names
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.joints import ZERO, Joints, Pose, Side, joint_names
+from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
     EgmMotion,
@@ -23,6 +24,7 @@ from yumi.virtual.mechanics.motion import (
     stopping,
     travel,
 )
+from yumi.virtual.mechanics.path import PathMotion
 
 __all__ = ["ArmModel", "LoadSupervision", "Overload", "Servo", "VirtualArm"]
 
@@ -118,21 +120,44 @@ class Servo:
 IN_POSITION = 1e-5
 """Difference of planned and measured position at which the arm counts as standing [rad]."""
 
+STOPPED = "stopped"
+"""Why an arm stands on its path: the program's execution was stopped."""
+
 _WAYPOINTS = 32  # into which the path of the tool is divided to measure its length
 
 
 class VirtualArm:
     """One arm, motors off at first.
 
+    Args:
+        side: which of the robot's arms it is; a robot with one arm has the right one's place.
+        position: where it stands at first [rad], (7,); home without one.
+        model: its dynamics.
+        kinematics: of the arm; those of a YuMi's arm without them.
+        unit: name of its mechanical unit, ``ROB_R`` or ``ROB_L`` without one.
+
     Attributes:
+        kinematics: where its tool is, and which joint positions bring it somewhere.
+        path: the motions that RAPID has planned.
         overload: the joint that EGM has overloaded since it began; None as long as there is none.
     """
 
-    def __init__(self, side: Side, position: Joints | None = None, model: ArmModel | None = None) -> None:
+    def __init__(
+        self,
+        side: Side,
+        position: Joints | None = None,
+        model: ArmModel | None = None,
+        kinematics: Arm | None = None,
+        unit: str = "",
+    ) -> None:
         self.side = side
+        self.unit = unit or side.unit
         self.model = model or ArmModel()
+        self.kinematics = kinematics or yumi_arm(side, self.model.limits)
         self._motors_on = False
-        self._motion: Motion = Standstill(position or home(side))
+        self._motion: Motion = Standstill(position or self.kinematics.home)
+        self.path = PathMotion(self.planned, self.model.limits)
+        self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
         self._load: LoadSupervision | None = None
         self.overload: Overload | None = None
@@ -146,6 +171,13 @@ class VirtualArm:
     def planned(self) -> Joints:
         """Joint positions the controller plans, chain order [rad], (7,); EGM's reference while EGM runs."""
         return self._motion.state.position
+
+    def tool_pose(self, position: Joints, tool: Pose | None) -> Pose:
+        """Where a tool (seen from tool0) is in the world at joint positions [rad]."""
+        if self.kinematics.is_of_yumi:
+            return tool0_to_body(self.side, position, tool)
+        tool0 = self.kinematics.tool0(position)
+        return tool0 if tool is None else compose(tool0, tool)
 
     @property
     def velocity(self) -> Joints:
@@ -178,6 +210,8 @@ class VirtualArm:
         steps = max(1, -int(-dt // self.model.step)) if dt > 0.0 else 0
         for _ in range(steps):
             self._motion.advance(dt / steps)
+            if self._is_regaining and self._motion.is_finished:
+                self._motion, self._is_regaining = self.path, False
             self._servo.advance(self.planned, dt / steps)
             # Only references from outside are supervised: the controller plans its own motions within the limits.
             egm = self.egm
@@ -191,7 +225,9 @@ class VirtualArm:
         """The brakes stop the arm, whatever it was doing, and hold it."""
         self._motors_on = False
         if not self._motion.is_finished:
-            self._motion = braking(self._motion.state, self.model)
+            if self._motion is self.path:
+                self.path.halt()
+            self._motion, self._is_regaining = braking(self._motion.state, self.model), False
 
     def move_to(
         self,
@@ -215,7 +251,7 @@ class VirtualArm:
             CommandRefused: the target is out of the joints' range.
             RobotNotReady: the motors are off, or EGM moves the arm.
         """
-        self._check_ready()
+        self.check_ready()
         index = self.model.limits.outside(target)
         if index is not None:
             name, range_deg = joint_names(self.side)[index], self.model.limits.range_deg(index)
@@ -235,10 +271,26 @@ class VirtualArm:
         shortest = max(duration, length / tool_speed, turn / turn_speed)
         self._motion = travel(self._motion.state, target, self.model, shortest)
 
+    def follow_path(self) -> None:
+        """Go on along the path, back from where something else has moved the arm to.
+
+        Raises:
+            RobotNotReady: the motors are off, or EGM moves the arm.
+        """
+        self.path.holds.discard(STOPPED)
+        if self.path.is_empty or self._motion is self.path or self._is_regaining:
+            return
+        self.check_ready()
+        there = self.path.state.position
+        self._is_regaining = self.planned != there
+        self._motion = travel(self._motion.state, there, self.model) if self._is_regaining else self.path
+
     def stop(self) -> None:
-        """Decelerate any motion to standstill as fast as the drives allow, and hold."""
-        if not self._motion.is_finished:
-            self._motion = stopping(self._motion.state, self.model)
+        """Decelerate any motion to standstill as fast as the drives allow, and hold; a path is kept."""
+        if self._motion is self.path:
+            self.path.holds.add(STOPPED)
+        elif not self._motion.is_finished:
+            self._motion, self._is_regaining = stopping(self._motion.state, self.model), False
 
     def start_egm(self, settings: EgmSettings) -> None:
         """Let EGM move the arm, from its planned position.
@@ -246,10 +298,10 @@ class VirtualArm:
         Raises:
             RobotNotReady: the motors are off, or EGM moves the arm already.
         """
-        self._check_ready()
+        self.check_ready()
         extra = self.model.filtering_delay if settings.level > 0 else 0.0
         self._servo.target_delay = self.model.delay + extra
-        self._motion = EgmMotion(self.planned, settings, self.model.limits)
+        self._motion, self._is_regaining = EgmMotion(self.planned, settings, self.model.limits), False
         self.overload = None
         if self.model.supervises_load:
             self._load = LoadSupervision(self.side, self.model, self.planned)
@@ -283,7 +335,8 @@ class VirtualArm:
         else:
             self._motion = stopping(state, self.model, ramp_time)
 
-    def _check_ready(self) -> None:
+    def check_ready(self) -> None:
+        """Raise RobotNotReady where RAPID cannot move the arm: the motors are off, or EGM moves it."""
         if not self._motors_on:
             raise RobotNotReady(f"The motors of the {self.side.word} arm are off: switch them on first.")
         if self.egm is not None:

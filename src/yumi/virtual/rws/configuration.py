@@ -1,17 +1,31 @@
-"""``/rw/cfg``: the system parameters, to read (reference/rws.md §9)."""
+"""``/rw/cfg``: the system parameters (reference/rws.md §9); what is changed acts after a restart."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
+from yumi.errors import SettingsError
+from yumi.rws.cfg_files import read_cfg
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.signals import Instance
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
+from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
 
 _BASE = "/rw/cfg/"
 _DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+_PAGE = 70
+_OWN = {
+    *(("MOC", name) for name in ("MECHANICAL_UNIT", "ROBOT", "SINGLE", "JOINT", "ARM", "TRANSMISSION")),
+    ("SYS", "MECHANICAL_UNIT_GROUP"),
+    ("SYS", "PRESENT_OPTIONS"),
+}
+"""What describes the robot itself: it is neither removed nor reset."""
+
+_NUMBERS = {"RemotePortNumber", "Default", "ramp_time", "ext_motion_level", "ext_motion_Kp", "logical_axis"}
 _NUMBERED_OPTION = re.compile(r"(\d[\d/-]*-\d+) (.+)")
 
 
@@ -19,10 +33,126 @@ def get_domains(controller: Irc5, call: Call) -> Page:
     return resource("cfg", _BASE, "", *(entry("cfg-domain-li", domain) for domain in _DOMAINS))
 
 
+def get_types(controller: Irc5, call: Call) -> Page:
+    """The types of a domain, in pages of 70."""
+    domain = _domain(call)
+    types = controller.configuration.types(domain)
+    number = max(call.number_option("start", 1), 1)
+    size = min(call.number_option("limit", _PAGE), _PAGE)
+    shown = types[(number - 1) * size : number * size]
+    more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(types) else None
+    return resource(
+        "cfg", _BASE, domain, *(entry("cfg-dt-li", name, f"{domain}/{name}") for name in shown), next_href=more
+    )
+
+
+def get_type(controller: Irc5, call: Call) -> Page:
+    place, found = _place(call), _found(controller, call)
+    attributes = entry("cfg-dt-attributes-li", "attributes", f"{place}/attributes")
+    instances = entry("cfg-dt-instances-li", "instances", f"{place}/instances")
+    fields = {"cfg-no-of-attributes": str(len(_attributes(found))), "cfg-no-of-instances": str(len(found))}
+    return resource("cfg", _BASE, place, State("cfg-dt", place.rpartition("/")[2], fields), attributes, instances)
+
+
+def get_attributes(controller: Irc5, call: Call) -> Page:
+    """What instances of a type have, as far as those that exist show it."""
+    place, found = _place(call), _found(controller, call)
+    states = []
+    for name in _attributes(found):
+        kind = "float" if name in _NUMBERS else "string"
+        fields = {
+            "name": name,
+            "type": kind,
+            "numbers": "1",
+            "mini": "" if kind == "float" else "0",
+            "max": "" if kind == "float" else "80",
+            "init": defaults_of(*place.split("/")).get(name, ""),
+            "mandatory": "true" if name.lower() == "name" else "false",
+        }
+        states.append(State("cfg-dt-attribute-li", name, fields))
+    return resource("cfg", _BASE, f"{place}/attributes", *states)
+
+
+def _attributes(instances: Iterable[Instance]) -> list[str]:
+    return list(dict.fromkeys(name for instance in instances for name in instance.attributes))
+
+
 def get_instances(controller: Irc5, call: Call) -> Page:
     place = _place(call)
-    states = (_state("cfg-dt-instance-li", place, index, each) for index, each in enumerate(_found(controller, call)))
-    return resource("cfg", _BASE, f"{place}/instances", *states)
+    found = list(enumerate(_found(controller, call)))
+    start, limit = call.number_option("start", 0), call.number_option("limit", len(found))
+    is_paged = call.option("start") is not None or call.option("limit") is not None
+    shown = found[start : start + limit] if is_paged else found
+    more = f"{place}/instances?start={start + limit}&limit={limit}" if is_paged and start + limit < len(found) else None
+    states = (_state("cfg-dt-instance-li", place, index, each) for index, each in shown)
+    return resource("cfg", _BASE, f"{place}/instances", *states, next_href=more)
+
+
+def create_instance(controller: Irc5, call: Call) -> HttpReply:
+    """An instance with the default values of its type."""
+    place, name, found = _place(call), call.required("name"), _found(controller, call)
+    domain, type_name = place.split("/")
+    if (domain, type_name) in _OWN:
+        raise Failure(403, Code.REJECT, f"{place} describes the robot; nothing is added to it")
+    if any(each.name == name for each in found):
+        raise Failure(400, Code.CFG_NAME_EXIST, f"{place} has {name} already")
+    known = _attributes(found)
+    key = "name" if "name" in known else "Name"
+    values = {key: name, **{each: "" for each in known if each != key}, **defaults_of(domain, type_name)}
+    if type_name == "EIO_SIGNAL":
+        values["SignalType"] = "DI"
+    controller.configuration.put(domain, type_name, values)
+    instances = f"{place}/instances/{name}"
+    return HttpReply(201, (("Location", f"/rw/cfg/{instances}"), ("Content-Type", "application/xhtml+xml")))
+
+
+def reset_instances(controller: Irc5, call: Call) -> None:
+    _found(controller, call)
+    _reset(controller.configuration, *_place(call).split("/"))
+
+
+def reset_domain(controller: Irc5, call: Call) -> None:
+    _reset(controller.configuration, _domain(call))
+
+
+def validate_removal(controller: Irc5, call: Call) -> None:
+    """Refuse to remove an instance that another one names."""
+    _check_unused(controller, call.required("name"))
+
+
+def validate_instances(controller: Irc5, call: Call) -> None:
+    domain, type_name = call.required("cfgdomain").upper(), call.required("cfgtype").upper()
+    names = [name for name in call.required("instances").split(",") if name]
+    if len(names) != call.number("instancescount"):
+        raise invalid("instancescount is not the number of instances")
+    for name in names:
+        is_there = controller.configuration.find(domain, type_name, name) is not None
+        if call.parameter("operation", "0") == "1":
+            if not is_there:
+                raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name[:50]}")
+            _check_unused(controller, name)
+        elif is_there:
+            raise Failure(400, Code.CFG_NAME_EXIST, f"{domain}/{type_name} has {name} already")
+
+
+def _check_unused(controller: Irc5, name: str) -> None:
+    cfg = controller.configuration
+    for domain in cfg.domains:
+        for type_name in cfg.types(domain):
+            for each in cfg.instances(domain, type_name):
+                if each.name != name and name in each.attributes.values():
+                    raise Failure(400, Code.CFG_DATA_INCORRECT, f"{domain}/{type_name}/{each.name} names {name[:50]}")
+
+
+def refuse_keyless(controller: Irc5, call: Call) -> None:
+    raise Failure(403, Code.MODE_REJECT, "the motors are switched on with the button on the controller")
+
+
+def _domain(call: Call) -> str:
+    domain = call.names["domain"].upper()
+    if domain not in _DOMAINS:
+        raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain[:50]}")
+    return domain
 
 
 def get_instance(controller: Irc5, call: Call) -> Page:
@@ -32,6 +162,71 @@ def get_instance(controller: Irc5, call: Call) -> Page:
             state = _state("cfg-dt-instance", place, index, each)
             return resource("cfg", _BASE, f"{place}/instances/{name}", state)
     raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{place} has no instance {name}")
+
+
+def set_instance(controller: Irc5, call: Call) -> None:
+    domain, type_name, name = _existing(controller, call)
+    known = controller.configuration.instances(domain, type_name)[0].attributes
+    for attribute, _ in call.form:
+        if attribute not in known:
+            raise invalid(f"{domain}/{type_name} has no attribute {attribute}")
+    controller.configuration.change(domain, type_name, name, dict(call.form))
+
+
+def remove_instance(controller: Irc5, call: Call) -> None:
+    domain, type_name, name = _existing(controller, call)
+    if (domain, type_name) in _OWN:
+        raise Failure(403, Code.REJECT, f"{domain}/{type_name} describes the robot; nothing is removed from it")
+    controller.configuration.remove(domain, type_name, name)
+
+
+def load(controller: Irc5, call: Call) -> None:
+    """Load a file: all of it, or nothing."""
+    controller.configuration.become(_loaded(controller, call))
+
+
+def validate(controller: Irc5, call: Call) -> Page:
+    _loaded(controller, call)
+    return resource("cfg", "/rw/", "cfg", State("cfg-validate", "validate", {"status": "OK"}))
+
+
+def _loaded(controller: Irc5, call: Call) -> Configuration:
+    """The configuration with a file loaded as the call says: added, replacing, or in the place of what was added."""
+    mode = call.parameter("action-type", "add")
+    path = path_of_file(call.required("filepath"))
+    loaded = Configuration()
+    loaded.become(controller.configuration)
+    try:
+        text = controller.files[path]
+        if mode == "add-with-reset":
+            _reset(loaded, read_cfg(text).domain)
+        loaded.load(text, replace=mode != "add")
+    except KeyError as error:
+        raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}") from error
+    except SettingsError as error:
+        raise invalid(str(error)) from error
+    return loaded
+
+
+def _reset(configuration: Configuration, domain: str, type_name: str = "") -> None:
+    """Remove all instances that are not the robot's own."""
+    for kind in configuration.types(domain):
+        if (domain, kind) in _OWN or (type_name and kind != type_name):
+            continue
+        for instance in configuration.instances(domain, kind):
+            configuration.remove(domain, kind, instance.name)
+
+
+def save(controller: Irc5, call: Call) -> None:
+    domain = _domain(call)
+    controller.files[path_of_file(call.required("filepath"))] = controller.configuration.text(domain)
+
+
+def _existing(controller: Irc5, call: Call) -> tuple[str, str, str]:
+    domain, type_name, name = call.names["domain"].upper(), call.names["type"].upper(), call.names["instance"]
+    if controller.configuration.find(domain, type_name, name) is None:
+        raise Failure(400, Code.CFG_INSTANCE_INVALID, f"{domain}/{type_name} has no instance {name}")
+    return domain, type_name, name
 
 
 def _place(call: Call) -> str:
@@ -55,13 +250,41 @@ def _found(controller: Irc5, call: Call) -> tuple[Instance, ...]:
 
 def _state(type: str, place: str, index: int, instance: Instance) -> State:
     attributes = tuple(State("cfg-ia-t-li", name, {"value": text}) for name, text in instance.attributes.items())
-    fields = {"rdonly": "false", "instanceid": str(index)}
+    is_own = tuple(place.split("/")) == ("SYS", "PRESENT_OPTIONS")
+    fields = {"rdonly": "true" if is_own else "false", "instanceid": str(index)}
     links = (Link("self", f"{place}/instances/{instance.name}"),)
     return State(type, instance.name, fields, links, attributes)
 
 
+_INSTANCE = "/rw/cfg/{domain}/{type}/instances/{instance}"
+_TYPE = "/rw/cfg/{domain}/{type}"
+_FILE: Values = {"filepath": (), "action-type": ("add", "replace", "add-with-reset")}
+_PAGES: Values = {"start": (), "limit": ()}
+_OF_INSTANCES: Values = {"operation": ("0", "1"), "cfgdomain": (), "cfgtype": (), "instances": (), "instancescount": ()}
 OPERATIONS = (
     Operation("GET", "/rw/cfg", get_domains),
-    Operation("GET", "/rw/cfg/{domain}/{type}/instances", get_instances),
-    Operation("GET", "/rw/cfg/{domain}/{type}/instances/{instance}", get_instance),
+    Operation("POST", "/rw/cfg", load, "load", _FILE, needs_mastership="cfg"),
+    Operation("POST", "/rw/cfg", validate, "validate", _FILE, status=200),
+    Operation("POST", "/rw/cfg", validate_removal, "validate-inst-at-del", {"name": ()}),
+    Operation("POST", "/rw/cfg", validate_instances, "validate-instances", _OF_INSTANCES),
+    Operation("POST", "/rw/cfg", refuse_keyless, "keyless", {"state": ("run",)}, status=403),
+    Operation("GET", "/rw/cfg/{domain}", get_types, query=_PAGES),
+    Operation("POST", "/rw/cfg/{domain}", save, "saveas", {"filepath": (), "save-mode": ()}),
+    Operation("POST", "/rw/cfg/{domain}", reset_domain, "reset", needs_mastership="cfg", status=200),
+    Operation("GET", _TYPE, get_type),
+    Operation("GET", f"{_TYPE}/attributes", get_attributes),
+    Operation("GET", f"{_TYPE}/instances", get_instances, query=_PAGES),
+    Operation("POST", f"{_TYPE}/instances", reset_instances, "reset", needs_mastership="cfg"),
+    Operation(
+        "POST",
+        f"{_TYPE}/instances",
+        create_instance,
+        "create-default",
+        {"name": ()},
+        needs_mastership="cfg",
+        status=201,
+    ),
+    Operation("GET", _INSTANCE, get_instance),
+    Operation("POST", _INSTANCE, set_instance, "set", needs_mastership="cfg"),
+    Operation("DELETE", _INSTANCE, remove_instance, needs_mastership="cfg"),
 )

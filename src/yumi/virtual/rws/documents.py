@@ -114,9 +114,16 @@ _FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
         "is-integrated-unit": "is-integrated-unitname",
         "has-integrated-unit": "has-integrated-unitname",
     },
+    "ctrl-env": {"value": "_value"},
 }
 _TYPES = {"elog-message-li": "elog-message"}
-_LISTS = {"sys-option-li": "options", "cfg-ia-t-li": "attrib"}
+_LISTS = {
+    "sys-option-li": "options",
+    "cfg-ia-t-li": "attrib",
+    "sys-energy-mec-li": "mec",
+    "sys-energy-axis-li": "axis",
+    "dev-id-li": "devices",
+}
 _NUMBERS = ("lvalue", "pvalue")
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime, timezone
 
-from yumi.rws.documents import Argument, Link, Page, State
+from yumi.rws.documents import Argument, Form, Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Event
-from yumi.virtual.rws.operations import Call, Failure, Operation, resource
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, resource
 
 _BASE = "/rw/elog/"
 _PAGE = 50
@@ -46,6 +48,14 @@ def get_messages(controller: Irc5, call: Call) -> Page:
     """Newest first, in pages counted from 1."""
     domain = _number(call)
     entries = controller.events.entries(domain)
+    asked, since = call.option("resource"), call.number_option("elogseqnum", -1)
+    if asked in ("count", "info"):
+        fields = {"numevts": str(len(entries))}
+        if asked == "info":
+            fields["buffsize"] = "20" if domain else "1000"
+        return resource("Elog", _BASE, str(domain), State("elog-domain", str(domain), fields))
+    if since >= 0:
+        entries = tuple(event for event in entries if event.number >= since)
     ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
     size = min(call.number_option("limit", _PAGE), _PAGE)
     number = max(call.number_option("start", 1), 1)
@@ -79,7 +89,9 @@ def _message(type: str, domain: int, event: Event, call: Call) -> State:
         "tstamp": datetime.fromtimestamp(event.time, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S"),
         "argc": str(len(event.arguments)),
     }
-    if call.option("lang") is not None:
+    if call.option("lang") is not None and call.option("resource") == "title":
+        fields["title"] = event.title
+    elif call.option("lang") is not None:
         texts = {"title": event.title, "desc": event.description}
         fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
     title = f"/rw/elog/{domain}/{event.number}"
@@ -87,10 +99,35 @@ def _message(type: str, domain: int, event: Event, call: Call) -> State:
     return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
 
 
+def save_raw(controller: Irc5, call: Call) -> HttpReply:
+    path = path_of_file(call.required("path"))
+
+    def work() -> None:
+        lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in _all(controller))
+        controller.files[path] = "\n".join(lines) + "\n"
+
+    job = controller.jobs.begin(work, 1.0)
+    return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
+
+
+def _all(controller: Irc5) -> tuple[Event, ...]:
+    return tuple(reversed(controller.events.entries()))
+
+
+_LANG: Values = {"lang": ()}
+_DOMAIN_QUERY: Values = {
+    **_LANG,
+    "resource": ("count", "info", "title"),
+    "order": ("lifo", "fifo"),
+    "elogseqnum": (),
+    "start": (),
+    "limit": (),
+}
 OPERATIONS = (
-    Operation("GET", "/rw/elog", get_domains),
+    Operation("GET", "/rw/elog", get_domains, query={**_LANG, "resource": ("count",)}),
     Operation("POST", "/rw/elog", lambda controller, _: controller.events.clear(), "clearall"),
-    Operation("GET", "/rw/elog/{domain}", get_messages),
+    Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202),
+    Operation("GET", "/rw/elog/{domain}", get_messages, query=_DOMAIN_QUERY),
     Operation("POST", "/rw/elog/{domain}", lambda controller, call: controller.events.clear(_number(call)), "clear"),
-    Operation("GET", "/rw/elog/{domain}/{number}", get_message),
+    Operation("GET", "/rw/elog/{domain}/{number}", get_message, query=_LANG),
 )

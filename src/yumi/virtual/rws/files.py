@@ -8,9 +8,9 @@ from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.files import DEVICES, File
+from yumi.virtual.controller.files import CAPACITY, DEVICES, File
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, entry, invalid, resource
+from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
 
 _BASE = "/fileservice/"
 _TEXT = (("Content-Type", "application/octet-stream"),)
@@ -19,7 +19,20 @@ _OK = 200
 
 
 def get_devices(controller: Irc5, call: Call) -> Page:
-    return resource("File Service", _BASE, "", *(entry("fs-device", f"${device.lower()}") for device in DEVICES))
+    free = CAPACITY - sum(len(controller.files.get_file(path).content or b"") for path in controller.files)
+    states = (
+        entry(
+            "fs-device",
+            f"${device.lower()}",
+            fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
+            fs_total_space=str(CAPACITY),
+            fs_free_space=str(free),
+            fs_enabled="TRUE",
+            fs_readonly="FALSE",
+        )
+        for device in DEVICES
+    )
+    return resource("File Service", _BASE, "", *states)
 
 
 def get(controller: Irc5, call: Call) -> Answer:
@@ -55,24 +68,24 @@ def create_copy_or_rename(controller: Irc5, call: Call) -> HttpReply | None:
     """Create a directory in one, copy or rename; the body names the action."""
     if call.option("fs-action") is not None:
         raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
-    action, name = call.required("fs-action"), call.required("fs-newname")
-    if "/" in name or not name:
-        raise invalid(f"fs-newname is a name without a path, not {name!r}")
+    action, name = call.required("fs-action"), call.required("fs-newname").rstrip("/")
     file = _find(controller, call)
+    folder = file.path.rpartition("/")[0]
+    if not name or ".." in name.split("/"):
+        raise invalid("fs-newname is a name, or a path from /fileservice")
     if action == "create":
         controller.files.make_directory(f"{file.path}/{name}")
         return HttpReply(_CREATED, _TEXT)
-    if action not in ("copy", "rename"):
-        raise invalid(f"fs-action is create, copy or rename, not {action!r}")
-    folder = file.path.rpartition("/")[0]
-    target = f"{folder}/{name}"
-    is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(folder))
+    target = path_of_file(name) if name.startswith("/fileservice/") else f"{folder}/{name}"
+    if action == "rename" and "/" in name:
+        raise invalid(f"fs-newname is a name without a path, not {name[:50]!r}")
+    is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(target.rpartition("/")[0]))
     if is_taken and call.parameter("fs-overwrite", "false") != "true":
         raise Failure(409, Code.INVALIDARG, f"{target} exists")
     controller.files.copy(file.path, target)
     if action == "rename":
         controller.files.remove(file.path)
-    return None
+    return HttpReply(_OK, _TEXT) if action == "rename" and file.content is None else None
 
 
 def _find(controller: Irc5, call: Call) -> File:
@@ -85,8 +98,12 @@ def _find(controller: Irc5, call: Call) -> File:
 
 
 def _path(call: Call) -> str:
-    """``$home/a.mod`` or ``HOME:/a.mod`` as RAPID writes it, ``HOME:/a.mod``."""
-    device, _, rest = call.names["path"].partition("/")
+    return path_of_file(call.names["path"])
+
+
+def path_of_file(text: str) -> str:
+    """``$home/a.mod`` or ``HOME:/a.mod``, with or without ``/fileservice/`` before it, as RAPID writes it."""
+    device, _, rest = text.removeprefix("/fileservice/").partition("/")
     name = device.removeprefix("$").removesuffix(":").upper()
     if name not in DEVICES:
         raise Failure(404, Code.FAIL, f"there is no device {device}")
@@ -96,11 +113,16 @@ def _path(call: Call) -> str:
 
 
 _PATH = "/fileservice/{path:.+}"
+_ACTIONS: Values = {
+    "fs-action": ("create", "copy", "rename"),
+    "fs-newname": (),
+    "fs-overwrite": ("true", "false"),
+}
 OPERATIONS = (
     Operation("GET", "/fileservice", get_devices),
     Operation("GET", _PATH, get),
     Operation("HEAD", _PATH, head),
     Operation("PUT", _PATH, put),
-    Operation("POST", _PATH, create_copy_or_rename),
+    Operation("POST", _PATH, create_copy_or_rename, values=_ACTIONS),
     Operation("DELETE", _PATH, delete),
 )

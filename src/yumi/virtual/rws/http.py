@@ -66,6 +66,7 @@ OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
 _REQUIRED = ("username", "realm", "nonce", "uri", "response", "nc", "cnonce")
+_PARAMS = re.compile(r";[^/]*$")  # of the last segment of a path
 _PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
 
@@ -120,9 +121,11 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     """Whether the credentials prove knowledge of the password for this request.
 
     Clients differ in how they escape the uri, so it is compared unescaped; the response is over the one they
-    sent.
+    sent. Python's ``requests`` leaves out what stands behind a ``;`` of the path.
     """
-    if credentials.realm != REALM or unquote(credentials.uri) != unquote(target):
+    path, mark, query = target.partition("?")
+    meant = {unquote(target), unquote(f"{_PARAMS.sub('', path)}{mark}{query}")}
+    if credentials.realm != REALM or unquote(credentials.uri) not in meant:
         return False
     secret = _md5(f"{user}:{credentials.realm}:{password}")
     count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth"

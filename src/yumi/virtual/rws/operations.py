@@ -5,7 +5,7 @@ Each service (``panel``, ``rapid``, …) is a module with its handlers and its p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import NamedTuple, cast
@@ -86,6 +86,7 @@ class Call:
         content: the body as it came.
         session: whose request it is.
         host: host and port as the client calls them.
+        privilege: what the client may change in manual mode (RMMP): ``none``, ``modify`` or ``exec``.
     """
 
     method: str
@@ -96,6 +97,7 @@ class Call:
     content: bytes = b""
     session: str = ""
     host: str = ""
+    privilege: str = "none"
 
     def option(self, name: str) -> str | None:
         """A parameter in the URL, or None."""
@@ -152,6 +154,12 @@ Handler = Callable[[Irc5, Call], Answer]
 """Answers a call; raises Failure or Refused."""
 
 
+Values = Mapping[str, tuple[str, ...]]
+"""Parameters by name, each with the texts it may be; none where any text may come."""
+
+_SUCCESS: Mapping[str, int] = {"GET": 200, "PUT": 200, "OPTIONS": 200, "HEAD": 204, "POST": 204, "DELETE": 204}
+
+
 @dataclass(frozen=True, slots=True)
 class Operation:
     """One line of the table.
@@ -160,19 +168,38 @@ class Operation:
         method: of HTTP.
         path: ``{name}`` stands for one segment, ``{name:.+}`` for all that follow.
         handler: answers the call.
-        action: the ``action`` in the URL; an operation without one answers every call.
-        values: what a parameter in the body may be, where it is given.
+        action: the ``action`` in the URL; None for a call without one.
+        values: the parameters in the body, and what each may be.
         needs_mastership: the domain whose mastership the client must hold, or "".
         respects_mastership: the domain that no other client may hold, or "".
+        resource: the ``resource`` in the URL; an operation whose ``query`` has it answers all without their own line.
+        query: the parameters in the URL beside these two, and what each may be.
+        status: of HTTP where the call succeeds; 0 for the usual one of the method.
+        lacks: hardware or option that this robot does not have; such a call is answered with 404.
     """
 
     method: str
     path: str
     handler: Handler
     action: str | None = None
-    values: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    values: Values = field(default_factory=dict)
     needs_mastership: str = ""
     respects_mastership: str = ""
+    resource: str | None = None
+    query: Values = field(default_factory=dict)
+    status: int = 0
+    lacks: str = ""
+
+    @property
+    def success(self) -> int:
+        """Status of HTTP where the call succeeds."""
+        return 404 if self.lacks else self.status or _SUCCESS[self.method]
+
+    @property
+    def service(self) -> str:
+        """The service it belongs to, such as ``rapid`` or ``fileservice``."""
+        parts = [part for part in self.path.split("/") if part]
+        return "root" if not parts else parts[1] if parts[0] == "rw" and len(parts) > 1 else parts[0]
 
     def check_values(self, call: Call) -> None:
         """Refuse a call with a parameter that is none of its values.
@@ -180,9 +207,15 @@ class Operation:
         Raises:
             Failure: 400.
         """
-        for name, text in call.form:
-            if name in self.values and text not in self.values[name]:
-                raise invalid(f"{name} is {' or '.join(self.values[name])}, not {text!r}")
+        for pairs, values in ((call.form, self.values), (call.query, self.query)):
+            for name, text in pairs:
+                if values.get(name) and text not in values[name]:
+                    raise invalid(f"{name} is {' or '.join(values[name])}, not {text[:50]!r}")
+
+
+def not_there(controller: Irc5, call: Call) -> None:
+    """The answer of a controller without the hardware or option: it has no such resource."""
+    raise Failure(404, Code.FAIL, f"there is no resource /{'/'.join(call.path)}")
 
 
 class _Target(NamedTuple):
@@ -229,10 +262,31 @@ class Router:
             raise Failure(405, Code.NOTIMPL, f"{call.method} is not possible on {path}")
         resource = match.route.resource
         assert resource is not None, "all routes are added to resources"
-        for operation in self._operations[call.method, resource.canonical]:
-            if operation.action in (None, call.option("action")):
+        alternatives = self._operations[call.method, resource.canonical]
+        action, wanted = call.option("action"), call.option("resource")
+        fitting = [each for each in alternatives if each.action == action]
+        if call.method != "POST":  # an action of POST changes something; elsewhere an unknown one is ignored
+            fitting = fitting or [each for each in alternatives if each.action is None]
+        if not fitting:
+            raise invalid(f"{path} does not have the action {action!r}")
+        for operation in sorted(fitting, key=lambda each: each.resource != wanted):
+            if operation.resource == wanted or (operation.resource is None and "resource" in operation.query):
                 return operation, replace(call, names=dict(match))
-        raise invalid(f"{path} does not have the action {call.option('action')!r}")
+        raise invalid(f"{path} does not have the resource {wanted!r}")
+
+    def actions(self, call: Call) -> Sequence[Operation]:
+        """What can be done with the path of a call beside reading it."""
+        path = "/" + "/".join(call.path)
+        found: list[Operation] = []
+        for method in ("POST", "PUT", "DELETE"):
+            try:
+                target = _Target(method, URL.build(path=path))
+                self._dispatcher.resolve(cast("web.Request", target)).send(None)
+            except StopIteration as result:
+                match: web.UrlMappingMatchInfo = result.value
+                if match.http_exception is None and match.route.resource is not None:
+                    found += self._operations[method, match.route.resource.canonical]
+        return found
 
 
 def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 
 from yumi.rws.documents import Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, OperatingMode
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, resource
+from yumi.virtual.rws import ctrl
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
 
 VALUES: Mapping[str, Callable[[Irc5], str]] = {
     "ctrlstate": lambda controller: controller.controller_state.value,
@@ -49,16 +51,47 @@ def acknowledge(controller: Irc5, call: Call) -> None:
     controller.acknowledge_collision()
 
 
-def restart(controller: Irc5, call: Call) -> None:
-    mode = call.required("restart-mode")
-    if mode != "restart":
-        raise Failure(400, Code.NOTIMPL, f"the virtual controller does not support {mode}; use restart")
-    controller.restart()
+def get_lock_state(controller: Irc5, call: Call) -> Page:
+    fields = {"lock-state": controller.own_settings.mode_lock}
+    return resource("panel", "/rw/panel/", "opmode", State("pnl-opmode-lock", "lock-state", fields))
+
+
+def lock(controller: Irc5, call: Call) -> None:
+    own, pin = controller.own_settings, call.required("pin")
+    if not re.fullmatch(r"\d{4}", pin):
+        raise invalid("pin has four digits")
+    if own.mode_lock != "unlocked":
+        raise Failure(403, Code.DENIED, "the operating mode is locked already")
+    own.pin = pin
+    own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
+
+
+def unlock(controller: Irc5, call: Call) -> None:
+    own = controller.own_settings
+    if own.mode_lock == "unlocked":
+        raise invalid("the operating mode is not locked")
+    if call.required("pin") != own.pin:
+        raise Failure(403, Code.DENIED, "the pin is another one")
+    own.mode_lock, own.pin = "unlocked", ""
+
+
+_MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
+
+
+def select_mode(controller: Irc5, call: Call) -> None:
+    """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
+    mode = _MODES[call.required("opmode")]
+    if not controller.identity.is_virtual:
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
+    if controller.own_settings.mode_lock != "unlocked":
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
+    controller.select_mode(mode)
 
 
 OPERATIONS = (
     Operation("GET", "/rw/panel", get_panel),
-    Operation("POST", "/rw/panel", restart, "restart", {"restart-mode": _RESTARTS}),
+    Operation("POST", "/rw/panel", ctrl.restart, "restart", {"restart-mode": _RESTARTS}),
+    Operation("POST", "/rw/panel", ctrl.set_language, "setlang", {"lang-code": ()}),
     *(Operation("GET", f"/rw/panel/{name}", get_value) for name in VALUES),
     Operation(
         "POST",
@@ -67,6 +100,10 @@ OPERATIONS = (
         "setctrlstate",
         {"ctrl-state": ("motoron", "motoroff")},
     ),
-    Operation("POST", "/rw/panel/opmode", acknowledge, "acknowledge"),
-    Operation("POST", "/rw/panel/speedratio", set_speed_ratio, "setspeedratio"),
+    Operation("POST", "/rw/panel/opmode", select_mode, values={"opmode": tuple(_MODES)}, status=403),
+    Operation("POST", "/rw/panel/opmode", acknowledge, "acknowledge", {"opmode": ("auto", "manf", "coldet")}),
+    Operation("GET", "/rw/panel/opmode", get_lock_state, resource="lock-state"),
+    Operation("POST", "/rw/panel/opmode", lock, "lock", {"pin": (), "permanent": ("0", "1")}),
+    Operation("POST", "/rw/panel/opmode", unlock, "unlock", {"pin": ()}),
+    Operation("POST", "/rw/panel/speedratio", set_speed_ratio, "setspeedratio", {"speed-ratio": ()}),
 )

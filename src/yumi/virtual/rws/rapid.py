@@ -1,28 +1,25 @@
-"""``/rw/rapid``: execution, tasks, modules and symbols (reference/rws.md §6)."""
+"""``/rw/rapid``: execution, tasks, programs, pointers and dialogs (reference/rws.md §6); modules are in ``symbols``."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping
-from typing import TypeVar
-from urllib.parse import quote
+from collections.abc import Sequence
+from xml.etree import ElementTree
 
-from yumi.rapid.errors import RapidValueError, UnknownSymbol
-from yumi.rapid.task import Task
+from yumi.rapid import ast as s
+from yumi.rapid.program import Execution, UserRoutine
+from yumi.rapid.task import StackEntry, StepKind, Task
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
-
-T = TypeVar("T")
+from yumi.virtual.controller.tasks import InstalledTask
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.motion import joint_fields, target_fields
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
 
 _BASE = "/rw/rapid/"
-_SYMBOL_TYPES = {"con": "rap-sympropconstant", "var": "rap-sympropvar", "per": "rap-symproppers"}
-_OWNERS: Mapping[str, Mapping[str, str]] = {
-    "con": {},
-    "var": {"taskvar": "true"},
-    "per": {"taskpers": "true"},
-}
+_NO_CONTENT = 204
+_MOST_PAGE = 30
 
 
 def execution_state(controller: Irc5) -> str:
@@ -30,9 +27,28 @@ def execution_state(controller: Irc5) -> str:
     return "running" if controller.is_running else "stopped"
 
 
+def find_task(controller: Irc5, name: str) -> Task:
+    """The task of that name; raises Failure."""
+    task = controller.tasks.get(name.upper())
+    if task is None:
+        raise Failure(404, Code.FAIL, f"there is no task {name[:50]!r}")
+    return task
+
+
+def _task(controller: Irc5, call: Call) -> Task:
+    return find_task(controller, call.names["task"])
+
+
+def _installed(controller: Irc5, call: Call) -> InstalledTask:
+    return controller.execution.installed[_task(controller, call).name]
+
+
 def get_rapid(controller: Irc5, call: Call) -> Page:
-    names = ("execution", "modules", "tasks")
+    names = ("tasks", "modules", "symbols", "execution", "uiinstr", "taskselection", "aliasio")
     return resource("rapid", "/rw/", "rapid", *(entry(f"rap-{name}-li", name, f"rapid/{name}") for name in names))
+
+
+# Execution
 
 
 def get_execution(controller: Irc5, call: Call) -> Page:
@@ -40,179 +56,541 @@ def get_execution(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "execution", State("rap-execution", "execution", fields))
 
 
+def start(controller: Irc5, call: Call) -> None:
+    cycle, mode = call.parameter("cycle", "asis"), call.parameter("execmode", "continue")
+    step = None
+    if mode != "continue":
+        step = next((kind for kind in StepKind if kind.value == mode), None)
+        if step is None:
+            raise Failure(400, Code.NOTIMPL, f"a step {mode} is not possible; stepin, stepover and stepout are")
+    is_stopping = call.parameter("stopatbp", "disabled") == "enabled"
+    controller.start_rapid("" if cycle == "asis" else cycle, step, stop_at_breakpoints=is_stopping)
+
+
+def start_production(controller: Irc5, call: Call) -> None:
+    """Start from the production entry, which is the main of each task."""
+    controller.move_pp_to_main()
+    controller.start_rapid()
+
+
+def set_cycle(controller: Irc5, call: Call) -> None:
+    cycle = call.required("cycle")
+    if cycle != "asis":
+        controller.execution.cycle = cycle
+        for each in controller.execution.installed.values():
+            if each.is_normal:
+                each.task.repeats = cycle == "forever"
+
+
+def hold_to_run(controller: Irc5, call: Call) -> None:
+    call.required("state")
+    raise Failure(403, Code.MODE_REJECT, "hold-to-run is pressed on the FlexPendant; RobotStudio alone has it here")
+
+
+# Tasks
+
+
 def get_tasks(controller: Irc5, call: Call) -> Page:
-    tasks = controller.tasks.values()
-    links = {task.name: (Link("self", f"tasks/{task.name}"),) for task in tasks}
-    states = (State("rap-task-li", task.name, _task_fields(task), links[task.name]) for task in tasks)
+    states = (
+        State("rap-task-li", name, task_fields(each), (Link("self", f"tasks/{name}"),))
+        for name, each in controller.execution.installed.items()
+    )
     return resource("rapid", _BASE, "tasks", *states)
 
 
 def get_task(controller: Irc5, call: Call) -> Page:
-    task = _find_task(controller, call.names["task"])
-    links = (Link("self", task.name), Link("modules", f"../modules?task={task.name}"))
-    return resource("rapid", f"{_BASE}tasks/", task.name, State("rap-task", task.name, _task_fields(task), links))
+    installed = _installed(controller, call)
+    name, settings = installed.task.name, installed.settings
+    links = (Link("self", name), Link("program", f"{name}/program"), Link("modules", f"../modules?task={name}"))
+    has_pp = bool(installed.task.call_stack)
+    fields = {
+        **task_fields(installed),
+        "tasktype": settings.type.name.capitalize().replace("Semistatic", "SemiStatic"),
+        "trust": "None" if settings.trust.value == "NoSafety" else settings.trust.value,
+        "taskID": str(list(controller.tasks).index(name) + 1),
+        "execlevel": "Normal" if has_pp else "None",
+        "execmode": "Continous",
+        "exectype": "Normal" if has_pp else "None",
+        "prodentrypt": settings.entry,
+        "bind_ref": "False",
+        "task_in_forgnd": "True",
+    }
+    return resource("rapid", f"{_BASE}tasks/", name, State("rap-task", name, fields, links))
 
 
-def _task_fields(task: Task) -> dict[str, str]:
+def task_fields(installed: InstalledTask) -> dict[str, str]:
+    """What lists and single tasks show."""
+    task = installed.task
     return {
         "name": task.name,
-        "type": "norm",
-        "taskstate": "link",
+        "type": installed.settings.type.value,
+        "taskstate": "empt" if not task.modules else "init" if task.execution is Execution.UNINITIALIZED else "link",
         "excstate": task.execution.value,
-        "active": "On",
-        "motiontask": "TRUE",
+        "active": "On" if installed.is_active else "Off",
+        "motiontask": "TRUE" if installed.settings.is_motion_task else "FALSE",
     }
 
 
 def activate(controller: Irc5, call: Call) -> None:
-    """Both tasks are selected on the task panel at all times."""
-    if "task" in call.names:
-        _find_task(controller, call.names["task"])
+    """Select a task on the task panel, or all."""
+    tasks = [_installed(controller, call)] if "task" in call.names else controller.execution.installed.values()
+    for each in tasks:
+        if each.is_normal or "task" in call.names:
+            controller.execution.select(each.task.name, is_active=call.option("action") == "activate")
 
 
 def load_module(controller: Irc5, call: Call) -> None:
-    task = _find_task(controller, call.names["task"])
     is_replacing = call.parameter("replace", "false") == "true"
-    controller.load_module(task.name, call.required("modulepath"), replace=is_replacing)
+    path = path_of_file(call.required("modulepath"))
+    controller.load_module(_task(controller, call).name, path, replace=is_replacing)
 
 
 def unload_module(controller: Irc5, call: Call) -> None:
-    controller.unload_module(_find_task(controller, call.names["task"]).name, call.required("module"))
+    controller.unload_module(_task(controller, call).name, call.required("module"))
 
 
-def get_modules(controller: Irc5, call: Call) -> Page:
-    task = _find_task(controller, call.option("task") or "")
+def abort_level(controller: Irc5, call: Call) -> None:
+    """Leave the execution level that a service routine or trap has: the normal one stays, as nothing is above it."""
+    task = _task(controller, call)
+    if task.execution is Execution.STARTED:
+        raise Failure(400, Code.EXEC_STATE, f"{task.name} runs: stop RAPID first")
+    if not task.call_stack:
+        raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer")
+
+
+def build(controller: Irc5, call: Call) -> None:
+    """Link a task; its errors are at ``program/builderror``."""
+    faults = _task(controller, call).faults()
+    if faults:
+        raise Failure(400, Code.SEMANTIC, str(faults[0]))
+
+
+def get_sync_state(controller: Irc5, call: Call) -> Page:
+    """Whether the pointers of motion tasks are on synchronized motion, which this robot does not have."""
     states = (
-        entry(
-            "rap-module-info-li",
-            module.name,
-            f"modules/{module.name}?task={task.name}",
-            name=module.name,
-            type="SysMod" if module.is_system else "ProgMod",
-        )
-        for module in task.modules
+        State("rap-sync-state", task, {"Program-Pointer-State": "OFF", "Motion-Pointer-State": "OFF"})
+        for task in ([_task(controller, call).name] if "task" in call.names else controller.tasks)
     )
-    return resource("rapid", _BASE, f"modules?task={task.name}", *states)
+    return resource("rapid", _BASE, "tasks", *states)
 
 
-def get_module_text(controller: Irc5, call: Call) -> Page:
-    """The text, URL-encoded; no known client reads other properties of a module."""
-    if call.option("resource") != "module-text":
-        raise invalid("of a module its text alone is given: resource=module-text")
-    task = _find_task(controller, call.option("task") or "")
-    name = call.names["module"]
-    module = next((each for each in task.modules if each.name.lower() == name.lower()), None)
-    if module is None:
-        raise Failure(404, Code.FAIL, f"the task {task.name} has no module {name!r}")
+def get_spy(controller: Irc5, call: Call) -> Page:
+    return resource("rapid", _BASE, "tasks", State("rap-spy-status", "spy-status", {"status": "Not Logging"}))
+
+
+def refuse_spy(controller: Irc5, call: Call) -> None:
+    raise Failure(400, Code.SERVICE_NOT_SUPPORTED, "execution is not logged statement by statement here")
+
+
+def get_stack_frame(controller: Irc5, call: Call) -> Page:
+    """A routine under way: 1 is that of the program pointer."""
+    task = _task(controller, call)
+    number = call.number_option("stackframe", 1)
+    stack = task.call_stack
+    if not 1 <= number <= len(stack):
+        raise Failure(404, Code.NO_PP, f"{task.name} has {len(stack)} stack frames, not {number}")
+    at = stack[number - 1]
     fields = {
-        "change-count": "0",
-        "module-text": quoted(module.text),
-        "module-length": str(len(module.text)),
+        "execlevel": "Normal",
+        **_place(task, at, ("beg-row", "beg-col", "end-row", "end-col")),
+        "stack-url": f"RAPID/{task.name}/%{number}",
+        "routine-url": f"RAPID/{task.name}/{at.module}/{at.routine}",
     }
-    return resource("rapid", f"{_BASE}modules/", module.name, State("rap-module-text", module.name, fields))
+    return resource("rapid", f"{_BASE}tasks/", task.name, State("rap-stackframe", str(number), fields))
 
 
-@functools.lru_cache(maxsize=32)
-def quoted(text: str) -> str:
-    """A module's text, URL-encoded; a long one takes longer than a cycle the first time."""
-    return quote(text, encoding="latin-1")
+def text_of(task: Task, module: str) -> str:
+    """The text of a module of a task; raises Failure."""
+    for each in task.modules:
+        if each.name.lower() == module.lower():
+            return each.text
+    raise Failure(404, Code.FAIL, f"the task {task.name} has no module {module[:50]!r}")
 
 
-def get_symbol(controller: Irc5, call: Call) -> Page:
-    url = call.names["symbol"]
-    value = _at(controller, url, lambda task, module, name: task.read(module, name), missing=400)
-    state = State("rap-data", f"RAPID/{url}", {"value": value})
-    return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
+def _place(task: Task, at: StackEntry, names: Sequence[str]) -> dict[str, str]:
+    """Where a statement begins and ends: rows and columns from 1, the end of its line being its end."""
+    lines = text_of(task, at.module).splitlines()
+    line = lines[at.line - 1] if 0 < at.line <= len(lines) else ""
+    begin = len(line) - len(line.lstrip()) + 1
+    return dict(zip(names, map(str, (at.line, begin, at.line, max(len(line.rstrip()), begin))), strict=True))
 
 
-def set_symbol(controller: Irc5, call: Call) -> None:
-    if controller.mode.value != "AUTO":
-        raise Failure(403, Code.MASTER_REJECT, "in manual mode the FlexPendant holds the mastership")
-    literal = call.required("value")
+def get_change_count(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    count = str(controller.program_changes(task.name))
+    fields = {"change-count": count, "struc-change-count": count}
+    state = State("task-struc-change-count", task.name, fields)
+    return resource("rapid", f"{_BASE}tasks/", task.name, state)
+
+
+def get_preferred_types(controller: Irc5, call: Call) -> Page:
+    """The data types a parameter of an instruction takes."""
+    task = _task(controller, call)
+    instruction, parameter = call.option("instruction") or "", call.option("parameter") or ""
+    routine = task.library.routine(instruction)
+    found = [each for each in routine.parameters if each.name.lower() == parameter.lower()] if routine else []
+    if not found:
+        raise invalid(f"the instruction {instruction[:50]!r} has no parameter {parameter[:50]!r}")
+    fields = {"name-prefdattype": parameter, "type-prefdattype": found[0].type.name}
+    return resource("rapid", f"{_BASE}tasks/", task.name, State("task-pref-data-types", parameter, fields))
+
+
+def get_routines_of_task(controller: Irc5, call: Call) -> Page:
+    """The procedures that may be called as service routines: those without parameters."""
+    task = _task(controller, call)
+    routines = [each for each in task.program.routines if _is_entry(each)]
+    start, limit = max(call.number_option("start", 1), 1), max(call.number_option("limit", _MOST_PAGE), 1)
+    shown = routines[(start - 1) * limit : start * limit]
+    more = f"{task.name}/serviceroutine?start={start + 1}&limit={limit}" if start * limit < len(routines) else None
+    states = (
+        State(
+            "rap-task-routine",
+            each.name,
+            {
+                "routine-name": each.name,
+                "url-to-routine": f"RAPID/{task.name}/{each.module.name}/{each.name}",
+                "service-routine": "FALSE",
+            },
+        )
+        for each in shown
+    )
+    return resource("rapid", f"{_BASE}tasks/", f"{task.name}/serviceroutine", *states, next_href=more)
+
+
+def _is_entry(routine: UserRoutine) -> bool:
+    return routine.syntax.kind is s.RoutineKind.PROC and not routine.syntax.parameters
+
+
+def get_task_execution(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    fields = {"excstate": task.execution.value}
+    if task.call_stack:
+        at = task.call_stack[0]
+        fields |= {"module-name": at.module, "routine-name": at.routine, "line": str(at.line)}
+    return resource("rapid", f"{_BASE}tasks/", f"{task.name}/execution", State("rap-task-execution", task.name, fields))
+
+
+# Pointers
+
+
+def pointer_fields(task: Task) -> dict[str, str]:
+    """Where the program pointer stands; nothing where it is lost."""
+    if not task.call_stack:
+        return {}
+    at = task.call_stack[0]
+    place = _place(task, at, ("row", "col", "end-row", "end-col"))
+    return {
+        "beginposition": f"{place['row']},{place['col']}",
+        "endposition": f"{place['end-row']},{place['end-col']}",
+        "modulemame": at.module,
+        "routinename": at.routine,
+        "changecount": "0",
+        "executiontype": "Normal",
+    }
+
+
+def get_pointers(controller: Irc5, call: Call) -> Page:
+    """Both pointers: the motion pointer is where the program pointer is, as no motion runs ahead of it."""
+    task = _task(controller, call)
+    fields = pointer_fields(task)
+    lost = () if fields else (Link("error", f"/rw/retcode?code={int(Code.UNEXPECTED)}"),)
+    states = (State("pcp-info", name, fields, lost) for name in ("progpointer", "motionpointer"))
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "pcp", *states)
+
+
+def move_pp(controller: Irc5, call: Call) -> None:
+    """Set the program pointer to a procedure; a line has to be one of its beginning, or it is refused."""
+    task = _task(controller, call)
+    module, routine = call.parameter("module", ""), call.required("routine").rpartition("/")[2]
+    if call.option("action") == "set-pp-cursor":
+        found = _routine(task, call.required("module"), routine)
+        line = int(call.number("line"))
+        call.number("column")
+        first = found.syntax.body[0].line if found.syntax.body else found.syntax.line
+        if not found.syntax.line <= line <= first:
+            raise Failure(
+                400, Code.ILLEGAL_PCP_MOVE, f"the pointer moves to the first statement of {routine}, line {first}"
+            )
+    controller.execution.move_pp_to_routine(task.name, routine, module)
+
+
+def _routine(task: Task, module: str, name: str) -> UserRoutine:
+    loaded = task.program.modules.get(module.lower())
+    found = loaded.symbols.get(name.lower()) if loaded is not None else None
+    if not isinstance(found, UserRoutine):
+        raise Failure(400, Code.NO_SUCH_SYMBOL, f"the task {task.name} has no routine {module[:50]}/{name[:50]}")
+    return found
+
+
+def refuse_pp_step(controller: Irc5, call: Call) -> None:
+    _task(controller, call)
+    raise Failure(400, Code.ILLEGAL_PCP_MOVE, "the pointer moves by steps of execution: start with execmode=stepover")
+
+
+# Motion of a task
+
+
+def get_motion(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    unit = _unit_of(controller, task)
+    names = ("robtarget", "jointtarget", "mechunit", "extjointstate")
+    states = (entry(f"rap-{name}-li", name, f"motion?resource={name}") for name in names)
+    state = State("rap-motion", task.name, {"mechunit-name": unit})
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state, *states)
+
+
+def _unit_of(controller: Irc5, task: Task) -> str:
+    found = next((unit.name for unit in controller.units if unit.task == task.name), None)
+    if found is None:
+        raise Failure(400, Code.NO_TCPROBOT_ACTIVE, f"{task.name} moves no robot")
+    return found
+
+
+def get_motion_target(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    unit = next(each for each in controller.units if each.name == _unit_of(controller, task))
+    fields, turns, extra = target_fields(controller, call, unit)
+    fields |= {name: f"{value:.7g}" for name, value in zip(("cf1", "cf4", "cf6", "cfx"), turns, strict=True)}
+    fields |= {f"ej{n}": "9E+09" if value > 8.9e9 else f"{value:.7g}" for n, value in enumerate(extra, 1)}
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", State("rapid-robtarget", unit.name, fields))
+
+
+def get_motion_joints(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    unit = _unit_of(controller, task)
+    values = list(joint_fields(controller, unit).values())
+    fields = {f"j{n}": value for n, value in enumerate(values[:6], 1)}
+    fields |= {f"ej{n}": value for n, value in enumerate(values[6:], 1)}
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", State("rapid-jointtarget", unit, fields))
+
+
+def get_motion_units(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    states = (
+        State("rapid-mechunit", unit.name, {"name": unit.name, "mode": unit.mode, "type": unit.type})
+        for unit in controller.units
+        if unit.task == task.name
+    )
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", *states)
+
+
+def get_extra_joints(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    _unit_of(controller, task)
+    fields = {f"j{n}": "rotating" if n == 1 else "not_active" for n in range(1, 7)}
+    state = State("rapid-extjointstate", task.name, fields)
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "motion", state)
+
+
+# Program
+
+
+def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
+    task = _task(controller, call)
+    if not task.modules:
+        return HttpReply(_NO_CONTENT)
+    state = State("rap-program", "program", {"name": controller.program_name(task.name), "entrypoint": task.entry})
+    links = (
+        entry("rap-program-breakpoint-li", "breakpoint", "program/breakpoint"),
+        entry("rap-builderrs-li", "builderror", "program/builderror"),
+    )
+    return resource("rapid", f"{_BASE}tasks/{task.name}/", "program", state, *links)
+
+
+def load_program(controller: Irc5, call: Call) -> None:
+    """Load the modules that a program file (.pgf) lists, in the place of the program modules or beside them."""
+    task, path = _task(controller, call), path_of_file(call.required("progpath"))
+    text = controller.files.get(path)
+    if text is None:
+        raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}")
     try:
-        _at(controller, call.names["symbol"], lambda task, module, name: task.write(module, name, literal), 404)
-    except RapidValueError as error:
-        raise Failure(400, Code.SYNTAX, str(error)) from error
-    controller.settle()
+        names = [(each.text or "").strip() for each in ElementTree.fromstring(text.encode()).iter("Module")]
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise invalid(f"{path} is not a program file: {error}") from error
+    paths = [f"{path.rpartition('/')[0]}/{name}" for name in names if name]
+    missing = [each for each in paths if controller.files.get(each) is None]
+    if not paths or missing:
+        raise Failure(400, Code.FILE_NOT_FOUND, f"the program lists {missing[0] if missing else 'no modules'}")
+    is_replacing = call.parameter("loadmode", "replace") == "replace"
+    if is_replacing:
+        _unload_program(controller, task)
+    for each in paths:
+        controller.load_module(task.name, each, replace=is_replacing)
+    controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
 
 
-def get_symbol_properties(controller: Irc5, call: Call) -> Page:
-    state = _at(controller, call.names["symbol"], _symbol_state, missing=400)
-    return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
+def _unload_program(controller: Irc5, task: Task) -> None:
+    for module in task.modules:
+        if not module.is_system:
+            controller.unload_module(task.name, module.name)
 
 
-def _symbol_state(task: Task, module: str, name: str) -> State:
-    kind, sizes = task.kind_of(module, name), task.dimensions_of(module, name)
-    url = f"RAPID/{task.name}/{module}/{name}"
-    fields = {
-        "symburl": url,
-        "name": name,
-        "symtyp": kind,
-        "named": "true",
-        "dattyp": task.type_of(module, name),
-        "ndim": str(len(sizes)),
-        "dim": ",".join(map(str, sizes)),
-        "heap": "false",
-        "linked": "true",
-        "local": "false",
-        "rdonly": "true" if kind == "con" else "false",
-        **_OWNERS[kind],
-        "typurl": f"RAPID/{task.name}/{module}/{task.type_of(module, name)}",
-    }
-    return State(_SYMBOL_TYPES[kind], url, fields)
+def unload_program(controller: Irc5, call: Call) -> None:
+    _unload_program(controller, _task(controller, call))
 
 
-def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing: int) -> T:
-    """What ``act`` finds at ``task/module/symbol`` or ``task/symbol``; status ``missing`` when there is nothing."""
-    task_name, *module, name = url.split("/") if url.count("/") in (1, 2) else ("", "")
-    task = controller.tasks.get(task_name.upper())
-    if task is not None:
-        for place in module or [each.name for each in task.modules]:
-            try:
-                return act(task, place, name)
-            except UnknownSymbol:
-                continue
-    code = Code.FAIL if missing == 400 else Code.NO_SUCH_SYMBOL
-    raise Failure(missing, code, f"Symbol not found: RAPID/{url}")
+def save_program(controller: Irc5, call: Call) -> None:
+    """Write the program modules and the program file that lists them into a directory."""
+    task, folder = _task(controller, call), path_of_file(call.required("path"))
+    name = controller.program_name(task.name)
+    modules = [module for module in task.modules if not module.is_system]
+    listed = "".join(f"\t<Module>{module.name}.mod</Module>\r\n" for module in modules)
+    text = f'<?xml version="1.0" encoding="ISO-8859-1" ?>\r\n<Program>\r\n{listed}</Program>\r\n'
+    controller.files.write(f"{folder}/{name}.pgf", text.encode("latin-1"))
+    for module in modules:
+        controller.files.write(f"{folder}/{module.name}.mod", module.text.encode("latin-1", "replace"))
 
 
-def _find_task(controller: Irc5, name: str) -> Task:
-    task = controller.tasks.get(name.upper())
-    if task is None:
-        raise Failure(404, Code.FAIL, f"there is no task {name!r}")
-    return task
+def set_program_name(controller: Irc5, call: Call) -> None:
+    controller.name_program(_task(controller, call).name, call.required("name"))
+
+
+def set_entry(controller: Irc5, call: Call) -> None:
+    task, name = _task(controller, call), call.required("routine")
+    if not any(_is_entry(each) and each.name.lower() == name.lower() for each in task.program.routines):
+        raise Failure(400, Code.ILLEGAL_ENTRYPOINT, f"{task.name} has no procedure {name[:50]}() without parameters")
+    task.entry = name
+
+
+def get_build_errors(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    faults = task.faults()
+    start = max(call.number_option("start", 1), 1)
+    limit = max(min(call.number_option("limit", _MOST_PAGE), _MOST_PAGE), 1)
+    shown = faults[(start - 1) * limit : start * limit]
+    more = f"builderror?start={start + 1}&limit={limit}" if start * limit < len(faults) else None
+    states = (
+        State(
+            "rap-builderrs",
+            str(number),
+            {
+                "ModuleName": str(fault).partition(",")[0],
+                "row": str(fault.line),
+                "column": str(fault.column),
+                "error": str(fault),
+            },
+        )
+        for number, fault in enumerate(shown, (start - 1) * limit + 1)
+    )
+    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "builderror", *states, next_href=more)
+
+
+def get_breakpoints(controller: Irc5, call: Call) -> Page:
+    task = _task(controller, call)
+    names = {module.name.lower(): module.name for module in task.modules}
+    places = [(names[module], line) for module, line in sorted(task.breakpoints) if module in names]
+    states = (
+        State(
+            "rap-program-breakpoint",
+            str(number),
+            {
+                "module-name": module,
+                **_place(task, StackEntry(module, "", line), ("start-row", "start-col", "end-row", "end-col")),
+            },
+        )
+        for number, (module, line) in enumerate(places, 1)
+    )
+    return resource("rapid", f"{_BASE}tasks/{task.name}/program/", "breakpoint", *states)
+
+
+def set_breakpoint(controller: Irc5, call: Call) -> None:
+    """Set a breakpoint on a line, or take it away where there is one."""
+    task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
+    call.number("column")
+    if not 1 <= row <= len(text_of(task, module).splitlines()):
+        raise Failure(400, Code.SOURCEPOS, f"the module {module[:50]} has no line {row}")
+    task.breakpoints ^= {(module.lower(), row)}
+
+
+# Task panel, alias I/O
+
+
+def get_task_selection(controller: Irc5, call: Call) -> Page:
+    state = State("rap-taskselection", "taskselection", {"user-modify": "TRUE"})
+    return resource("rapid", _BASE, "taskselection", state)
+
+
+def get_aliases(controller: Irc5, call: Call) -> Page:
+    """Signals that programs call by other names (AliasIO); none is listed, as an alias is a name of one program."""
+    return resource("rapid", _BASE, "aliasio")
 
 
 _EXECUTION = "/rw/rapid/execution"
+_TASKS = "/rw/rapid/tasks"
 _TASK = "/rw/rapid/tasks/{task}"
-_SYMBOL = "/rw/rapid/symbol/data/RAPID/{symbol:.+}"
-_START_VALUES: Mapping[str, tuple[str, ...]] = {
+_PROGRAM = f"{_TASK}/program"
+_PCP = f"{_TASK}/pcp"
+_START: Values = {
     "regain": ("continue", "regain", "clear"),
-    "execmode": ("continue",),
-    "cycle": ("forever", "asis"),
+    "execmode": ("continue", "stepin", "stepover", "stepout", "stepback", "steplast", "stepmotion"),
+    "cycle": ("forever", "asis", "once"),
     "condition": ("none", "callchain"),
     "stopatbp": ("disabled", "enabled"),
     "alltaskbytsp": ("true", "false"),
 }
-_STOP_VALUES: Mapping[str, tuple[str, ...]] = {
-    "stopmode": ("cycle", "instr", "stop", "qstop"),
-    "usetsp": ("normal", "alltsk"),
-}
+_STOP: Values = {"stopmode": ("cycle", "instr", "stop", "qstop"), "usetsp": ("normal", "alltsk")}
+_CONTINUE: Values = {"continue-on-err": ("0", "1")}
+_POINTERS: Values = {"type": ("program-pointer", "motion-pointer")}
+_CURSOR: Values = {"module": (), "routine": (), "line": (), "column": ()}
+_ROUTINE: Values = {"module": (), "routine": (), "userlevel": ("true", "false")}
+_PAGES: Values = {"start": (), "limit": ()}
 OPERATIONS = (
     Operation("GET", "/rw/rapid", get_rapid),
-    Operation("GET", _EXECUTION, get_execution),
-    Operation("POST", _EXECUTION, lambda controller, _: controller.start_rapid(), "start", _START_VALUES),
-    Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP_VALUES),
+    Operation("GET", _EXECUTION, get_execution, query=_CONTINUE),
+    Operation("POST", _EXECUTION, start, "start", _START),
+    Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP),
+    Operation("POST", _EXECUTION, start_production, "startprodentry"),
     Operation("POST", _EXECUTION, lambda controller, _: controller.move_pp_to_main(), "resetpp"),
-    Operation("GET", "/rw/rapid/tasks", get_tasks),
-    Operation("POST", "/rw/rapid/tasks", activate, "activate"),
-    Operation("GET", _TASK, get_task),
-    Operation("POST", _TASK, activate, "activate"),
-    Operation("POST", _TASK, load_module, "loadmod", {"replace": ("true", "false")}, needs_mastership="rapid"),
-    Operation("POST", _TASK, unload_module, "unloadmod", needs_mastership="rapid"),
-    Operation("GET", "/rw/rapid/modules", get_modules),
-    Operation("GET", "/rw/rapid/modules/{module}", get_module_text),
-    Operation("GET", _SYMBOL, get_symbol),
-    Operation("POST", _SYMBOL, set_symbol, "set", respects_mastership="rapid"),
-    Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
+    Operation("POST", _EXECUTION, set_cycle, "setcycle", {"cycle": ("once", "forever", "asis")}, "rapid"),
+    Operation("POST", _EXECUTION, hold_to_run, "holdtorun-state", {"state": ("press", "held", "release")}, status=403),
+    Operation("GET", _TASKS, get_tasks, query=_CONTINUE),
+    Operation("GET", _TASKS, get_spy, resource="spy-status"),
+    Operation("GET", _TASKS, get_sync_state, resource="sync-state", query=_POINTERS),
+    Operation("POST", _TASKS, activate, "activate", respects_mastership="rapid"),
+    Operation("POST", _TASKS, activate, "deactivate", respects_mastership="rapid"),
+    Operation("POST", _TASKS, refuse_spy, "start-spy", {"log-file": ()}, status=400),
+    Operation("POST", _TASKS, refuse_spy, "stop-spy", status=400),
+    Operation("GET", _TASK, get_task, query=_CONTINUE),
+    Operation("GET", _TASK, get_stack_frame, resource="activation-record", query={"stackframe": ()}),
+    Operation("GET", _TASK, get_change_count, resource="task-struc-change-count"),
+    Operation(
+        "GET", _TASK, get_preferred_types, resource="pref-data-types", query={"instruction": (), "parameter": ()}
+    ),
+    Operation("GET", _TASK, get_sync_state, resource="task-sync-state", query=_POINTERS),
+    Operation("POST", _TASK, activate, "activate", respects_mastership="rapid"),
+    Operation("POST", _TASK, activate, "deactivate", respects_mastership="rapid"),
+    Operation("POST", _TASK, load_module, "loadmod", {"modulepath": (), "replace": ("true", "false")}, "rapid"),
+    Operation("POST", _TASK, unload_module, "unloadmod", {"module": ()}, "rapid"),
+    Operation("POST", _TASK, abort_level, "abortexeclevel", needs_mastership="rapid"),
+    Operation("POST", _TASK, build, "build", needs_mastership="rapid"),
+    Operation("POST", _TASK, hold_to_run, "holdtorun", {"state": ("press", "held", "release")}, status=403),
+    Operation("GET", f"{_TASK}/structural-changecount", get_change_count),
+    Operation("GET", f"{_TASK}/activation-record", get_stack_frame, query={"stackframe": ()}),
+    Operation("GET", f"{_TASK}/serviceroutine", get_routines_of_task, query={**_PAGES, "allread": ("TRUE", "FALSE")}),
+    Operation("GET", f"{_TASK}/execution", get_task_execution),
+    Operation("GET", f"{_TASK}/motion", get_motion),
+    Operation("GET", f"{_TASK}/motion", get_motion_target, resource="robtarget", query={"tool": (), "wobj": ()}),
+    Operation("GET", f"{_TASK}/motion", get_motion_joints, resource="jointtarget"),
+    Operation("GET", f"{_TASK}/motion", get_motion_units, resource="mechunit"),
+    Operation("GET", f"{_TASK}/motion", get_extra_joints, resource="extjointstate"),
+    Operation("GET", _PROGRAM, get_program, query=_CONTINUE),
+    Operation("POST", _PROGRAM, load_program, "loadprog", {"progpath": (), "loadmode": ("add", "replace")}, "rapid"),
+    Operation("POST", _PROGRAM, unload_program, "unloadprog", needs_mastership="rapid"),
+    Operation("POST", _PROGRAM, save_program, "save", {"path": ()}),
+    Operation("POST", _PROGRAM, set_program_name, "setname", {"name": ()}, respects_mastership="rapid"),
+    Operation("POST", _PROGRAM, set_entry, "set-entrypoint", {"routine": ()}, "rapid"),
+    Operation("GET", f"{_PROGRAM}/builderror", get_build_errors, query=_PAGES),
+    Operation("GET", f"{_PROGRAM}/breakpoint", get_breakpoints, query=_PAGES),
+    Operation(
+        "POST", f"{_PROGRAM}/breakpoint", set_breakpoint, "set", {"module": (), "row": (), "column": ()}, "rapid"
+    ),
+    Operation("GET", f"{_TASK}/breakpoints", get_breakpoints),
+    Operation("GET", _PCP, get_pointers),
+    Operation("POST", _PCP, move_pp, "set-pp-cursor", _CURSOR, "rapid"),
+    Operation("POST", _PCP, move_pp, "set-pp-routine", _ROUTINE, "rapid"),
+    Operation("POST", _PCP, move_pp, "set-pp-routine-from-url", _ROUTINE, "rapid"),
+    Operation("POST", _PCP, refuse_pp_step, "set-pp-prev-inst", status=400),
+    Operation("POST", _PCP, refuse_pp_step, "set-pp-next-inst", status=400),
+    Operation("GET", "/rw/rapid/taskselection", get_task_selection),
+    Operation("GET", "/rw/rapid/aliasio", get_aliases, query=_PAGES),
 )

@@ -14,12 +14,12 @@ from dataclasses import replace
 from math import inf
 from urllib.parse import unquote
 
-from yumi.errors import ProtocolError, RapidError
-from yumi.rws.documents import FORM_TYPE, Form, Pairs, decode_form
+from yumi.errors import ProtocolError, RapidError, SettingsError
+from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, decode_form
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
-from yumi.virtual.rws import configuration, event_log, files, io, motion, panel, rapid, system
+from yumi.virtual.rws import configuration, ctrl, dialogs, event_log, files, io, motion, panel, rapid, symbols, system
 from yumi.virtual.rws.documents import write_page, write_status
 from yumi.virtual.rws.http import (
     NONCE_LIFE,
@@ -35,14 +35,18 @@ from yumi.virtual.rws.http import (
     read_cookies,
     read_credentials,
 )
-from yumi.virtual.rws.mastership import Mastership
-from yumi.virtual.rws.operations import Call, Failure, Router, refusal
+from yumi.virtual.rws.messages import MessageService
+from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, invalid, refusal, resource
 from yumi.virtual.rws.subscriptions import Subscriptions, Upgrade
+from yumi.virtual.rws.users import Mastership, Users
 
 OPERATIONS = (
     *system.OPERATIONS,
+    *ctrl.OPERATIONS,
     *panel.OPERATIONS,
     *rapid.OPERATIONS,
+    *symbols.OPERATIONS,
+    *dialogs.OPERATIONS,
     *io.OPERATIONS,
     *motion.OPERATIONS,
     *configuration.OPERATIONS,
@@ -50,6 +54,8 @@ OPERATIONS = (
     *files.OPERATIONS,
 )
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
+
+NO_CONTENT = 204
 
 log = logging.getLogger(__name__)
 
@@ -75,9 +81,19 @@ class RwsService:
         self._sessions = SessionTable(make_secret)
         self._nonce_secret = make_secret()[:16]
         self._nonces = 0
-        self._mastership = Mastership()
-        self._subscriptions = Subscriptions()
-        self._router = Router((*OPERATIONS, *self._mastership.operations, *self._subscriptions.operations))
+        self._users = Users()
+        self._mastership = Mastership(self._users)
+        self._messages = MessageService()
+        self._subscriptions = Subscriptions(self._mastership, self._users, self._messages)
+        self.operations = (
+            *OPERATIONS,
+            *self._users.operations,
+            *self._mastership.operations,
+            *self._messages.operations,
+            *self._subscriptions.operations,
+            Operation("GET", "/logout", lambda *_: None, status=204),
+        )
+        self._router = Router(self.operations)
         self._hang_up = hang_up
         self._was_restarting = False
         self._now = -inf
@@ -138,6 +154,8 @@ class RwsService:
         sessions = self._sessions.alive(self._now)
         self._subscriptions.keep(sessions)
         self._mastership.keep(sessions)
+        self._messages.keep(sessions)
+        self._users.keep(sessions, self._now)
 
     # Logging in
 
@@ -186,7 +204,14 @@ class RwsService:
         segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
         host = request.header("Host") or ""
         full_host = host if re.search(r":\d+$", host) else f"{host}:80"
-        call = Call(request.method, segments, decode_form(query), session=session.id, host=full_host)
+        call = Call(
+            request.method,
+            segments,
+            decode_form(query),
+            session=session.id,
+            host=full_host,
+            privilege=self._users.privilege(session.id),
+        )
         form = Form.JSON if call.option("json") == "1" else Form.XHTML
         try:
             if segments[:1] == ("poll",) and _is_upgrade(request):
@@ -198,6 +223,8 @@ class RwsService:
             failure = refusal(error)
         except RapidError as error:
             failure = Failure(400, Code.TASK_STATE, str(error))
+        except SettingsError as error:
+            failure = invalid(str(error))
         except Exception:  # whatever a client sends, the controller goes on
             log.exception("%s %s met a fault of the virtual controller", call.method, path)
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
@@ -217,17 +244,33 @@ class RwsService:
         if call.path == ("logout",):
             self._sessions.close(session)
             self._forget_ended()
-            return HttpReply(204)
-        operation, call = self._router.find(call)
-        self._mastership.check(operation, call.session)
-        operation.check_values(call)
-        answer = operation.handler(self._controller, call)
-        if answer is None:
-            return HttpReply(204)
+        answer: Answer
+        is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
+        if call.method == "GET" and call.option("action") == "show" and not is_group:
+            operation, answer = None, self._forms(call)
+        else:
+            operation, call = self._router.find(call)
+            self._mastership.check(operation, call.session)
+            operation.check_values(call)
+            answer = operation.handler(self._controller, call)
         if isinstance(answer, HttpReply):
             return answer
+        status = 200 if operation is None else operation.success
+        if answer is None:
+            return HttpReply(status, () if status == NO_CONTENT else (("Content-Type", form.value),))
         page = replace(answer, base=f"http://{request.header('Host') or ''}{answer.base}")
-        return HttpReply(200, (("Content-Type", form.value),), write_page(page, form))
+        return HttpReply(status, (("Content-Type", form.value),), write_page(page, form))
+
+    def _forms(self, call: Call) -> Page:
+        """What can be done with a resource, as a form for each of its actions."""
+        operations = self._router.actions(call)
+        if not operations:
+            raise Failure(404, Code.FAIL, f"there is nothing to do with /{'/'.join(call.path)}")
+        states = []
+        for each in operations:
+            fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
+            states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
+        return resource(call.path[0], "/", "/".join(call.path), *states)
 
 
 def _cookies(request: HttpRequest) -> dict[str, str]:

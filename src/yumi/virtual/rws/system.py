@@ -1,15 +1,32 @@
-"""``/``, ``/rw``, ``/ctrl`` and ``/rw/system``: the services, and the controller's identity (reference/rws.md §4)."""
+"""``/``, ``/rw``, ``/rw/system``, ``/rw/retcode`` and ``/rw/devices``: services, RobotWare, codes (rws.md §4)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
 
 from yumi.rws.documents import Link, Page, State
+from yumi.rws.types import Code, sentence
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.operations import Call, Operation, entry, resource
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, not_there, resource
 
-_ROOT = ("ctrl", "rw", "fileservice", "subscription")
-_SERVICES = ("cfg", "elog", "iosystem", "mastership", "motionsystem", "panel", "rapid", "system")
+_ROOT = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
+_SERVICES = (
+    "cfg",
+    "devices",
+    "dipc",
+    "elog",
+    "iosystem",
+    "mastership",
+    "motionsystem",
+    "panel",
+    "rapid",
+    "retcode",
+    "system",
+)
+_BUILD, _BUILT = "1031", "2020-01-01"  # what RobotWare says of its build; clients show it
+_NO_VISION = "integrated vision"
 
 
 def get_root(controller: Irc5, call: Call) -> Page:
@@ -20,38 +37,37 @@ def get_services(controller: Irc5, call: Call) -> Page:
     return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _SERVICES))
 
 
-def _identity_fields(controller: Irc5) -> dict[str, str]:
-    identity = controller.identity
-    kind = "Virtual Controller" if identity.is_virtual else "Real Controller"
-    number = {} if identity.is_virtual else {"ctrl-id": identity.controller_name}
-    return {"ctrl-name": identity.controller_name, **number, "ctrl-type": kind}
-
-
-def get_controller(controller: Irc5, call: Call) -> Page:
-    identity = State("ctrl-identity-info-li", "identity", _identity_fields(controller), (Link("self", "identity"),))
-    return resource("ctrl", "/ctrl/", "", identity)
-
-
-def get_identity(controller: Irc5, call: Call) -> Page:
-    fields = {**_identity_fields(controller), "ctrl-level": "System Level"}
-    return resource("ctrl", "/ctrl/", "identity", State("ctrl-identity-info", "identity", fields))
-
-
-def get_clock(controller: Irc5, call: Call) -> Page:
-    """Local time without its zone, as on the FlexPendant."""
-    shown = datetime.fromtimestamp(controller.time).strftime("%Y-%m-%d T %H:%M:%S")
-    return resource("ctrl", "/ctrl/", "clock", State("ctrl-clock-info", "clock", {"datetime": shown}))
-
-
 def get_system(controller: Irc5, call: Call) -> Page:
     identity = controller.identity
+    major, minor, revision, sub_revision = (*identity.robotware.split("."), "0", "0", "0")[:4]
+    build = (
+        {}
+        if identity.is_virtual
+        else {
+            "major": str(int(major)),
+            "minor": str(int(minor)),
+            "build": _BUILD,
+            "revision": revision,
+            "sub-revision": sub_revision,
+            "buildtag": "",
+            "robapi-compatibility-revision": "0",
+            "title": "RobotWare",
+            "type": "RobotWare",
+            "description": "Controller Software",
+            "date": _BUILT,
+            "mctimestamp": f"#00:00:00/{_BUILT}#",
+        }
+    )
     fields = {
+        **build,
         "name": identity.system_name,
         "rwversion": ".".join(identity.robotware.split(".")[:3]),
         "sysid": identity.system_id,
+        "starttm": datetime.fromtimestamp(controller.started_at).strftime("%Y-%m-%d T %H:%M:%S"),
         "rwversionname": identity.robotware,
     }
-    states = (State("sys-system-li", "system", fields), _option_list(controller, "system/options"))
+    products = State("sys-products-li", "products", {}, (Link("self", "system/products"),))
+    states = (State("sys-system-li", "system", fields), _option_list(controller, "system/options"), products)
     return resource("system", "/rw/", "system", *states)
 
 
@@ -65,12 +81,145 @@ def _option_list(controller: Irc5, href: str) -> State:
     return State("sys-options-li", "options", {}, (Link("self", href),), options)
 
 
+def get_robot_type(controller: Irc5, call: Call) -> Page:
+    """The robots: their names are options of their system."""
+    types = [option for option in controller.identity.options if option.startswith("IRB ")]
+    states = (State("sys-robottype", str(number), {"robot-type": name}) for number, name in enumerate(types, 1))
+    return resource("system", "/rw/system/", "robottype", *states)
+
+
+def get_license(controller: Irc5, call: Call) -> Page:
+    state = State("sys-license", "license", {"license": controller.identity.system_id.strip("{}")})
+    return resource("system", "/rw/system/", "license", state)
+
+
+def get_products(controller: Irc5, call: Call) -> Page | HttpReply:
+    """RobotWare and its add-ins; 204 for one that is not installed."""
+    robotware = controller.identity.robotware
+    products = {"RobotWare": robotware}
+    products |= {
+        name: "1.1.0.0" for name in ("StateMachine Core", "SmartGripper") if name in controller.identity.options
+    }
+    asked = call.option("name")
+    states = [
+        State("sys-product-li", name, {"title": name, "version-name": version})
+        for name, version in products.items()
+        if asked is None or name.lower() == asked.lower()
+    ]
+    return resource("system", "/rw/system/", "products", *states) if states else HttpReply(204)
+
+
+def get_energy(controller: Irc5, call: Call) -> Page:
+    """What the arms use is not measured here: the state says so (-1), as of a robot without its last interval."""
+    shown = datetime.fromtimestamp(controller.energy_reset_at).strftime("%Y-%m-%d T %H:%M:%S")
+    fields = {
+        "state": "-1",
+        "energy-state": "not-paused",
+        "change-count": "0",
+        "time-stamp": shown,
+        "reset-time": shown,
+        "interval-length": "0",
+        "interval-energy": "0",
+        "accumulated-energy": "0",
+    }
+    units = tuple(
+        State(
+            "sys-energy-mec-li",
+            unit.name,
+            {},
+            (),
+            tuple(State("sys-energy-axis-li", str(axis), {"interval-energy": "0"}) for axis in range(1, unit.axes + 1)),
+        )
+        for unit in controller.units
+    )
+    return resource("system", "/rw/system/", "energy", State("sys-energy-state-li", "energy", fields, (), units))
+
+
+def get_energy_changes(controller: Irc5, call: Call) -> Page:
+    state = State("sys-energy-changecount-li", "energy", {"change-count": "0"})
+    return resource("system", "/rw/system/", "energy", state)
+
+
+def reset_energy(controller: Irc5, call: Call) -> None:
+    controller.energy_reset_at = controller.time
+
+
+def get_codes(controller: Irc5, call: Call) -> Page:
+    """All return codes, or the one that is asked for."""
+    asked = call.option("code")
+    if asked is None:
+        return resource("retcode", "/rw/", "retcode", *(_code("err-desc-li", code) for code in Code))
+    known = next((code for code in Code if str(int(code)) == asked), None)
+    if known is None:
+        raise Failure(404, Code.NO_DATA, f"there is no return code {asked[:20]!r}")
+    return resource("retcode", "/rw/", f"retcode?code={asked}", _code("err-desc", known))
+
+
+def _code(type: str, code: Code) -> State:
+    description = sentence(code) or code.name.replace("_", " ").capitalize()
+    fields = {
+        "name": f"SYS_CTRL_E_{code.name}",
+        "code": str(int(code)),
+        "severity": "Error",
+        "description": description,
+    }
+    return State(type, str(int(code)), fields)
+
+
+def _devices(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
+    """The tree of ``/rw/devices``: properties by the path of a device."""
+    identity = controller.identity
+    units = {f"HW_DEVICES/MECHANICAL_UNITS/{unit.name}": {"Type": unit.type} for unit in controller.units}
+    return {
+        "HW_DEVICES": {},
+        "HW_DEVICES/CONTROLLER": {"Name": identity.controller_name, "State": controller.controller_state.value},
+        "HW_DEVICES/CONTROLLER/COMPUTER_SYSTEM": {"Type": "DSQC1000"},
+        "HW_DEVICES/MECHANICAL_UNITS": {},
+        **units,
+        "SW_RESOURCES": {},
+        "SW_RESOURCES/SYSTEM": {"Name": identity.system_name, "RobotWare": identity.robotware},
+    }
+
+
+def get_devices(controller: Irc5, call: Call) -> Page:
+    place = call.names.get("device", "").upper().strip("/")
+    tree = _devices(controller)
+    if place and place not in tree:
+        raise Failure(404, Code.FAIL, f"there is no device {place[:80]!r}")
+    inside = [path for path in tree if path.rpartition("/")[0] == place]
+    children = tuple(entry("dev-id-li", path, f"devices/{path}", name=path.rpartition("/")[2]) for path in inside)
+    properties = tuple(
+        State("dev-propstr-li", name, {"name": name, "value": value, "unit": ""})
+        for name, value in (tree[place] if place else {}).items()
+    )
+    state = State("dev-id-li", place or "devices", {"name": place.rpartition("/")[2] or "devices"}, (), children)
+    return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
+
+
+_VISION = "/rw/vision"
 OPERATIONS = (
     Operation("GET", "/", get_root),
     Operation("GET", "/rw", get_services),
-    Operation("GET", "/ctrl", get_controller),
-    Operation("GET", "/ctrl/identity", get_identity),
-    Operation("GET", "/ctrl/clock", get_clock),
     Operation("GET", "/rw/system", get_system),
     Operation("GET", "/rw/system/options", get_options),
+    Operation("GET", "/rw/system/robottype", get_robot_type),
+    Operation("GET", "/rw/system/license", get_license),
+    Operation("GET", "/rw/system/products", get_products, query={"name": ()}),
+    Operation("GET", "/rw/system/energy", get_energy),
+    Operation("GET", "/rw/system/energy", get_energy_changes, resource="change-count"),
+    Operation("POST", "/rw/system/energy", reset_energy, "reset"),
+    Operation("GET", "/rw/retcode", get_codes, query={"code": ()}),
+    Operation("GET", "/rw/devices", get_devices, query={"Lang": ()}),
+    Operation("GET", "/rw/devices/{device:.+}", get_devices, query={"Lang": ()}),
+    Operation("GET", _VISION, not_there, query={"resource": ()}, lacks=_NO_VISION),
+    Operation("GET", f"{_VISION}/{{name}}", not_there, lacks=_NO_VISION),
+    *(
+        Operation("POST", _VISION, not_there, action, lacks=_NO_VISION)
+        for action in ("restart", "flash-led", "set-state", "refresh", "set-hostname", "set-dhcp", "set-dns-settings")
+    ),
+    *(
+        Operation("POST", _VISION, not_there, action, lacks=_NO_VISION)
+        for action in ("set-cameraname", "set-user-credential", "set-ip-settings")
+    ),
+    Operation("POST", f"{_VISION}/{{name}}", not_there, "trigger", lacks=_NO_VISION),
 )

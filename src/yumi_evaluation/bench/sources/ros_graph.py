@@ -24,7 +24,8 @@ from yumi.clock import SystemClock
 from yumi.driver.readiness import RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.errors import RobotNotReady
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side
+from yumi.robot.kinematics import IDENTITY
 from yumi.ros.driver import RosDriver, close_ros, open_ros
 from yumi.ros.gripper import GripperParts
 
@@ -52,6 +53,10 @@ class AbsentRobot:
 
     def joints(self, side: Side) -> None:
         """No joints are read from it."""
+
+    def tcp(self, side: Side) -> Pose:
+        """Without a tool."""
+        return Pose((0.0, 0.0, 0.0), IDENTITY)
 
     def when_ready(self, prepare: Callable[[], None]) -> None:
         """It never is."""

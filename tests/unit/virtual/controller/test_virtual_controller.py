@@ -297,7 +297,7 @@ def test_error_nobody_handles_stops_both_tasks_and_is_logged(world: World, runni
 
 
 def test_module_that_does_not_fit_is_found_when_the_pointer_moves(controller: Irc5) -> None:
-    controller.tasks["T_ROB_L"].load("MODULE bad\nPROC bad()\nnothing;\nENDPROC\nENDMODULE", "bad.mod")
+    controller.tasks["T_ROB_L"].load("MODULE bad\nPROC bad()\nWaitTime TRUE;\nENDPROC\nENDMODULE", "bad.mod")
     with pytest.raises(Refused, match="T_ROB_L has no program to run: bad, line 3") as refused:
         controller.move_pp_to_main()
     assert refused.value.reason is Refusal.NO_PROGRAM_POINTER

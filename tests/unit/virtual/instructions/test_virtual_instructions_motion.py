@@ -53,14 +53,14 @@ def test_move_of_no_length_is_not_planned(bench: InstructionBench, monkeypatch: 
 
 
 def test_move_abs_j_is_slower_with_a_slower_speed(bench: InstructionBench) -> None:
-    slow = bench.run(f"MoveAbsJ {NEAR},v50,fine,tool0;")
+    slow = bench.run(f"MoveAbsJ {NEAR},v10,fine,tool0;")
     assert slow > 2.0 * InstructionBench().run(f"MoveAbsJ {NEAR},v200,fine,tool0;")
 
 
 def test_move_abs_j_obeys_the_speed_ratio(bench: InstructionBench) -> None:
-    full = InstructionBench().run(f"MoveAbsJ {NEAR},v50,fine,tool0;")
+    full = InstructionBench().run(f"MoveAbsJ {NEAR},v10,fine,tool0;")
     bench.speed_ratio = 50
-    assert bench.run(f"MoveAbsJ {NEAR},v50,fine,tool0;") == pytest.approx(2.0 * full, rel=0.05)
+    assert bench.run(f"MoveAbsJ {NEAR},v10,fine,tool0;") == pytest.approx(2.0 * full, rel=0.05)
 
 
 def test_move_abs_j_takes_at_least_the_time_it_is_given(bench: InstructionBench) -> None:
@@ -70,7 +70,7 @@ def test_move_abs_j_takes_at_least_the_time_it_is_given(bench: InstructionBench)
 def test_move_abs_j_refuses_a_target_out_of_range(bench: InstructionBench) -> None:
     bench.run("MoveAbsJ [[0,-130,200,0,40,0],[-135,0,0,0,0,0]],v1000,fine,tool0;")
     assert "ERR_ROBLIMIT" in bench.failure
-    assert "yumi_joint_3_r cannot move" in bench.failure
+    assert "Axis 3 of the right arm cannot move to 200.00°" in bench.failure
     assert bench.unit.arm.position == home(Side.RIGHT)
 
 
@@ -82,13 +82,6 @@ def test_move_abs_j_refuses_while_the_motors_are_off(bench: InstructionBench) ->
 
 def test_move_abs_j_to_where_the_arm_is_takes_no_time(bench: InstructionBench) -> None:
     assert bench.run("MoveAbsJ CJointT(),v100,fine,tool0;") < 0.1
-
-
-@pytest.mark.parametrize("name", ["MoveJ", "MoveL"])
-def test_cartesian_motion_is_refused_with_a_way_out(bench: InstructionBench, name: str) -> None:
-    bench.run(f"point:=CRobT(); {name} point,v100,fine,tool0;")
-    assert f"{name} needs inverse kinematics" in bench.failure
-    assert "use MoveAbsJ" in bench.failure
 
 
 def test_wait_rob_waits_until_the_arm_stands(bench: InstructionBench) -> None:

@@ -17,6 +17,7 @@ def nothing(controller: Irc5, call: Call) -> None: ...
 ROUTER = Router(
     [
         Operation("GET", "/rw/thing", nothing),
+        Operation("GET", "/rw/thing", nothing, resource="part"),
         Operation("POST", "/rw/thing", nothing, "start", {"mode": ("slow", "fast")}),
         Operation("POST", "/rw/thing", nothing, "stop"),
         Operation("GET", "/rw/thing/{name}", nothing),
@@ -25,8 +26,9 @@ ROUTER = Router(
 )
 
 
-def found(method: str, path: str, action: str | None = None) -> tuple[Operation, Call]:
-    query = () if action is None else (("action", action),)
+def found(method: str, path: str, action: str | None = None, resource: str | None = None) -> tuple[Operation, Call]:
+    given = {"action": action, "resource": resource}
+    query = tuple((name, value) for name, value in given.items() if value is not None)
     return ROUTER.find(Call(method, tuple(part for part in path.split("/") if part), query))
 
 
@@ -74,10 +76,21 @@ def test_parameter_outside_its_values_is_refused() -> None:
 
 
 def test_every_operation_is_in_the_table_once() -> None:
-    counts = Counter((each.method, each.path, each.action) for each in OPERATIONS)
+    counts = Counter((each.method, each.path, each.action, each.resource) for each in OPERATIONS)
     assert [key for key, count in counts.items() if count > 1] == []
 
 
-def test_no_operation_hides_behind_one_without_an_action() -> None:
-    of_any_action = {(each.method, each.path) for each in OPERATIONS if each.action is None}
-    assert [each for each in OPERATIONS if each.action and (each.method, each.path) in of_any_action] == []
+def test_operations_of_one_path_differ_in_their_resource() -> None:
+    assert found("GET", "/rw/thing", resource="part")[0].resource == "part"
+    assert found("GET", "/rw/thing")[0].resource is None
+    with pytest.raises(Failure, match="/rw/thing does not have the resource 'other'"):
+        found("GET", "/rw/thing", resource="other")
+
+
+def test_action_of_a_request_that_changes_nothing_is_ignored() -> None:
+    assert found("GET", "/rw/thing", "unknown")[0].action is None
+
+
+def test_operations_of_a_path_are_those_of_its_forms() -> None:
+    actions = ROUTER.actions(Call("GET", ("rw", "thing")))
+    assert [each.action for each in actions] == ["start", "stop"]

@@ -1,0 +1,198 @@
+"""Writes docs/reference/rapid-coverage.md: which of RobotWare's names RAPID has here, and what shows it.
+
+    .venv/bin/python setup/rapid_coverage.py
+
+A name is *done* where the library has it and a test executes a program with it: the programs of effects.txt name what
+they show, constants.txt the constants whose values are compared, of other tests the text of their programs counts.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from yumi.rapid.builtins.names import CONSTANTS, FUNCTIONS, INSTRUCTIONS, TYPES
+from yumi.rapid.library import Library, Support
+from yumi.virtual.world import World
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "reference" / "rapid-coverage.md"
+EFFECTS = ROOT / "tests" / "unit" / "rapid" / "effects.txt"
+OF_CONTROLLER = ROOT / "tests" / "unit" / "virtual" / "instructions" / "effects.txt"
+VALUES = EFFECTS.with_name("constants.txt")
+TESTS = ("tests/unit/rapid", "tests/unit/virtual", "tests/contract", "tests/system", "tests/rapid_corpus")
+UNTESTED, MISSING = "provided, without a test", "missing"
+STATES = ("done", Support.ACCEPTED.value, Support.REFUSED.value, UNTESTED, MISSING)
+
+# Options that a YuMi does not have; their constants are among the names of public syntax definitions.
+OPTIONS = {
+    "PickMaster": r"PM_|PICKWARE",
+    "Continuous Application Platform": r"CAP_|PRE_|POST|(START|END|MAIN)_|MAIN|START_|END_|FLY_|PROCESS_END",
+    "BullsEye": r"BE[A-Z]",
+    "laser tracking and sensor applications": r"LTAPP__|SEN_",
+    "GAP and production manager": r"GAP_|EE_|OP_(NO_ROBOT|PRODUCTION|SERVICE)",
+    "arc, spot and paint": r"AW_|PW_|ga[A-Z]|gs[A-Z]|STOP_WEAVE|WEAVESTART|SGUN",
+    "tool change": r"TC_ERR",
+    "force control and machining": r"FC_|SC_",
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One of the four kinds of names.
+
+    Attributes:
+        title: of its section.
+        names: all of RobotWare 6 base.
+        pattern: how a program uses a name.
+    """
+
+    title: str
+    names: tuple[str, ...]
+    pattern: str
+
+    def provided(self, library: Library, name: str) -> str | None:
+        """How far the library has the name, None where it has not."""
+        if self.title in ("Instructions", "Functions"):
+            routine = library.routine(name)
+            found = name if name.lower() in LANGUAGE else routine
+            if routine is not None and routine.implementation.__name__ == "accept":
+                return Support.ACCEPTED.value
+            return None if found is None else Support.DONE.value if routine is None else routine.support.value
+        has = library.find_type(name) if self.title == "Data types" else library.datum(name)
+        return None if has is None else Support.DONE.value
+
+
+LANGUAGE = ("waituntil", "present", "argname")  # which the compiler itself knows
+KINDS = (
+    Kind("Instructions", INSTRUCTIONS, r"\b{0}\b(?!\s*\()"),
+    Kind("Functions", FUNCTIONS, r"\b{0}\s*\("),
+    Kind("Data types", TYPES, r"(?:\b(?:VAR|PERS|CONST|INOUT|FUNC|REF)\s+|\()\s*{0}\s+\w|\\{0}\s+\w"),
+    Kind("Predefined constants", CONSTANTS, r"\b{0}\b"),
+)
+
+
+def programs() -> Iterator[tuple[str, str]]:
+    """The strings of all tests with what links to them, without those that explain."""
+    for folder in TESTS:
+        for path in sorted((ROOT / folder).rglob("*.mod")):
+            yield f"{path.relative_to(ROOT)}", path.read_text(encoding="latin-1")
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            explaining = {
+                id(node.body[0].value)
+                for node in ast.walk(tree)
+                if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef))
+                and node.body
+                and isinstance(node.body[0], ast.Expr)
+            }
+            for top in tree.body:
+                strings = [
+                    node.value
+                    for node in ast.walk(top)
+                    if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in explaining
+                ]
+                if strings:
+                    yield f"{path.relative_to(ROOT)}", "\n".join(strings)
+
+
+def effects() -> dict[str, str]:
+    """The programs of effects.txt by the names they show."""
+    found: dict[str, str] = {}
+    for file in (EFFECTS, OF_CONTROLLER):
+        for line in file.read_text(encoding="ascii").splitlines():
+            if line.startswith("== "):
+                first, *others = line.split()[1:]
+                for name in (first, *others):
+                    found.setdefault(name.lower(), f'{file.relative_to(ROOT)} "{first}"')
+    for word in VALUES.read_text(encoding="ascii").partition("\n[")[2].split():
+        found.setdefault(word.partition("=")[0].strip("[]").lower(), f"{VALUES.relative_to(ROOT)}")
+    return found
+
+
+def coverage() -> dict[str, dict[str, tuple[str, str]]]:
+    """For each kind and name, its state and the test that shows it."""
+    library = World().controller.tasks["T_ROB_R"].library
+    shown, texts = effects(), list(programs())
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    for kind in KINDS:
+        for name in kind.names:
+            state, test = kind.provided(library, name), shown.get(name.lower(), "")
+            if state is not None and not test:
+                pattern = re.compile(kind.pattern.replace("{0}", re.escape(name)))
+                test = next((where for where, text in texts if pattern.search(text)), "")
+            if state == Support.DONE.value and not test:
+                state = UNTESTED
+            found.setdefault(kind.title, {})[name] = state or MISSING, test
+    return found
+
+
+def option_of(name: str) -> str:
+    """The option a constant belongs to, "" for RobotWare's own."""
+    return next((option for option, pattern in OPTIONS.items() if re.match(pattern, name)), "")
+
+
+def page() -> str:
+    """The page's text."""
+    table = coverage()
+    lines = [
+        "# RAPID coverage",
+        "",
+        "What the virtual controller's RAPID has of RobotWare 6 base. Generated by `python setup/rapid_coverage.py`; a",
+        "test compares it with the code.",
+        "",
+        "- *Done* links to a test that executes the name; in effects.txt the link's title is the program.",
+        "- *Accepted without effect*: a program may use it, and nothing happens.",
+        "- *Refused*: it fails with an error, as on a controller without what it needs.",
+        "- *Missing*: it can be loaded; the program stops where it executes it, and `yumi rapid check` lists it.",
+        "",
+        "Constants have ABB's values where the manuals print them, otherwise numbers of their own.",
+        "",
+        "| | " + " | ".join(STATES) + " | all | done |",
+        "|---|" + "---:|" * (len(STATES) + 2),
+    ]
+    total = dict.fromkeys(STATES, 0)
+    for title, names in table.items():
+        counts = {state: sum(found == state for found, _ in names.values()) for state in STATES}
+        for state, count in counts.items():
+            total[state] += count
+        lines.append(_row(title, counts))
+    lines.append(_row("All", total))
+    own = [state for name, (state, _) in table["Predefined constants"].items() if not option_of(name)]
+    others = len(table["Predefined constants"]) - len(own)
+    lines += [
+        "",
+        f"{others} of the constants belong to options that a YuMi does not have; of the {len(own)} others "
+        f"{own.count('done')} are done ({own.count('done') / len(own):.0%}).",
+    ]
+    for title, names in table.items():
+        lines += ["", f"## {title}"]
+        for state in STATES:
+            chosen = [(name, test) for name, (found, test) in names.items() if found == state]
+            if not chosen:
+                continue
+            lines += ["", f"### {title}, {state} ({len(chosen)})", ""]
+            if state == MISSING and title == "Predefined constants":
+                for option in (*OPTIONS, ""):
+                    of_option = [name for name, _ in chosen if option_of(name) == option]
+                    if of_option:
+                        lines += [f"{option or 'RobotWare'}: {', '.join(f'`{name}`' for name in of_option)}.", ""]
+                lines.pop()
+            else:
+                lines.append(", ".join(f"[`{n}`](../../{test})" if test else f"`{n}`" for n, test in chosen) + ".")
+    return "\n".join(lines) + "\n"
+
+
+def _row(title: str, counts: dict[str, int]) -> str:
+    all_ = sum(counts.values())
+    return f"| {title} | {' | '.join(str(counts[s]) for s in STATES)} | {all_} | {counts['done'] / all_:.0%} |"
+
+
+if __name__ == "__main__":
+    text = page()
+    PAGE.write_text(text, encoding="utf-8")
+    sys.stdout.write("\n".join(line for line in text.splitlines() if line.startswith("| ")) + "\n")

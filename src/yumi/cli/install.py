@@ -1,0 +1,304 @@
+"""``yumi install`` and ``yumi uninstall``: the robot's side of this package, onto a controller and off it again."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from yumi.cli.options import robot_options, settings_of
+from yumi.errors import NoConnection, RobotNotReady, YumiError
+from yumi.robot.joints import Side
+
+if TYPE_CHECKING:
+    from yumi.driver.bringup import EgmAddress
+    from yumi.driver.commissioning.installation import Installation, Plan
+    from yumi.rws.client import RwsClient
+    from yumi.rws.replies import SystemInfo
+
+_STREAM_TIME = 2.0
+_PROGRESS_PERIOD = 5.0  # [s]
+_WORST_LOSS = 0.01
+
+
+class _Session:
+    """What both commands work with: the client, the installation on it, and how they report.
+
+    Attributes:
+        client: connected.
+        system: its controller's.
+        remote: the controller's IP address.
+        addresses: where each arm's datagrams are awaited.
+        installation: on it.
+        is_json: whether the result is printed as JSON, and nothing else.
+    """
+
+    def __init__(
+        self,
+        client: RwsClient,
+        system: SystemInfo,
+        remote: str,
+        addresses: dict[Side, EgmAddress],
+        installation: Installation,
+        is_json: bool,
+    ) -> None:
+        self.client = client
+        self.system = system
+        self.remote = remote
+        self.addresses = addresses
+        self.installation = installation
+        self.is_json = is_json
+
+    def say(self, text: str) -> None:
+        if not self.is_json:
+            click.echo(text)
+
+    def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
+        """Print the result."""
+        if self.is_json:
+            value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
+            if plan is not None:
+                value |= {
+                    "changes": [str(change) for change in plan.changes],
+                    "obstacles": plan.obstacles,
+                    "notes": plan.notes,
+                }
+            click.echo(json.dumps(value | more, indent=2))
+        else:
+            click.echo(outcome)
+
+    def show_route(self) -> None:
+        """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
+        from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415 - a quick --help
+        from yumi.driver.commissioning.machine import examine_route  # noqa: PLC0415
+        from yumi.egm.udp import network_cards  # noqa: PLC0415
+
+        for finding in examine_route(self.remote, self.addresses, network_cards()):
+            if finding.verdict is not Verdict.OK:
+                self.say(f"Note: {finding.found}; {finding.remedy}.")
+
+    def show(self, plan: Plan) -> None:
+        """The plan, like a diff."""
+        colours = {"+": "green", "-": "red", "~": "yellow"}
+        for note in plan.notes:
+            self.say(f"Note: {note}.")
+        for change in plan.changes:
+            self.say(click.style(str(change), colours[change.sign]))
+        for obstacle in plan.obstacles:
+            self.say(click.style(f"Not possible now: {obstacle}.", "red"))
+
+
+@contextmanager
+def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Iterator[_Session]:
+    from yumi.driver.bringup import EgmAddress  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.installation import Installation, Record  # noqa: PLC0415
+    from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
+    from yumi.rws.client import RwsClient  # noqa: PLC0415
+
+    settings = settings_of(config, options)
+    where = settings.robot
+    remote = resolve(where.address)
+    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
+    addresses = {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
+    client = RwsClient(
+        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
+    )
+    try:
+        system = client.connect()
+        identity = client.identity()
+        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
+        session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
+        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare " + _version(system))
+        yield session
+    finally:
+        client.close()
+
+
+class _Progress:
+    """Prints each step; of one that goes on, a line in five seconds."""
+
+    def __init__(self, is_quiet: bool) -> None:
+        self._is_quiet = is_quiet
+        self._last = ""
+        self._next = 0.0
+
+    def __call__(self, text: str) -> None:
+        kind, now = text.partition(",")[0], time.monotonic()
+        if self._is_quiet or (kind == self._last and now < self._next):
+            return
+        self._last, self._next = kind, now + _PROGRESS_PERIOD
+        click.echo(f"  {text}")
+
+
+def _version(system: SystemInfo) -> str:
+    return ".".join(map(str, system.robotware))
+
+
+@click.command()
+@robot_options("Address of the controller; else as in the settings.")
+@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
+@click.option("--roll-back", is_flag=True, help="Make everything as it was before the first installation.")
+@click.option("--replace-main", is_flag=True, help="Unload modules of others that have a main; --roll-back loads them.")
+@click.option("--backup/--no-backup", default=True, help="Have the controller make a backup first, and download it.")
+@click.option("--stream/--no-stream", default=True, help="See at the end that EGM datagrams of both arms arrive.")
+@click.option(
+    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
+)
+def install(
+    config: Path | None,
+    yes: bool,
+    dry_run: bool,
+    roll_back: bool,
+    replace_main: bool,
+    backup: bool,
+    stream: bool,
+    is_json: bool,
+    **options: Any,
+) -> None:
+    """Set up a controller: RAPID modules, I/O signals, EGM's devices and motion data; it restarts, nothing moves.
+
+    It shows what it would change and asks. What was there before is kept; --roll-back makes it so again, also after
+    an installation that was interrupted. Exit code 0: all is there; 1: it is not.
+
+    \b
+    Examples:
+      yumi install --robot 192.168.125.1 --dry-run
+      yumi install --robot 192.168.125.1
+      yumi install --robot 192.168.125.1 --roll-back
+      yumi install --robot 127.0.0.1 --rws-port 8080 --yes      with `yumi controller --factory`
+    """
+    if is_json and not (yes or dry_run):
+        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
+    with _session(config, is_json, options) as session:
+        if roll_back:
+            if not yes:
+                click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
+            session.installation.roll_back()
+            session.finish("Everything is as it was before.")
+            return
+        session.show_route()
+        plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
+        session.show(plan)
+        if plan.obstacles:
+            session.finish("Nothing was changed.", plan)
+            sys.exit(1)
+        if dry_run:
+            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+            return
+        if plan.changes and not yes:
+            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
+        with _rolling_back_is_possible():
+            session.installation.install(plan, makes_backup=backup)
+        outcome = f"{len(plan.changes)} changes made and verified." if plan.changes else "Everything is there already."
+        if not stream:
+            session.finish(outcome, plan)
+            return
+        if not yes:
+            click.confirm(
+                "Receive the arms' positions now? The motors go on and the program starts; nothing moves", abort=True
+            )
+        session.finish(outcome, plan, stream=_check_stream(session))
+
+
+def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
+    """Receive both arms' positions for a moment.
+
+    Raises:
+        NoConnection: an arm's datagrams do not arrive.
+        RobotNotReady: they are those of the other arm, or many are lost.
+    """
+    from contextlib import ExitStack  # noqa: PLC0415 - a quick --help
+
+    from yumi.clock import SystemClock  # noqa: PLC0415
+    from yumi.driver.commissioning.stream import listen, streaming  # noqa: PLC0415
+    from yumi.egm.udp import UdpServer  # noqa: PLC0415
+
+    clock = SystemClock()
+    with ExitStack() as stack:
+        links = {
+            side: stack.enter_context(UdpServer(address.host, address.port))
+            for side, address in session.addresses.items()
+        }
+        with streaming(session.client, clock, lambda text: session.say(f"  {text}")):
+            streams = listen(links, clock, _STREAM_TIME)
+        stands = {side: session.client.joint_target(side.unit) for side in Side}
+    for side, stream in streams.items():
+        address = session.addresses[side]
+        if stream.position is None:
+            raise NoConnection(
+                f"No datagram of the {side.word} arm came to {address.host}:{address.port}; open the port in this "
+                "machine's firewall, and see `yumi doctor --stream`."
+            )
+        if not stream.is_of(stands[side]):
+            raise RobotNotReady(
+                f"The datagrams at port {address.port} are not the {side.word} arm's; exchange the ports."
+            )
+        if stream.loss > _WORST_LOSS:
+            raise RobotNotReady(f"{stream.loss:.0%} of the {side.word} arm's datagrams are lost; use a cable.")
+        session.say(
+            f"{side.word} arm: {stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost"
+        )
+    return {
+        side.word: {"received": stream.received, "lost": stream.lost, "period": stream.period}
+        for side, stream in streams.items()
+    }
+
+
+@contextmanager
+def _rolling_back_is_possible() -> Iterator[None]:
+    """Say after a failure or Ctrl-C how everything becomes as it was."""
+    try:
+        yield
+    except (YumiError, KeyboardInterrupt, OSError):
+        click.echo(
+            "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
+            err=True,
+        )
+        raise
+
+
+@click.command()
+@robot_options("Address of the controller; else as in the settings.")
+@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
+@click.option(
+    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
+)
+def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **options: Any) -> None:
+    """Take away what `yumi install` has brought; the controller restarts, nothing moves.
+
+    Where this machine has the record of the installation, everything becomes as it was before; else what has the names
+    of this package goes.
+
+    \b
+    Examples:
+      yumi uninstall --robot 192.168.125.1 --dry-run
+      yumi uninstall --robot 192.168.125.1
+    """
+    if is_json and not (yes or dry_run):
+        raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
+    with _session(config, is_json, options) as session:
+        plan = session.installation.plan_removal(session.addresses)
+        session.show(plan)
+        if plan.obstacles:
+            session.finish("Nothing was changed.", plan)
+            sys.exit(1)
+        if dry_run:
+            session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+            return
+        if plan.changes and not yes:
+            click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
+        session.installation.remove(plan)
+        session.finish(f"{len(plan.changes)} changes made and verified.", plan)
+
+
+COMMANDS = (install, uninstall)

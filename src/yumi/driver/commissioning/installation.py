@@ -1,0 +1,623 @@
+"""What a controller needs of this package, as the difference to what it has: installed, removed, rolled back.
+
+Everything is one operation: read what is there, compare it with what is wanted, change the rest, read again. What was
+there before the first installation is kept in a record on this machine, so that it can be wanted again. Nothing that is
+not named in what is wanted is ever touched.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from importlib.resources import files
+from math import isclose
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, has_main
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
+from yumi.robot.joints import Side
+from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
+from yumi.rws.client import OnProgress, RwsClient
+from yumi.rws.replies import SystemInfo
+from yumi.rws.types import Code, ExecutionState, OperatingMode
+
+FOLDER = "HOME:/yumi/"
+"""Where the modules are on the controller."""
+
+ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
+"""Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
+
+_KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
+"""What distinguishes instances of a type without names."""
+
+_HEADERS = {
+    "EIO": "EIO:CFG_1.0:6:1::",
+    "MOC": "MOC:CFG_1.0:6:0::",
+    "SIO": "SIO:CFG_1.0:6:1::",
+    "SYS": "SYS:CFG_1.0:6:0::",
+}
+_NEWEST_ROBOTWARE = 6
+_SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
+_SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
+_TEMPORARY = "TEMP:/yumi_install"
+_NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
+_NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
+
+
+class CfgKey(NamedTuple):
+    """One instance of the configuration; the name, or what distinguishes it in a type without names."""
+
+    domain: str
+    type: str
+    name: str
+
+
+class ModuleKey(NamedTuple):
+    """A RAPID module in a task."""
+
+    task: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """A part of what is on a controller; None for what is not there.
+
+    Attributes:
+        files: texts by path; a directory ends in a slash and has the text "".
+        cfg: attributes of instances.
+        modules: texts of loaded modules.
+    """
+
+    files: Mapping[str, str | None] = field(default_factory=dict)
+    cfg: Mapping[CfgKey, Mapping[str, str] | None] = field(default_factory=dict)
+    modules: Mapping[ModuleKey, str | None] = field(default_factory=dict)
+
+    def absent(self) -> Contents:
+        """The same things, none of them there."""
+        return Contents(dict.fromkeys(self.files), dict.fromkeys(self.cfg), dict.fromkeys(self.modules))
+
+    def over(self, other: Contents) -> Contents:
+        """This, and what only the other has."""
+        return Contents({**other.files, **self.files}, {**other.cfg, **self.cfg}, {**other.modules, **self.modules})
+
+    def as_json(self) -> dict[str, object]:
+        """For a record."""
+        return {
+            "files": dict(self.files),
+            "cfg": [[*key, attributes and dict(attributes)] for key, attributes in self.cfg.items()],
+            "modules": [[*key, text] for key, text in self.modules.items()],
+        }
+
+    @classmethod
+    def of_json(cls, value: Mapping[str, object]) -> Contents:
+        """Out of a record."""
+        texts, cfg, modules = value["files"], value["cfg"], value["modules"]
+        assert isinstance(texts, dict)
+        assert isinstance(cfg, list)
+        assert isinstance(modules, list)
+        return cls(
+            texts,
+            {CfgKey(domain, type, name): attributes for domain, type, name, attributes in cfg},
+            {ModuleKey(task, name): text for task, name, text in modules},
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One line of a plan.
+
+    Attributes:
+        sign: ``+`` what comes, ``-`` what goes, ``~`` what becomes different.
+        place: what it is, and where.
+        what: how it changes, where it is there before and after.
+    """
+
+    sign: str
+    place: str
+    what: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.sign} {self.place}{f': {self.what}' if self.what else ''}"
+
+
+def differences(present: Contents, wanted: Contents) -> tuple[Change, ...]:
+    """What has to change, in the order of cfg, files and modules; attributes that are not wanted do not count."""
+    changes = []
+    for key, attributes in wanted.cfg.items():
+        now, place = present.cfg.get(key), f"{key.domain} {key.type} {key.name}"
+        if attributes is None and now is not None:
+            changes.append(Change("-", place))
+        elif attributes is not None and now is None:
+            shown = (f"{name} {value}" for name, value in attributes.items() if value not in ("", key.name))
+            changes.append(Change("+", place, ", ".join(shown)))
+        elif attributes is not None and now is not None and (changed := _changed(now, attributes)):
+            shown = (f"{name} {now.get(name, '')!r} becomes {value!r}" for name, value in changed.items())
+            changes.append(Change("~", place, ", ".join(shown)))
+    for path, text in wanted.files.items():
+        if (was := present.files.get(path)) != text:
+            changes.append(_change(f"{'directory' if path.endswith('/') else 'file'} {path}", was, text))
+    for module, text in wanted.modules.items():
+        if not _is_same_module(was := present.modules.get(module), text):
+            changes.append(_change(f"module {module.name} in {module.task}", was, text))
+    return tuple(changes)
+
+
+def _change(place: str, before: str | None, after: str | None) -> Change:
+    if before is None or after is None:
+        return Change("+" if before is None else "-", place)
+    was, becomes = before.splitlines(), after.splitlines()
+    return Change("~", place, f"{len({*becomes} - {*was})} new lines, {len({*was} - {*becomes})} gone")
+
+
+def _changed(now: Mapping[str, str], wanted: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in wanted.items() if not _is_same_value(now.get(name, ""), value)}
+
+
+def _is_same_value(one: str, other: str) -> bool:
+    try:
+        return isclose(float(one), float(other), rel_tol=_SAME)
+    except ValueError:
+        words = {one.strip().lower(), other.strip().lower()}
+        return len(words) == 1 or words <= _SET
+
+
+def _is_same_module(one: str | None, other: str | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return essence(one) == essence(other)
+
+
+def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True, has_add_in: bool = False) -> Contents:
+    """What this package wants on a controller.
+
+    Args:
+        addresses: where each arm's datagrams are awaited; the robot sends them there.
+        has_grippers: whether the controller has the SmartGripper product, which one module needs.
+        has_add_in: whether ABB's Add-In is installed: then only the destinations of the datagrams are ours.
+    """
+    modules = {name: text for name, text in delivered_modules().items() if has_grippers or name != GRIPPER_MODULE}
+    suffixes = {"TRobSystem": ".sys"}
+    paths = {name: f"{FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
+    cfg: dict[CfgKey, Mapping[str, str] | None] = {}
+    for file in _delivered_cfg():
+        for type_name, attributes in file.instances:
+            key = CfgKey(file.domain, type_name, _name_of(type_name, attributes))
+            if type_name == "COM_TRP":
+                side = next(side for side in Side if side.unit == key.name)
+                host, port = addresses[side].host, str(addresses[side].port)
+                cfg[key] = {**attributes, "RemoteAdress": host, "RemotePortNumber": port}
+            elif not has_add_in and (type_name != "CAB_TASK_MODULES" or key.name in paths.values()):
+                cfg[key] = attributes
+    if has_add_in:
+        return Contents(cfg=cfg)
+    return Contents(
+        files={FOLDER: "", **{paths[name]: text for name, text in modules.items()}},
+        cfg=cfg,
+        modules={ModuleKey(side.task, name): text for side in Side for name, text in modules.items()},
+    )
+
+
+def _delivered_cfg() -> Iterator[CfgFile]:
+    folder = files("yumi.controller_files")
+    for name in sorted(each.name for each in folder.iterdir() if each.name.endswith(".cfg")):
+        yield read_cfg((folder / name).read_text(encoding="latin-1"))
+
+
+def _folder(path: str) -> str:
+    """The directory of a file or of a directory, with a slash at its end."""
+    return path.rstrip("/").rpartition("/")[0] + "/"
+
+
+def _name_of(type_name: str, attributes: Mapping[str, str]) -> str:
+    key = _KEYS.get(type_name)
+    return attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
+
+
+@dataclass(slots=True)
+class Record:
+    """What was there before the first installation on a controller, on this machine's disk.
+
+    Attributes:
+        path: of the file; the backup is beside it.
+        before: what was there; None where nothing was installed.
+        is_restart_due: whether cfg was changed, and the controller was not seen to restart since.
+        backups: names of the backups on the controller, the newest last.
+    """
+
+    path: Path
+    before: Contents | None = None
+    is_restart_due: bool = False
+    backups: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, controller: str, folder: Path | None = None) -> Record:
+        """The record of a controller, by its name and serial number.
+
+        Raises:
+            SettingsError: the file cannot be read.
+        """
+        state = folder or Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "yumi"
+        record = cls(state / "installations" / re.sub(r"[^\w.-]+", "_", controller) / "record.json")
+        if record.path.is_file():
+            try:
+                value = json.loads(record.path.read_text(encoding="utf-8"))
+                record.before = Contents.of_json(value["before"])
+                record.is_restart_due, record.backups = bool(value["is_restart_due"]), tuple(value["backups"])
+            except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
+                raise SettingsError(
+                    f"The record {record.path} cannot be read: {error!r}; restore the backup beside it."
+                ) from error
+        return record
+
+    def save(self) -> None:
+        """Write it, so that it is there whatever happens next.
+
+        Raises:
+            SettingsError: it cannot be written.
+        """
+        assert self.before is not None, "a record of nothing is not saved"
+        value = {
+            "before": self.before.as_json(),
+            "is_restart_due": self.is_restart_due,
+            "backups": self.backups,
+        }
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            new = self.path.with_suffix(".new")
+            with new.open("w", encoding="utf-8") as opened:
+                json.dump(value, opened, indent=1)
+                opened.flush()
+                os.fsync(opened.fileno())
+            new.replace(self.path)
+        except OSError as error:
+            raise SettingsError(
+                f"The record {self.path} cannot be written: {error.strerror}; nothing was changed."
+            ) from error
+
+    def close(self) -> None:
+        """Everything is as before: keep the record under another name, so that nothing is rolled back twice."""
+        self.path.replace(self.path.with_name(f"rolled_back_{datetime.now():%Y%m%d_%H%M%S}.json"))
+        self.before, self.is_restart_due = None, False
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What an installation would do.
+
+    Attributes:
+        changes: line by line; empty when all is there.
+        wanted: what will be there.
+        present: what is there of it now.
+        obstacles: why it cannot be done now, each with what to do; empty when it can.
+        notes: what is worth knowing.
+    """
+
+    changes: tuple[Change, ...]
+    wanted: Contents
+    present: Contents
+    obstacles: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def needs_restart(self) -> bool:
+        return any(change.place.split()[0] in _HEADERS for change in self.changes)
+
+
+class Installation:
+    """Installs on one controller, and takes away again.
+
+    Args:
+        client: a connected client.
+        record: of this controller.
+        on_progress: gets each step and how far it is.
+    """
+
+    def __init__(self, client: RwsClient, record: Record, on_progress: OnProgress = lambda text: None) -> None:
+        self._client = client
+        self._record = record
+        self._report = on_progress
+
+    # Plans
+
+    def plan(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress], *, replaces_main: bool = False) -> Plan:
+        """What is to be installed.
+
+        Args:
+            system: of the controller.
+            addresses: where each arm's datagrams are awaited.
+            replaces_main: whether modules of others that have a ``main`` are unloaded; they come back with a roll back.
+        """
+        add_in = next((name for name in ADD_INS if name in system.options), None)
+        has_grippers = GRIPPER_PRODUCT in system.options
+        wanted = delivered(addresses, has_grippers=has_grippers, has_add_in=add_in is not None)
+        obstacles = [*self._unsuitable(system), *self._busy()]
+        notes = []
+        if add_in is not None:
+            notes.append(
+                f"ABB's Add-In {add_in!r} is on the controller: it has the same interface, so its modules and signals "
+                "stay, and only the destinations of the EGM datagrams are set"
+            )
+        if not has_grippers:
+            notes.append(f"the product {GRIPPER_PRODUCT!r} is missing: {GRIPPER_MODULE} is left out, which needs it")
+        if add_in is None:
+            for module, text in self._foreign_mains():
+                if replaces_main:
+                    wanted = replace(wanted, modules={**wanted.modules, module: None})
+                    notes.append(f"{module.name} in {module.task} has a main of its own; it is unloaded, and kept")
+                else:
+                    lines = len(text.splitlines())
+                    obstacles.append(
+                        f"{module.task} has a program of its own: its module {module.name} ({lines} lines) has a main, "
+                        "and a task can have only one; save it and remove it (FlexPendant: Program Editor, Tasks and "
+                        "Programs, Show Modules, File, Delete Module), or say --replace-main: it comes back with "
+                        "--roll-back"
+                    )
+        present = self.read(wanted)
+        for key, attributes in wanted.cfg.items():
+            now = present.cfg.get(key)
+            for name in ("SignalType", "Type", "Device"):
+                if attributes and now and now.get(name, "") != attributes.get(name, ""):
+                    obstacles.append(
+                        f"{key.domain} {key.type} has another {key.name}, with {name} {now.get(name, '')!r} instead of "
+                        f"{attributes.get(name, '')!r}; rename it (FlexPendant: Control Panel, Configuration), as "
+                        "its name is needed"
+                    )
+        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes))
+
+    def plan_removal(self, addresses: Mapping[Side, EgmAddress]) -> Plan:
+        """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
+        ours = delivered(addresses)
+        wanted = self._record.before if self._record.before is not None else ours.absent()
+        present = self.read(wanted)
+        notes = []
+        if self._record.before is None:
+            notes.append("this machine has no record of an installation: what has the names of this package goes")
+            for module, text in present.modules.items():
+                if text is not None and not _is_same_module(text, ours.modules.get(module)):
+                    notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
+        return Plan(differences(present, wanted), wanted, present, tuple(self._busy()), tuple(notes))
+
+    def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
+        version = ".".join(map(str, system.robotware))
+        if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
+            yield f"RobotWare {version} has no EGM for seven axes; have it updated to 6.09 or newer, but not 7"
+        elif system.robotware[0] > _NEWEST_ROBOTWARE:
+            yield f"RobotWare {version} has another protocol (Robot Web Services 2); this package is for RobotWare 6"
+        for option, loss in OPTIONS.items():
+            if option not in system.options:
+                yield f"the option {option!r} is missing: {loss}; have ABB add it to the system"
+        tasks = {task.name for task in self._client.tasks()}
+        for side in Side:
+            if side.task not in tasks:
+                yield f"there is no task {side.task}; see that this is a YuMi (IRB 14000)"
+
+    def _busy(self) -> Iterator[str]:
+        mode = self._client.operating_mode()
+        if mode is not OperatingMode.AUTO:
+            yield f"the operating mode is {mode.value}; turn it to AUTO on the FlexPendant"
+        if self._client.execution() is ExecutionState.RUNNING:
+            yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
+
+    def _foreign_mains(self) -> Iterator[tuple[ModuleKey, str]]:
+        ours = {name.lower() for name in delivered_modules()}
+        for side in Side:
+            for module in self._client.modules(side.task):
+                if module.name.lower() in ours:
+                    continue
+                try:
+                    text = self._client.module_text(side.task, module.name)
+                except ControllerRefused:  # hidden and encoded modules of ABB, which have no main
+                    continue
+                if has_main(text):
+                    yield ModuleKey(side.task, module.name), text
+
+    def read(self, wanted: Contents) -> Contents:
+        """What is there of all that is named in ``wanted``."""
+        types = {
+            place: self._instances(*place) for place in dict.fromkeys((key.domain, key.type) for key in wanted.cfg)
+        }
+        cfg = {key: types[key.domain, key.type].get(key.name, ("", None))[1] for key in wanted.cfg}
+        folders = {_folder(path) for path in wanted.files}
+        listed = {folder: self._listed(folder) for folder in sorted(folders)}
+        texts: dict[str, str | None] = {}
+        for path in wanted.files:
+            is_there = path.rstrip("/").lower() in listed[_folder(path)]
+            texts[path] = None if not is_there else "" if path.endswith("/") else self._client.download(path)
+        loaded = {
+            task: {module.name.lower(): module.name for module in self._client.modules(task)}
+            for task in dict.fromkeys(module.task for module in wanted.modules)
+        }
+        modules = {
+            module: self._client.module_text(module.task, loaded[module.task][module.name.lower()])
+            if module.name.lower() in loaded[module.task]
+            else None
+            for module in wanted.modules
+        }
+        return Contents(texts, cfg, modules)
+
+    def _instances(self, domain: str, type_name: str) -> dict[str, tuple[str, Mapping[str, str] | None]]:
+        """Titles and attributes of the instances by name, or by what distinguishes those without."""
+        try:
+            found = self._client.cfg(domain, type_name)
+        except ControllerRefused as error:
+            if error.code not in _NO_TYPE:
+                raise
+            return {}  # there is none yet
+        return {_name_of(type_name, each.attributes): (each.name, each.attributes) for each in found}
+
+    def _listed(self, folder: str) -> set[str]:
+        try:
+            return {f"{folder}{entry.name}".lower() for entry in self._client.files(folder)}
+        except ControllerRefused as error:
+            if error.status not in _NOT_FOUND:
+                raise
+            return set()
+
+    # Doing it
+
+    def install(self, plan: Plan, *, makes_backup: bool = True) -> None:
+        """Carry out a plan; afterwards everything that is wanted is there, as was read back.
+
+        Raises:
+            RobotNotReady: there are obstacles, or what was read back is not what is wanted.
+            YumiError: the controller refused a step, or it is gone; ``roll_back`` is possible then.
+        """
+        for obstacle in (*plan.obstacles, *self._busy()):  # it may have been started since the plan was made
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        if not plan.changes and not self._record.is_restart_due:
+            return
+        known = self._record.before
+        self._record.before = plan.present if known is None else known.over(plan.present)
+        self._record.save()
+        if makes_backup and plan.changes:
+            name = f"yumi_{datetime.now():%Y%m%d_%H%M%S}"
+            self._report(f"backup {name}")
+            where = self._client.backup(name, lambda state: self._report(f"backup {name}: {state}"))
+            self._record.backups += (name,)
+            self._record.save()
+            for path, content in self._client.read_tree(where, lambda each: self._report(f"download {each}")).items():
+                local = self._record.path.parent / name / PurePosixPath(path)
+                local.parent.mkdir(parents=True, exist_ok=True)
+                local.write_bytes(content)
+        self._apply(plan.wanted)
+
+    def roll_back(self) -> None:
+        """Make everything as it was before the first installation, from wherever that has been interrupted.
+
+        Raises:
+            CommandRefused: this machine has no record.
+            RobotNotReady: a program runs, the mode is wrong, or what was read back is not what was there.
+        """
+        before = self._record.before
+        if before is None:
+            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+        for obstacle in self._busy():
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        self._apply(before)
+        self._record.close()
+
+    def remove(self, plan: Plan) -> None:
+        """Carry out a plan of removal.
+
+        Raises:
+            RobotNotReady: there are obstacles, or what was read back is not what is wanted.
+        """
+        if self._record.before is not None:
+            self.roll_back()
+            return
+        for obstacle in (*plan.obstacles, *self._busy()):
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        self._record.before = plan.present
+        self._record.save()
+        self._apply(plan.wanted)
+
+    def _apply(self, wanted: Contents) -> None:
+        """Change what differs from ``wanted``: it goes on from wherever an earlier one was interrupted."""
+        present = self.read(wanted)
+        self._write_files(present, wanted)  # first: what cfg and tasks load has to be there
+        for module, text in wanted.modules.items():
+            if text is None and present.modules[module] is not None:
+                self._report(f"unload {module.name} from {module.task}")
+                self._client.unload_module(module.task, module.name)
+        self._apply_cfg(present, wanted)
+        if self._record.is_restart_due:
+            self._client.wait_for_restart(self._report)
+            self._record.is_restart_due = False
+            self._record.save()
+        self._load_modules(wanted)
+        self._remove_files(present, wanted)
+        left = [
+            change
+            for change in differences(self.read(wanted), wanted)
+            if not (change.sign == "-" and change.place.startswith("directory "))
+        ]
+        if left:
+            raise RobotNotReady(
+                f"{len(left)} of the changes cannot be read back, first: {left[0]}; look at the controller's event log."
+            )
+
+    def _write_files(self, present: Contents, wanted: Contents) -> None:
+        for path, text in sorted(wanted.files.items()):  # a directory before what is in it
+            if text is None or present.files[path] == text:
+                continue
+            self._report(f"write {path}")
+            if path.endswith("/"):
+                self._client.make_directory(path)
+            else:
+                self._client.upload(path, text)
+
+    def _load_modules(self, wanted: Contents) -> None:
+        """Those that a restart has not loaded, or not in this text."""
+        present = self.read(Contents(modules={key: text for key, text in wanted.modules.items() if text is not None}))
+        for module, now in present.modules.items():
+            text = wanted.modules[module]
+            assert text is not None, "others were not read"
+            if _is_same_module(now, text):
+                self._report(f"verified {module.name} in {module.task}")
+                continue
+            self._report(f"load {module.name} into {module.task}")
+            file = next((path for path, each in wanted.files.items() if each == text), None)
+            if file is not None:
+                self._client.load_module(module.task, file)
+            else:
+                with self._temporary(f"{module.name}.mod", text) as path:
+                    self._client.load_module(module.task, path)
+
+    def _remove_files(self, present: Contents, wanted: Contents) -> None:
+        for path, text in sorted(wanted.files.items(), reverse=True):  # what is in a directory before the directory
+            if text is not None or present.files[path] is None:
+                continue
+            if path.endswith("/") and self._listed(path):
+                self._report(f"{path} stays: there is more in it")
+                continue
+            self._report(f"remove {path}")
+            self._client.delete_file(path.rstrip("/"))
+
+    def _apply_cfg(self, present: Contents, wanted: Contents) -> None:
+        client = self._client
+        added: dict[str, list[tuple[str, Mapping[str, str]]]] = {}
+        for key, attributes in reversed(list(wanted.cfg.items())):  # what names a signal goes before the signal
+            now = present.cfg[key]
+            if attributes is not None and now is None:
+                self._note_restart()
+                added.setdefault(key.domain, []).append((key.type, attributes))
+            elif attributes is None and now is not None:
+                self._note_restart()
+                self._report(f"remove {key.domain} {key.type} {key.name}")
+                client.remove_cfg(key.domain, key.type, self._title(key))
+            elif attributes is not None and now is not None and (changed := _changed(now, attributes)):
+                self._note_restart()
+                self._report(f"change {key.domain} {key.type} {key.name}")
+                client.set_cfg(key.domain, key.type, self._title(key), changed)
+        for domain, instances in reversed(added.items()):
+            self._report(f"load {len(instances)} instances of {domain}")
+            with self._temporary(f"{domain}.cfg", write_cfg(_HEADERS[domain], reversed(instances))) as path:
+                client.load_cfg(path)
+
+    @contextmanager
+    def _temporary(self, name: str, text: str) -> Iterator[str]:
+        """A file on the controller for the time of the block; its path."""
+        path = f"{_TEMPORARY}_{name}"
+        self._client.upload(path, text)
+        try:
+            yield path
+        finally:
+            with suppress(ControllerRefused, NoConnection):  # what failed before says more
+                self._client.delete_file(path)
+
+    def _title(self, key: CfgKey) -> str:
+        """What the controller calls an instance now; in a type without names that may change with each removal."""
+        return self._instances(key.domain, key.type)[key.name][0] if key.type in _KEYS else key.name
+
+    def _note_restart(self) -> None:
+        if not self._record.is_restart_due:
+            self._record.is_restart_due = True
+            self._record.save()

@@ -1,0 +1,141 @@
+"""EGM's position streams: do the datagrams of both arms arrive, each at its port, and how regularly? Nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from typing import Protocol
+
+from yumi.clock import Clock, wait_until
+from yumi.driver.panel import ControllerPanel
+from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.egm.codec import JointCodec
+from yumi.egm.session import SensorSession
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
+from yumi.robot.joints import Joints, Side
+from yumi.rws.client import OnProgress, RwsClient
+
+START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
+
+_POLL = 0.0005  # [s]
+_FIRST = 3.0  # [s] within which the first datagram comes
+_IDLE_DEADLINE = 5.0
+_AT = 0.02  # [rad] by which the positions in datagrams may differ from those of Robot Web Services
+
+
+class Link(Protocol):
+    """Our end of one arm's EGM."""
+
+    def receive(self) -> list[bytes]:
+        """All datagrams that wait, oldest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmStream:
+    """What came of one arm.
+
+    Attributes:
+        received: datagrams that count.
+        lost: datagrams that the robot sent and that did not arrive.
+        malformed: datagrams that are not EGM.
+        period: mean time between two of them [s].
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest such difference [s].
+        position: in the last datagram [rad], (7,); None where none came.
+    """
+
+    received: int
+    lost: int
+    malformed: int
+    period: float
+    jitter: float
+    worst_jitter: float
+    position: Joints | None
+
+    @property
+    def loss(self) -> float:
+        """Share of the datagrams that were lost."""
+        sent = self.received + self.lost
+        return self.lost / sent if sent else 0.0
+
+    def is_of(self, position: Joints) -> bool:
+        """Whether its datagrams are those of an arm that stands at ``position`` [rad]."""
+        return self.position is not None and all(
+            abs(one - other) < _AT for one, other in zip(self.position, position, strict=True)
+        )
+
+
+def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Side, ArmStream]:
+    """Receive for ``duration`` [s] after the first datagram that comes from now on."""
+    for link in links.values():
+        link.receive()  # what has waited says nothing about when it came
+    sessions = {side: SensorSession(JointCodec()) for side in links}
+    last: dict[Side, Joints] = {}
+    end = clock.now() + _FIRST
+    while clock.now() < end:
+        for side, link in links.items():
+            message = sessions[side].accept(link.receive(), clock.now())
+            if message is not None:
+                if not last:
+                    end = clock.now() + duration
+                sessions[side].settle()
+                last[side] = message.measured
+        clock.wait(_POLL)
+    return {
+        side: ArmStream(
+            received=session.counters.received,
+            lost=session.counters.lost,
+            malformed=session.counters.malformed,
+            period=session.arrivals.cycle_time,
+            jitter=session.arrivals.jitter,
+            worst_jitter=session.arrivals.worst_jitter,
+            position=last.get(side),
+        )
+        for side, session in sessions.items()
+    }
+
+
+@contextmanager
+def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda text: None) -> Iterator[None]:
+    """Position streams of both arms for the time of the block; motors and program are as before afterwards.
+
+    The motors go on, and the program starts at main; the arms do not move.
+
+    Raises:
+        RobotNotReady: the mode, a stop or the program prevents it.
+    """
+    panel = ControllerPanel(client, clock)
+
+    def quietly(action: Callable[[], object]) -> None:
+        with suppress(ControllerRefused, NoConnection, RobotNotReady):  # what failed before says more
+            action()
+
+    with ExitStack() as undo:
+        were_on, was_running = panel.are_motors_on, panel.is_running
+        if not was_running:
+            if not were_on:
+                on_progress("motors on")
+                undo.callback(quietly, panel.switch_motors_off)
+                panel.switch_motors_on()
+            on_progress("program pointers to main, start the program")
+            panel.move_pp_to_main()
+            undo.callback(quietly, panel.stop_rapid)
+            panel.start_rapid()
+        wait_until(
+            clock,
+            lambda: all(_state(client, side) is MachineState.IDLE for side in Side),
+            _IDLE_DEADLINE,
+            "The state machine on the robot does not become idle; look at the FlexPendant.",
+        )
+        on_progress("start the position streams")
+        client.pulse_signal(START_STREAM)
+        undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
+        yield
+
+
+def _state(client: RwsClient, side: Side) -> MachineState | None:
+    try:
+        return read_machine_state(client.symbol(side.task, MAIN, "current_state"))
+    except ProtocolError:
+        return None

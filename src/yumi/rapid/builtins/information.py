@@ -1,0 +1,318 @@
+r"""RAPID's questions to the system: date and time, names, tasks, what a datum is; and events, text tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from yumi.rapid.ast import Storage
+from yumi.rapid.builtins.constants import CONSTANTS
+from yumi.rapid.builtins.rawbytes import whole
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.program import Execution, Severity
+from yumi.rapid.types import BOOL, Part, Reference, Variable, is_numeric, resolved
+
+INFORMATION = Library(CONSTANTS)
+
+# Time -------------------------------------------------------------------------------------------------------------
+
+
+def _clock(call: Call) -> datetime:
+    """The controller's date and time, of this machine's time zone."""
+    return datetime.fromtimestamp(call.task.host.devices.time())
+
+
+@INFORMATION.function("CTime", "", "string")
+def time_text(call: Call) -> str:
+    return _clock(call).strftime("%H:%M:%S")
+
+
+@INFORMATION.function("CDate", "", "string")
+def date_text(call: Call) -> str:
+    return _clock(call).strftime("%Y-%m-%d")
+
+
+_TIMES = {"WDay": "isoweekday", "Year": "year", "Month": "month", "MDay": "day", "Hour": "hour", "Min": "minute"}
+
+
+@INFORMATION.function(
+    "GetTime",
+    r"\switch WDay | \switch Year | \switch Month | \switch MDay | \switch Hour | \switch Min | \switch Sec",
+    "num",
+)
+def part_of_time(call: Call) -> float:
+    now = _clock(call)
+    if call.present("WDay"):
+        return float(now.isoweekday())
+    name = next((field for switch, field in _TIMES.items() if call.present(switch)), "second")
+    return float(getattr(now, name))
+
+
+# Names and versions -----------------------------------------------------------------------------------------------
+
+FACTS = ("SerialNo", "SWVersion", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
+
+
+@INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in FACTS), "string")
+def system_information(call: Call) -> str:
+    facts = call.task.host.devices.facts
+    return next((facts.get(name, "") for name in FACTS if call.present(name)), "")
+
+
+@INFORMATION.function("IsSysId", "string SystemId", "bool")
+def is_system(call: Call) -> bool:
+    return bool(call["SystemId"] == call.task.host.devices.facts.get("SystemId"))
+
+
+@INFORMATION.function("GetUASUserName", "", "string")
+def user_name(call: Call) -> str:
+    return call.task.host.devices.facts.get("UserName", "Default User")
+
+
+@INFORMATION.function("ProgMemFree", "", "num")
+def free_memory(call: Call) -> float:
+    """Bytes for modules: what they may have together without what they have."""
+    return float(2_000_000 - sum(len(module.text) for module in call.task.modules))
+
+
+@INFORMATION.function("RunMode", r"\switch Main", "symnum")
+def run_mode(call: Call) -> float:
+    return 1.0  # RUN_CONT_CYCLE: a controller in automatic mode knows no other
+
+
+@INFORMATION.function("NonMotionMode", r"\switch Main", "bool")
+def is_without_motion(call: Call) -> bool:
+    return False
+
+
+@INFORMATION.function("IsStopStateEvent", r"\switch PPMoved | \switch PPToMain", "bool")
+def has_pointer_moved(call: Call) -> bool:
+    """Whether the program pointer was moved since the last start; PP to main alone moves it here."""
+    return bool(call.task.now == getattr(call.task, "started_at", call.task.now))
+
+
+# Tasks ------------------------------------------------------------------------------------------------------------
+
+
+def _task(call: Call, name: str) -> Any:
+    tasks = call.task.host.devices.tasks()
+    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
+    if found is None:
+        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
+        raise RapidRuntimeError("ERR_TASKNAME", sentence)
+    return found
+
+
+for _name in ("TaskIsActive", "TaskIsExecuting"):
+
+    @INFORMATION.function(_name, "string TaskName", "bool")
+    def is_task_running(call: Call) -> bool:
+        task = _task(call, call["TaskName"])
+        return call.name == "TaskIsActive" or task.execution is Execution.STARTED
+
+
+# Data -------------------------------------------------------------------------------------------------------------
+
+
+def _storage(reference: Reference) -> Storage | None:
+    while isinstance(reference, Part):
+        reference = reference.whole
+    return reference.storage if isinstance(reference, Variable) else None
+
+
+@INFORMATION.function("IsPers", "INOUT anytype DatObj", "bool")
+def is_persistent(call: Call) -> bool:
+    return _storage(call.reference("DatObj")) is Storage.PERS
+
+
+@INFORMATION.function("IsVar", "INOUT anytype DatObj", "bool")
+def is_variable(call: Call) -> bool:
+    return _storage(call.reference("DatObj")) is Storage.VAR
+
+
+@INFORMATION.function("Type", r"anytype Data, \switch BaseName", "string")
+def type_name(call: Call) -> str:
+    type_ = call.reference("Data").type
+    return resolved(type_).name if call.present("BaseName") else type_.name
+
+
+@INFORMATION.function("TestAndSet", "INOUT bool Object", "bool")
+def test_and_set(call: Call) -> bool:
+    r"""Whether it was FALSE; it is TRUE from now on. Two tasks never get it both: one is executed at a time."""
+    was_free = not call["Object"]
+    call["Object"] = True
+    return was_free
+
+
+@INFORMATION.instruction("WaitTestAndSet", "PERS bool Object")
+def wait_test_and_set(call: Call) -> Wait:
+    while call["Object"]:
+        yield None
+    call["Object"] = True
+
+
+@INFORMATION.instruction("TryInt", "anynum DataObj, \\dnum DataObj2")
+def try_integer(call: Call) -> None:
+    value: float = call["DataObj"]
+    if value != int(value):
+        raise RapidRuntimeError("ERR_INT_NOTVAL", f"{value:g} is not an integer.")
+
+
+# Errors and events ------------------------------------------------------------------------------------------------
+
+INFORMATION.alias("errstr", "string")
+_ARGUMENTS = "errstr Argument1, errstr Argument2, errstr Argument3, errstr Argument4, errstr Argument5"
+LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999 on the controller
+
+
+@INFORMATION.instruction(
+    "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
+)
+def log_event(call: Call) -> None:
+    _log(call, whole(call, "ErrorID", 1, LARGEST_OWN_EVENT), call["Title"], (call["Description"], *_arguments(call)))
+
+
+@INFORMATION.instruction(
+    "ErrRaise",
+    r"string ErrorName, num ErrorId, errstr Argument1, errstr Argument2, errstr "
+    r"Argument3, errstr Argument4, errstr Argument5",
+)
+def raise_event(call: Call) -> None:
+    """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
+    number = whole(call, "ErrorId", 1, LARGEST_OWN_EVENT)
+    _log(call, number, call["ErrorName"], _arguments(call), Severity.WARNING)
+    error = RapidRuntimeError(call["ErrorName"], f"ErrRaise: {call['ErrorName']}.")
+    error.number = call.task.library.error_number(call["ErrorName"]) or _booked(call)
+    raise error
+
+
+def _booked(call: Call) -> float:
+    """The number a program has booked for the name."""
+    found = call.task.program.find(call["ErrorName"], None)
+    if not isinstance(found, Variable) or not is_numeric(found.type):
+        raise RapidRuntimeError("ERR_ILLRAISE", f"ErrRaise: no errnum is called '{call['ErrorName']}'.")
+    return float(found.value)
+
+
+def _arguments(call: Call) -> tuple[str, ...]:
+    return tuple(call[f"Argument{number}"] for number in range(1, 6))
+
+
+def _log(call: Call, number: int, title: str, lines: tuple[str, ...], severity: Severity = Severity.ERROR) -> None:
+    severity = Severity.WARNING if call.get("W") else Severity.INFORMATION if call.get("I") else severity
+    text = ": ".join(line for line in lines if line and line != "ERRSTR_UNUSED")
+    call.task.host.devices.log(80_000 + number, title, text, severity)
+
+
+for _name, _text in (
+    *(("ERRSTR_EMPTY", " "), ("ERRSTR_UNUSED", "ERRSTR_UNUSED"), ("ERRSTR_TASK", "")),
+    *(("ERRSTR_CONTEXT", ""),),
+):
+    INFORMATION.data(_name, "errstr", _text)
+
+
+@INFORMATION.instruction("SkipWarn")
+def skip_warning(call: Call) -> None:
+    """The warning of the last error is not logged; handled errors never are on this controller."""
+
+
+# Text tables ------------------------------------------------------------------------------------------------------
+
+_TEXT = re.compile(r'<text\s+name="(\d+)"\s*>(.*?)</text>', re.IGNORECASE | re.DOTALL)
+_VALUE = re.compile(r"<value>(.*?)</value>", re.IGNORECASE | re.DOTALL)
+_TABLE = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
+
+
+@INFORMATION.instruction("TextTabInstall", "string File")
+def install_text_table(call: Call) -> None:
+    """Read an XML file of texts, <Resource Name="table"><Text Name="1"><Value>...</Value></Text></Resource>."""
+    devices = call.task.host.devices
+    try:
+        text = devices.disk.read(call["File"]).decode("utf-8", "replace")
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {error}") from error
+    name = _TABLE.search(text)
+    if name is None:
+        raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {call['File']} names no text table.")
+    table = {int(number): (_VALUE.search(body) or [body, body])[1].strip() for number, body in _TEXT.findall(text)}
+    devices.texts[name[1].lower()] = table
+
+
+@INFORMATION.function("TextTabFreeToUse", "string TableName", "bool")
+def is_table_free(call: Call) -> bool:
+    return call["TableName"].lower() not in call.task.host.devices.texts
+
+
+@INFORMATION.function("TextTabGet", "string TableName", "num")
+def text_table(call: Call) -> float:
+    """The number of a table, which TextGet takes."""
+    names = list(call.task.host.devices.texts)
+    if call["TableName"].lower() not in names:
+        raise RapidRuntimeError("ERR_TXTNOEXIST", f"There is no text table '{call['TableName']}'.")
+    return float(names.index(call["TableName"].lower()) + 1)
+
+
+@INFORMATION.function("TextGet", "num Table, num Index", "string")
+def table_text(call: Call) -> str:
+    tables: list[Mapping[int, str]] = list(call.task.host.devices.texts.values())
+    number, index = int(call["Table"]), int(call["Index"])
+    if not 1 <= number <= len(tables) or index not in tables[number - 1]:
+        raise RapidRuntimeError("ERR_TXTNOEXIST", f"The text table {number} has no text {index}.")
+    return tables[number - 1][index][:80]
+
+
+# Configuration ----------------------------------------------------------------------------------------------------
+
+
+@INFORMATION.instruction("WriteCfgData", r"string InstancePath, string Attribute, anytype CfgData, \num ListNo")
+def write_configuration(call: Call) -> None:
+    type_, value = resolved(call.reference("CfgData").type), call["CfgData"]
+    text = f"{value:.15g}" if is_numeric(type_) else str(value).upper() if type_ == BOOL else str(value)
+    configuration = call.task.host.devices.configuration
+    try:
+        if configuration is None:
+            raise KeyError(call["InstancePath"])
+        configuration.write(call["InstancePath"], call["Attribute"], text)
+    except KeyError as error:
+        sentence = f"The configuration has no {call['Attribute']} at {call['InstancePath']}."
+        raise RapidRuntimeError("ERR_CFG_NOTFND", sentence) from error
+
+
+INFORMATION.alias("cfgdomain", "string")
+for _domain in ("ALL", "EIO", "MMC", "MOC", "PROC", "SIO", "SYS"):
+    INFORMATION.data(f"{_domain}_DOMAIN{'S' if _domain == 'ALL' else ''}", "cfgdomain", _domain)
+
+
+@INFORMATION.instruction("SaveCfgData", r"string FilePath, \string File, cfgdomain Domain")
+def save_configuration(call: Call) -> None:
+    devices, domain = call.task.host.devices, call["Domain"]
+    path = f"{call['FilePath'].rstrip('/')}/{call['File']}" if call.present("File") else call["FilePath"]
+    domains = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS") if domain == "ALL" else (domain,)
+    for name in domains:
+        try:
+            if devices.configuration is None:
+                raise KeyError(name)
+            text = devices.configuration.save(name)
+        except KeyError as error:
+            if domain == "ALL":
+                continue
+            raise RapidRuntimeError("ERR_CFG_ILL_DOMAIN", f"There is no domain '{name}'.") from error
+        target = f"{path.rstrip('/')}/{name}.cfg" if domain == "ALL" else path
+        try:
+            devices.disk.write(target, text.encode("latin-1", "replace"))
+        except OSError as error:
+            raise RapidRuntimeError("ERR_CFG_WRITEFILE", f"SaveCfgData: {error}") from error
+
+
+@INFORMATION.instruction("WarmStart")
+def warm_start(call: Call) -> Wait:
+    """Restart the controller; the program does not get any further."""
+    restart = call.task.host.devices.restart
+    if restart is None:
+        raise RapidRuntimeError("ERR_EXECPHR", "WarmStart: this controller cannot be restarted.")
+    restart()
+    while True:
+        yield None

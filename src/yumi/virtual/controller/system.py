@@ -1,0 +1,275 @@
+"""What is installed on the virtual controller: system parameters, files, and the modules its tasks begin with.
+
+It is ours (the state machine of `yumi.controller_files`), a user's own RAPID files, or a backup as a controller or
+RobotStudio writes it: ``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+from xml.etree import ElementTree
+
+import yumi.controller_files
+from yumi.errors import SettingsError
+from yumi.virtual.controller.files import DEVICES, decoded
+from yumi.virtual.controller.robots import YUMI, Robot
+from yumi.virtual.controller.signals import Configuration, Instance
+
+_HOME = "HOME:/"
+_SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
+_TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
+_REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
+_LARGEST_FILE = 8 * 1024 * 1024  # bytes
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """What is installed.
+
+    Attributes:
+        parameters: texts of cfg files; an instance of a later one takes the place of one of the same name.
+        restored: of a backup, loaded before; its tasks take the place of a stock controller's.
+        files: contents of files by their path on the controller, such as ``HOME:/yumi/TRobMain.mod``.
+        robot: what the controller moves.
+        modules: by task, in capitals, the paths of its modules; tasks that are left out have those of CAB_TASK_MODULES.
+        is_factory: whether nothing but a stock YuMi's parameters are there, as when a robot is delivered.
+    """
+
+    parameters: tuple[str, ...]
+    files: Mapping[str, bytes]
+    restored: tuple[str, ...] = ()
+    modules: Mapping[str, tuple[str, ...]] | None = None
+    is_factory: bool = False
+    robot: Robot = YUMI
+
+    def configuration(self) -> Configuration:
+        """A stock robot's parameters, then these; raises SettingsError."""
+        configuration = Configuration(
+            path.read_text(encoding="ascii") for path in sorted(self.robot.stock.glob("*.cfg"))
+        )
+        for text in self.restored:
+            configuration.load(text, _REPLACED)
+        for text in self.parameters:
+            configuration.load(text)
+        return configuration
+
+
+def delivered_system() -> System:
+    """The state machine in both tasks."""
+    folder = Path(next(iter(yumi.controller_files.__path__)))
+    modules = sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])
+    cfg = [path.read_text(encoding="ascii") for path in sorted(folder.glob("*.cfg"))]
+    return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
+
+
+def factory_system(robot: Robot = YUMI) -> System:
+    """A robot as it is delivered: no program, signals or devices of this package."""
+    return System((), {}, is_factory=True, robot=robot)
+
+
+def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: Sequence[Path] = ()) -> System:
+    """A system with a user's programs and parameters.
+
+    Args:
+        system: what they are added to.
+        programs: by task, its modules or program files (.pgf), which take the place of what the task has.
+        cfg: files of system parameters.
+
+    Raises:
+        SettingsError: a file cannot be read or is not what it should be, or there is no such task.
+    """
+    system = replace(system, parameters=(*system.parameters, *(decoded(_read(path)) for path in cfg)))
+    tasks = {settings.name.upper() for settings in task_settings(system.configuration())}
+    files, modules = dict(system.files), dict(system.modules or {})
+    for task, paths in programs.items():
+        if task.upper() not in tasks:
+            raise SettingsError(
+                f"there is no task {task}; there are {', '.join(sorted(tasks))}. A task is added in CAB_TASKS of a "
+                "SYS.cfg, which --cfg loads."
+            )
+        found = []
+        for path in (each for given in paths for each in _modules_of(given)):
+            place = f"{_HOME}{path.name}"
+            content = _read(path)
+            if files.setdefault(place, content) != content:  # two files of one name
+                place = f"{_HOME}{task.lower()}/{path.name}"
+                files[place] = content
+            found.append(place)
+        modules[task.upper()] = tuple(found)
+    return replace(system, files=files, modules=modules)
+
+
+def read_backup(folder: Path, robot: Robot = YUMI) -> System:
+    """What a backup of a robot's controller has.
+
+    Raises:
+        SettingsError: it is not a backup, or a file of it cannot be read.
+    """
+    if not folder.is_dir():
+        raise SettingsError(f"{folder} is not a directory: --system takes the directory of a backup.")
+    rapid, parameters = _inside(folder, "RAPID"), _inside(folder, "SYSPAR")
+    if rapid is None and parameters is None:
+        raise SettingsError(
+            f"{folder} is not a backup of a controller: it has neither RAPID nor SYSPAR. RobotStudio and the "
+            "FlexPendant write one with BACKINFO, HOME, RAPID and SYSPAR in it."
+        )
+    cfg = sorted(parameters.glob("*.[cC][fF][gG]")) if parameters else []
+    home = _inside(folder, "HOME")
+    inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
+    files = {f"{_HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
+    system = System((), files, tuple(decoded(_read(path)) for path in cfg), robot=robot)
+    # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
+    information = _inside(folder, "BACKINFO")
+    texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
+    names = {key.upper(): name for text in texts for key, name in _TASK_OF_BACKUP.findall(text)}
+    declared = [settings.name for settings in task_settings(system.configuration())]
+    modules = {}
+    for place in sorted(rapid.iterdir() if rapid else (), key=lambda path: (len(path.name), path.name)):
+        number = place.name.upper().removeprefix("TASK")
+        if not place.is_dir() or not number.isdecimal():
+            continue
+        name = names.get(place.name.upper())
+        if name is None and 1 <= int(number) <= len(declared):
+            name = declared[int(number) - 1]
+        if name is None:
+            raise SettingsError(f"{place} is no task of the system: neither BACKINFO nor CAB_TASKS of SYSPAR names it.")
+        paths = []
+        for kind in ("SYSMOD", "PROGMOD"):
+            inner = _inside(place, kind)
+            paths += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
+        for path in paths:
+            files[f"{_HOME}RAPID/{place.name}/{path.name}"] = _read(path)
+        modules[name.upper()] = tuple(f"{_HOME}RAPID/{place.name}/{path.name}" for path in paths)
+    return replace(system, files=files, modules=modules)
+
+
+def _modules_of(path: Path) -> Iterator[Path]:
+    """A module's file itself, or those that a program file lists."""
+    if path.suffix.lower() != ".pgf":
+        if path.suffix.lower() not in _SUFFIXES:
+            kinds = ", ".join((*_SUFFIXES, ".pgf"))
+            raise SettingsError(f"{path} is not a RAPID file: its name has to end in {kinds}.")
+        yield path
+        return
+    try:
+        program = ElementTree.fromstring(_read(path))
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise SettingsError(f"{path} is not a program file: {error}.") from error
+    for module in program.iter("Module"):
+        name = (module.text or "").strip().replace("\\", "/")
+        yield _inside(path.parent, name) or path.parent / name
+
+
+def _inside(folder: Path, name: str) -> Path | None:
+    """What has the name in a directory, in any letter case."""
+    found = folder / name
+    if found.exists():
+        return found
+    return next((path for path in folder.iterdir() if path.name.lower() == name.lower()), None)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        content = path.read_bytes() if path.stat().st_size <= _LARGEST_FILE else None
+    except OSError as error:
+        raise SettingsError(f"{path} cannot be read: {error.strerror or error}.") from error
+    if content is None:
+        raise SettingsError(f"{path} is larger than {_LARGEST_FILE} bytes, which is no file of a RAPID program.")
+    return content
+
+
+# Tasks ------------------------------------------------------------------------------------------------------------
+
+
+class TaskType(Enum):
+    """How a task is started; the values are those of RWS.
+
+    NORMAL tasks are started and stopped by users. STATIC and SEMISTATIC ones run whenever the controller does, the
+    latter from their beginning after each restart (technical reference manual, system parameters: topic Controller).
+    """
+
+    NORMAL = "norm"
+    STATIC = "stat"
+    SEMISTATIC = "semi"
+
+
+class TrustLevel(Enum):
+    """What an error in a STATIC or SEMISTATIC task stops; the values are those of the system parameter."""
+
+    SYS_FAIL = "SysFail"
+    SYS_HALT = "SysHalt"
+    SYS_STOP = "SysStop"
+    NO_SAFETY = "NoSafety"
+
+
+@dataclass(frozen=True, slots=True)
+class TaskSettings:
+    """One instance of CAB_TASKS.
+
+    Attributes:
+        name: of the task.
+        type: how it is started.
+        is_motion_task: whether its instructions may move a robot.
+        robot: name of the robot of its mechanical unit group, ``ROB_L``; empty without one.
+        entry: the procedure it begins with.
+        trust: what an error in it stops; NORMAL tasks stop together in any case.
+    """
+
+    name: str
+    type: TaskType = TaskType.NORMAL
+    is_motion_task: bool = False
+    robot: str = ""
+    entry: str = "main"
+    trust: TrustLevel = TrustLevel.SYS_FAIL
+
+
+def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
+    """The tasks of a configuration in their order; raises SettingsError."""
+    tasks = []
+    for instance in configuration.instances("SYS", "CAB_TASKS"):
+        given = {name.lower(): value for name, value in instance.attributes.items()}
+        is_motion_task = given.get("motiontask", "").lower() in ("true", "yes", "1")
+        group = configuration.find("SYS", "MECHANICAL_UNIT_GROUP", given.get("usemechanicalunitgroup", ""))
+        trust = given.get("trustlevel", "").lower()
+        tasks.append(
+            TaskSettings(
+                instance.name,
+                _task_type(instance),
+                is_motion_task,
+                group.attributes.get("Robot", "") if group else "",
+                given.get("entry") or "main",
+                next((each for each in TrustLevel if each.value.lower() == trust), TrustLevel.SYS_FAIL),
+            )
+        )
+    return tuple(tasks)
+
+
+def _task_type(instance: Instance) -> TaskType:
+    given = {name.lower(): value for name, value in instance.attributes.items()}.get("type", "SEMISTATIC")
+    try:
+        return TaskType[given.upper().replace("-", "").replace("_", "")]
+    except KeyError:
+        allowed = ", ".join(each.name for each in TaskType)
+        raise SettingsError(f"the task {instance.name} has the type {given!r}; there are {allowed}.") from None
+
+
+def modules_of(task: TaskSettings, system: System, configuration: Configuration) -> tuple[str, ...]:
+    """The paths of the modules that a task begins with."""
+    given = (system.modules or {}).get(task.name.upper())
+    if given is not None:
+        return given
+    paths = []
+    for instance in configuration.instances("SYS", "CAB_TASK_MODULES"):
+        attributes = {name.lower(): value for name, value in instance.attributes.items()}
+        of_all = any(attributes.get(name, "").upper() in ("TRUE", "YES", "1") for name in ("alltask", "shared"))
+        of_motion = attributes.get("allmotiontask", "").upper() in ("TRUE", "YES", "1") and task.is_motion_task
+        if of_all or of_motion or attributes.get("task", "").upper() == task.name.upper():
+            path = attributes.get("file", "")
+            # ABB's own modules (RELEASE:, INTERNAL:) are what the library provides.
+            if path.partition(":")[0].upper() in DEVICES:
+                paths.append(path)
+    return tuple(paths)

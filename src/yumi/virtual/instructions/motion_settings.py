@@ -1,0 +1,320 @@
+r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), and how it stops and resumes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any
+
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Library, Wait
+from yumi.robot.joints import Pose
+from yumi.robot.kinematics import compose, inverse
+from yumi.virtual.instructions.data import NOT_PRESENT, frame, jointtarget
+from yumi.virtual.instructions.motion import FATAL, MotionInstructions
+from yumi.virtual.instructions.poses import unit_quaternion
+from yumi.virtual.mechanics.course import CircleMode, Frames
+from yumi.virtual.mechanics.path import Acceleration, StoredPath
+
+STOP_MOVE = "StopMove"
+"""Why an arm stands on its path: the program has stopped its movements."""
+
+_SMALLEST_FACTOR = 0.2  # of AccSet
+_SMALLEST_LIMIT = 0.1  # of PathAccLim [m/s²]
+_CIRCLE_MODES = {
+    "ObjectFrame": CircleMode.OBJECT,
+    "CirPointOri": CircleMode.POINT,
+    "Wrist45": CircleMode.OBJECT,
+    "Wrist46": CircleMode.OBJECT,
+    "Wrist56": CircleMode.OBJECT,
+}
+_MODE_SWITCHES = ("PathFrame", *_CIRCLE_MODES)
+_TUNING_TYPES = ("DF", "KP", "KV", "TI", "FRIC_LEV", "FRIC_RAMP", "DG", "DH", "DI", "DK", "DL")
+
+
+class MotionSettingInstructions:
+    """The settings and stops of one task."""
+
+    def __init__(self, motion: MotionInstructions) -> None:
+        self._motion = motion
+        self._unit = motion.unit
+        self._stored: list[StoredPath] = []
+
+    # Settings -----------------------------------------------------------------------------------------------------
+
+    def check_lines(self, call: Call) -> None:
+        """ConfL."""
+        self._unit.settings.checks_lines = not call.present("Off")
+
+    def check_joints(self, call: Call) -> None:
+        """ConfJ."""
+        self._unit.settings.checks_joints = not call.present("Off")
+
+    def singular_area(self, call: Call) -> None:
+        r"""SingArea: accepted; the orientation is kept with \Wrist, too, and the arm slows down instead."""
+        self._unit.settings.wrist_may_turn = call.present("Wrist") or call.present("LockAxis4")
+
+    def set_acceleration(self, call: Call) -> None:
+        """AccSet: accelerations and how fast they build up, 20 to 100 %."""
+        settings, ramp = self._unit.settings, max(call["Ramp"], 10.0)
+        settings.accelerations = (call["Acc"], ramp)
+        self._accelerate(along=self._unit.arm.path.acceleration.along)
+
+    def limit_acceleration(self, call: Call) -> None:
+        """PathAccLim: the tool's acceleration along the path [m/s²]."""
+        limits = [
+            call[f"{name}Max"]
+            for name, flag in (("Acc", "AccLim"), ("Decel", "DecelLim"))
+            if call[flag] and call.present(f"{name}Max")
+        ]
+        if any(limit < _SMALLEST_LIMIT for limit in limits):
+            sentence = f"PathAccLim takes at least {_SMALLEST_LIMIT} m/s², not {min(limits):g}."
+            raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
+        self._accelerate(along=min([*limits, self._unit.arm.kinematics.tool_acceleration]))
+
+    def limit_world_acceleration(self, call: Call) -> None:
+        r"""WorldAccLim: the tool's acceleration [m/s²], with \Off the robot's own limit."""
+        most = self._unit.arm.kinematics.tool_acceleration
+        limit = call.get("On", inf)
+        if limit < _SMALLEST_LIMIT:
+            sentence = f"WorldAccLim takes at least {_SMALLEST_LIMIT} m/s², not {limit:g}."
+            raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
+        self._accelerate(along=min(limit, most))
+
+    def _accelerate(self, along: float) -> None:
+        acceleration, ramp = self._unit.settings.accelerations
+        factor = max(acceleration / 100.0, _SMALLEST_FACTOR) * max(ramp / 100.0, _SMALLEST_FACTOR) ** 0.5
+        self._unit.arm.path.acceleration = Acceleration(min(factor, 1.0), along)
+
+    def set_velocity(self, call: Call) -> None:
+        """VelSet: factor on all programmed speeds [%], highest speed of the tool [mm/s]."""
+        self._unit.settings.speed_percent, self._unit.settings.most_speed = call["Override"], call["Max"]
+
+    def refresh_speed(self, call: Call) -> None:
+        """SpeedRefresh: another override for the motions of this task, also for the one under way [%]."""
+        if not 0.0 <= call["Override"] <= 100.0:
+            sentence = f"SpeedRefresh takes 0 to 100 %, not {call['Override']:g}."
+            raise RapidRuntimeError("ERR_SPEED_REFRESH_LIM", sentence)
+        self._unit.settings.refreshed = call["Override"]
+        self._motion.go_on()
+
+    def displace(self, call: Call) -> None:
+        r"""PDispOn: what moves the programmed point to where the tool is, or to \ExeP; with \Rot it turns, too."""
+        settings = self._unit.settings
+        settings.displacement = None
+        frames = self._motion.frames(call["Tool"], call.get("WObj"))
+        here = call.get("ExeP") or self._motion.robtarget(self._unit.arm.planned, frames)
+        there, origin = (_pose_of_target(each) for each in (here, call["ProgPoint"]))
+        if not call.present("Rot"):
+            there = Pose(there.position, origin.orientation)
+        settings.displacement = frame(compose(there, inverse(origin)))
+
+    def set_displacement(self, call: Call) -> None:
+        """PDispSet."""
+        pose = call["DispFrame"]
+        unit_quaternion(pose.rot)
+        self._unit.settings.displacement = pose
+
+    def end_displacement(self, call: Call) -> None:
+        """PDispOff."""
+        self._unit.settings.displacement = None
+
+    def offset_axes(self, call: Call) -> None:
+        r"""EOffsOn: what moves the external axes of the programmed point to where they are, or to those of \ExeP."""
+        self._unit.settings.offsets = (0.0,) * 6
+        point = call["ProgPoint"]
+        here = call["ExeP"].extax if call.present("ExeP") else self._external(point)
+        self._unit.settings.offsets = tuple(
+            a - b if a < NOT_PRESENT and b < NOT_PRESENT else 0.0 for a, b in zip(here, point.extax, strict=True)
+        )
+
+    def _external(self, point: Any) -> Any:
+        """The external axes where the arm is: arm angle for a robtarget, axis 7 for a jointtarget [deg]."""
+        planned = self._unit.arm.planned
+        if hasattr(point, "robax"):
+            return jointtarget(planned)[1]
+        return self._motion.robtarget(planned, Frames())[3]  # the same with any tool
+
+    def set_offsets(self, call: Call) -> None:
+        """EOffsSet."""
+        self._unit.settings.offsets = tuple(value if value < NOT_PRESENT else 0.0 for value in call["EAxOffs"])
+
+    def end_offsets(self, call: Call) -> None:
+        """EOffsOff."""
+        self._unit.settings.offsets = (0.0,) * 6
+
+    def soften(self, call: Call) -> None:
+        """SoftAct: accepted; the virtual arm has no servo that gives way."""
+        axis, softness = call["Axis"], call["Softness"]
+        if axis != int(axis) or not 1 <= axis <= self._unit.arm.kinematics.joint_count or not 0 <= softness <= 100:
+            sentence = f"SoftAct takes an axis of the robot and 0 to 100 %, not {axis:g} and {softness:g}."
+            raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+        self._unit.settings.softness[int(axis)] = softness
+
+    def stiffen(self, call: Call) -> None:
+        """SoftDeact."""
+        self._unit.settings.softness.clear()
+
+    def supervise(self, call: Call) -> None:
+        r"""MotionSup: on with \TuneValue, or off; the virtual controller collides where it is told to."""
+        tune = call.get("TuneValue", 100.0)
+        if not 1.0 <= tune <= 300.0:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"MotionSup takes a \\TuneValue of 1 to 300 %, not {tune:g}.")
+        self._unit.settings.supervision = None if call.present("Off") else tune
+
+    def grip_load(self, call: Call) -> None:
+        """GripLoad."""
+        if call["Load"].mass < 0.0:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"GripLoad: a load has no mass of {call['Load'].mass:g} kg.")
+        self._unit.settings.load = call["Load"]
+
+    def set_circle_mode(self, call: Call) -> None:
+        """CirPathMode."""
+        chosen = next((mode for name, mode in _CIRCLE_MODES.items() if call.present(name)), CircleMode.PATH)
+        self._unit.settings.circles = chosen
+
+    def warn_of_corners(self, call: Call) -> None:
+        """CornerPathWarning."""
+        self._unit.settings.warns_of_corners = call["Active"]
+
+    def activate(self, call: Call) -> None:
+        """ActUnit: all units are active."""
+
+    def deactivate(self, call: Call) -> None:
+        """DeactUnit: the units of a robot stay active."""
+        name = call["MechUnit"].name
+        raise RapidRuntimeError(FATAL, f"DeactUnit: {name} belongs to the robot and cannot be deactivated.")
+
+    def accept(self, call: Call) -> None:
+        """What changes nothing that can be seen: tuning of servos, process modes, path resolution."""
+
+    # Stops --------------------------------------------------------------------------------------------------------
+
+    def stop_move(self, call: Call) -> Wait:
+        """StopMove: the arm slows down on its path and stays there; done when it stands."""
+        arm = self._unit.arm
+        arm.path.holds.add(STOP_MOVE)
+        while not arm.is_stationary and arm.egm is None:
+            yield None
+
+    def start_move(self, call: Call) -> None:
+        """StartMove: on along the path."""
+        self._unit.arm.path.holds.discard(STOP_MOVE)
+        self._motion.go_on()
+
+    def clear_path(self, call: Call) -> None:
+        """ClearPath: forget the rest of the path; the arm has to stand, as after StopMove."""
+        arm = self._unit.arm
+        if arm.path.is_empty:
+            return
+        if not arm.is_stationary:
+            raise RapidRuntimeError("ERR_PATH", "ClearPath: stop the movements with StopMove before.")
+        arm.path.restart_at(arm.planned)
+
+    def store_path(self, call: Call) -> Wait:
+        """StorePath: put the rest of the path aside, for other motions until RestoPath."""
+        arm = self._unit.arm
+        if self._stored:
+            raise RapidRuntimeError(FATAL, "StorePath: a path is stored already; RestoPath has to come before.")
+        while not arm.is_stationary:
+            yield None
+        self._stored.append(arm.path.store())
+
+    def restore_path(self, call: Call) -> Wait:
+        """RestoPath: the path that was stored is ahead again, and starts with StartMove."""
+        arm = self._unit.arm
+        if not self._stored:
+            raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
+        while not arm.is_stationary:
+            yield None
+        arm.path.restore(self._stored.pop())
+
+    def path_level(self, call: Call) -> float:
+        """PathLevel: 1, or 2 between StorePath and RestoPath."""
+        return 1.0 + len(self._stored)
+
+    def is_stopped(self, call: Call) -> bool:
+        """IsStopMoveAct."""
+        return STOP_MOVE in self._unit.arm.path.holds
+
+    def recover(self, call: Call) -> Wait:
+        """ProcerrRecovery: stop the movements and let the error handler go on, with ERR_PATH_STOP."""
+        arm = self._unit.arm
+        arm.path.holds.add(STOP_MOVE)
+        while not arm.is_stationary:
+            yield None
+        raise RapidRuntimeError("ERR_PATH_STOP", "ProcerrRecovery has stopped the movements.")
+
+
+def _pose_of_target(target: Any) -> Pose:
+    x, y, z = (value * 1e-3 for value in target[0])
+    return Pose((x, y, z), unit_quaternion(target[1]))
+
+
+def add_motion_settings(library: Library, motion: MotionInstructions) -> None:
+    """Register the settings and stops of one task."""
+    own = MotionSettingInstructions(motion)
+    kinematics = motion.arm.kinematics
+    library.alias("tunetype", "num")
+    for number, name in enumerate(_TUNING_TYPES):
+        library.data(f"TUNE_{name}", "tunetype", float(number))
+    library.alias("motionprocessmode", "num")
+    modes = ("OPTIMAL_CYCLE_TIME_MODE", "LOW_SPEED_ACCURACY_MODE", "LOW_SPEED_STIFF_MODE", "ACCURACY_MODE")
+    for number, name in enumerate((*modes, *(f"MPM_USER_MODE_{each}" for each in range(1, 5))), start=1):
+        library.data(name, "motionprocessmode", float(number))
+    all_tasks = r"\switch AllMotionTasks"
+    instructions: tuple[tuple[str, str, Callable[[Call], Any]], ...] = (
+        ("ConfL", r"\switch On | \switch Off", own.check_lines),
+        ("ConfJ", r"\switch On | \switch Off", own.check_joints),
+        ("SingArea", r"\switch Wrist | \switch LockAxis4 | \switch Off", own.singular_area),
+        ("AccSet", r"num Acc, num Ramp, \num FinePointRamp", own.set_acceleration),
+        ("PathAccLim", r"bool AccLim, \num AccMax, bool DecelLim, \num DecelMax", own.limit_acceleration),
+        ("WorldAccLim", r"\num On | \switch Off", own.limit_world_acceleration),
+        ("VelSet", "num Override, num Max", own.set_velocity),
+        ("SpeedRefresh", "num Override", own.refresh_speed),
+        (
+            "PDispOn",
+            r"\switch Rot, \robtarget ExeP, robtarget ProgPoint, tooldata Tool, \wobjdata WObj",
+            own.displace,
+        ),
+        ("PDispSet", "pose DispFrame", own.set_displacement),
+        ("PDispOff", "", own.end_displacement),
+        ("EOffsOn", r"\robtarget ExeP, anytype ProgPoint", own.offset_axes),
+        ("EOffsSet", "extjoint EAxOffs", own.set_offsets),
+        ("EOffsOff", "", own.end_offsets),
+        ("SoftAct", r"\mecunit MechUnit, num Axis, num Softness, \num Ramp", own.soften),
+        ("SoftDeact", r"\num Ramp", own.stiffen),
+        ("MotionSup", r"\switch On | \switch Off, \num TuneValue", own.supervise),
+        ("GripLoad", "loaddata Load", own.grip_load),
+        ("MechUnitLoad", "mecunit MechUnit, num AxisNo, loaddata Load", own.accept),
+        ("CirPathMode", " | ".join(rf"\switch {name}" for name in _MODE_SWITCHES), own.set_circle_mode),
+        ("CornerPathWarning", "bool Active", own.warn_of_corners),
+        ("PathResol", "num Override", own.accept),
+        ("TuneServo", r"mecunit MecUnit, num Axis, num TuneValue, \tunetype Type", own.accept),
+        ("TuneReset", "", own.accept),
+        ("MotionProcessModeSet", "motionprocessmode Mode", own.accept),
+        ("ActUnit", "mecunit MechUnit", own.activate),
+        ("DeactUnit", "mecunit MechUnit", own.deactivate),
+        ("StopMove", rf"\switch Quick, {all_tasks}", own.stop_move),
+        ("StartMove", all_tasks, own.start_move),
+        ("StartMoveRetry", "", own.start_move),
+        ("StopMoveReset", all_tasks, lambda _: motion.arm.path.holds.discard(STOP_MOVE)),
+        ("ClearPath", "", own.clear_path),
+        ("StorePath", r"\switch KeepSync", own.store_path),
+        ("RestoPath", "", own.restore_path),
+        ("ProcerrRecovery", r"\switch SyncOrgMoveInst | \switch SyncLastMoveInst, \switch ProcSignal", own.recover),
+    )
+    for name, signature, implementation in instructions:
+        library.instruction(name, signature)(implementation)
+    functions: tuple[tuple[str, str, str, Callable[[Call], Any]], ...] = (
+        ("IsStopMoveAct", r"\switch FromMoveTask | \switch FromNonMoveTask", "bool", own.is_stopped),
+        ("PathLevel", "", "num", own.path_level),
+        ("CSpeedOverride", r"\switch CTask", "num", lambda _: motion.arm.path.override * 100.0),
+        ("MaxRobSpeed", "", "num", lambda _: kinematics.tool_speed * 1e3),
+        ("MaxRobReorientSpeed", "", "num", lambda _: 500.0),
+        ("RobName", "", "string", lambda _: motion.unit.mechanical_unit),
+        ("TaskRunMec", "", "bool", lambda _: True),
+        ("TaskRunRob", "", "bool", lambda _: True),
+    )
+    for name, signature, returns, implementation in functions:
+        library.function(name, signature, returns)(implementation)

@@ -1,0 +1,544 @@
+"""``/ctrl`` and ``/progress``: clock, identity, network, backup, restart and the rest (reference/rws.md §4.2)."""
+
+from __future__ import annotations
+
+import io as bytes_io
+import ipaddress
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime, tzinfo
+from math import inf
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from yumi.errors import RapidError, SettingsError
+from yumi.rws.documents import Link, Page, State
+from yumi.rws.types import Code
+from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.files import DEVICES
+from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, not_there, resource
+
+_BASE = "/ctrl/"
+_NO_VIRTUAL_TIME = "virtual time, which RobotStudio's controllers alone have"
+_NO_SAFETY = "a safety controller (SafeMove)"
+_DURATION = 2.0  # of a backup and other jobs [s]
+_RESTARTS = ("restart", "istart", "pstart", "bstart", "shutdown", "xstart")
+_LANGUAGES = ("en", "de", "sv", "fr", "it", "es", "pt", "da", "fi", "nl", "cs", "ja", "ko", "zh", "ru", "hu", "pl")
+_TRUTH = ("true", "false", "TRUE", "FALSE")
+
+
+def identity_fields(controller: Irc5) -> dict[str, str]:
+    identity = controller.identity
+    if identity.is_virtual:
+        return {"ctrl-name": identity.controller_name, "ctrl-type": "Virtual Controller"}
+    return {
+        "ctrl-name": identity.controller_name,
+        "ctrl-id": identity.controller_name,
+        "ctrl-type": "Real Controller",
+    }
+
+
+def get_controller(controller: Irc5, call: Call) -> Page:
+    links = (Link("self", "identity"),)
+    states = (
+        entry("ctrl-clock-info-li", "clock", datetime=_shown_time(controller)),
+        State("ctrl-identity-info-li", "identity", identity_fields(controller), links),
+        *(entry(f"ctrl-{name}-info-li", name) for name in ("system", "backup", "compress", "diagnostics", "safety")),
+        entry("ctrl-netw-li", "network"),
+    )
+    return resource("ctrl", _BASE, "", *states)
+
+
+def get_identity(controller: Irc5, call: Call) -> Page:
+    fields = identity_fields(controller)
+    if not controller.identity.is_virtual:
+        fields["ctrl-mac"] = "00:00:00:00:00:00"
+    fields["ctrl-level"] = "System Level"
+    return resource("ctrl", _BASE, "identity", State("ctrl-identity-info", "identity", fields))
+
+
+def set_identity(controller: Irc5, call: Call) -> None:
+    name = call.parameter("ctrl-name", "") or call.parameter("ctrl-id", "")
+    if not name:
+        raise invalid("the body lacks ctrl-name and ctrl-id; give one of them")
+    controller.identity = replace(controller.identity, controller_name=name)
+
+
+def get_environment(controller: Irc5, call: Call) -> Page:
+    """What an environment variable stands for: our devices stand for themselves."""
+    name = call.names["variable"].upper()
+    if name not in DEVICES:
+        raise Failure(404, Code.FAIL, f"there is no environment variable ${name}")
+    return resource("ctrl", _BASE, f"${name}", State("ctrl-env", f"${name}", {"value": f"{name}:"}))
+
+
+def restart(controller: Irc5, call: Call) -> None:
+    """Restart in one of the modes; bstart finds the state that was saved last, which is the present one."""
+    mode = call.required("restart-mode")
+    if mode in ("shutdown", "xstart"):
+        controller.restart(inf)
+    else:
+        discards = mode in ("istart", "pstart")
+        controller.restart(discards_programs=discards, discards_settings=mode == "istart")
+
+
+def set_language(controller: Irc5, call: Call) -> None:
+    controller.own_settings.language = call.parameter("lang", "") or call.required("lang-code")
+
+
+# Clock
+
+
+def _zone(controller: Irc5) -> tzinfo | None:
+    name = controller.own_settings.timezone
+    return ZoneInfo(name) if name else None
+
+
+def _shown_time(controller: Irc5) -> str:
+    """Local time without its zone, as on the FlexPendant."""
+    return datetime.fromtimestamp(controller.time, _zone(controller)).strftime("%Y-%m-%d T %H:%M:%S")
+
+
+def get_clock(controller: Irc5, call: Call) -> Page:
+    links = (entry("ctrl-timezone-li", "timezone", "clock/timezone"), entry("ctrl-timeserver-li", "timeserver"))
+    state = State("ctrl-clock-info", "clock", {"datetime": _shown_time(controller)})
+    return resource("ctrl", _BASE, "clock", state, *links)
+
+
+def set_clock(controller: Irc5, call: Call) -> None:
+    parts = [call.number(f"sys-clock-{part}") for part in ("year", "month", "day", "hour", "min", "sec")]
+    year, month, day, hour, minute, second = (int(part) for part in parts)
+    try:
+        controller.time = datetime(year, month, day, hour, minute, second, tzinfo=_zone(controller)).timestamp()
+    except (ValueError, OverflowError) as error:
+        raise invalid(f"there is no such time: {error}") from error
+
+
+def get_timezone(controller: Irc5, call: Call) -> Page:
+    zone = controller.own_settings.timezone or datetime.now().astimezone().tzname() or "UTC"
+    return resource("ctrl", "/ctrl/clock/", "timezone", State("ctrl-timezone", "timezone", {"timezone": zone}))
+
+
+def set_timezone(controller: Irc5, call: Call) -> None:
+    name = call.required("timezone")
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError) as error:
+        raise invalid(f"there is no time zone {name[:50]!r}") from error
+    controller.own_settings.timezone = name
+
+
+def get_timeserver(controller: Irc5, call: Call) -> Page:
+    fields = {"timeserver": controller.own_settings.timeserver}
+    return resource("ctrl", "/ctrl/clock/", "timeserver", State("ctrl-timeserver", "timeserver", fields))
+
+
+def get_server_time(controller: Irc5, call: Call) -> Page:
+    raise Failure(400, Code.TIMEOUT, f"no time server answers at {call.option('server-ip') or 'that address'}")
+
+
+def set_timeserver(controller: Irc5, call: Call) -> None:
+    controller.own_settings.timeserver = call.required("timeserver")
+
+
+# Network: what is set is shown, and does not change this machine's own
+
+
+def get_network(controller: Irc5, call: Call) -> Page:
+    own = controller.own_settings
+    fields = {
+        "addr": own.address,
+        "mask": own.mask,
+        "name": "LAN",
+        "dhcp": "Enabled" if own.method == "dhcp" else "Disabled",
+        "gateway": own.gateway,
+    }
+    service = {"addr": "192.168.125.1", "mask": "255.255.255.0", "name": "Service Port"}
+    states = (State("ctrl-netw", "Service Port", service), State("ctrl-netw", "LAN", fields))
+    return resource("ctrl", _BASE, "network", *states)
+
+
+def set_network(controller: Irc5, call: Call) -> HttpReply:
+    own, method = controller.own_settings, call.required("method")
+    if method == "fixip":
+        own.address, own.mask = _address(call, "address"), _address(call, "mask")
+        own.gateway = _address(call, "gateway")
+    own.method = method
+    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+
+
+def _address(call: Call, name: str) -> str:
+    text = call.required(name)
+    try:
+        return str(ipaddress.IPv4Address(text))
+    except ValueError as error:
+        raise invalid(f"{name} is an IPv4 address, not {text[:50]!r}") from error
+
+
+def get_dns(controller: Irc5, call: Call) -> Page:
+    fields = {"name": controller.identity.controller_name, "addr": controller.own_settings.dns, "port": "53"}
+    return resource("ctrl", "/ctrl/network/", "dns", State("ctrl-netw", "dns", fields))
+
+
+def get_routes(controller: Irc5, call: Call) -> Page:
+    states = (
+        State("ctrl-netw-route", destination, {"destination": destination, "gateway": gateway})
+        for destination, gateway in controller.own_settings.routes.items()
+    )
+    return resource("ctrl", "/ctrl/network/", "routes", *states)
+
+
+def add_route(controller: Irc5, call: Call) -> None:
+    controller.own_settings.routes[_destination(call)] = _address(call, "gateway")
+
+
+def remove_route(controller: Irc5, call: Call) -> HttpReply:
+    if controller.own_settings.routes.pop(_destination(call), None) is None:
+        raise invalid("there is no route to that destination")
+    return HttpReply(202, (("Location", "/ctrl?action=show"), ("Content-Type", "application/xhtml+xml")))
+
+
+def _destination(call: Call) -> str:
+    text = call.required("destination")
+    try:
+        return str(ipaddress.IPv4Network(text))
+    except ValueError as error:
+        raise invalid(f"destination is an IPv4 address or network, not {text[:50]!r}") from error
+
+
+def get_route_options(controller: Irc5, call: Call) -> Page:
+    names = ("destination", "gateway") if call.path[-1] == "add" else ("destination",)
+    fields = {"method": "POST", **dict.fromkeys(names, "")}
+    return resource("ctrl", "/ctrl/network/route/", call.path[-1], State("form", f"{call.path[-1]}route", fields))
+
+
+# Jobs: backup, compression, diagnostics
+
+
+def _begin(controller: Irc5, work: Callable[[], None]) -> HttpReply:
+    """Begin a job; the answer says where its progress shows."""
+    job = controller.jobs.begin(work, _DURATION)
+    headers = (("Location", f"/progress/{job.number}"), ("Content-Type", "application/xhtml+xml"))
+    return HttpReply(202, headers)
+
+
+def get_progress(controller: Irc5, call: Call) -> Page:
+    job = controller.jobs.find(call.names["job"])
+    if job is None:
+        raise Failure(404, Code.FAIL, f"there is no job {call.names['job'][:20]!r}")
+    code, state = ("294914", "Pending") if not job.is_done else ("294912", "Ready")
+    if job.failure:
+        code, state = str(int(Code.FAIL)), f"Error: {job.failure}"
+    return resource(
+        "progress", "/progress/", str(job.number), State("progress", str(job.number), {"code": code, "state": state})
+    )
+
+
+def get_progress_list(controller: Irc5, call: Call) -> Page:
+    return resource("progress", "/", "progress")
+
+
+def _backup_path(call: Call, text: str) -> str:
+    path = path_of_file(text)
+    if path.upper().startswith("HOME:") or "/" not in path:
+        raise invalid("a backup is a directory of its own, such as /fileservice/$BACKUP/monday, and not in HOME")
+    return path
+
+
+def get_backup(controller: Irc5, call: Call) -> Page:
+    state = entry("ctrl-backup-li", "backup", "backup", backup_state=controller.own_settings.backup_state)
+    return resource("ctrl", _BASE, "backup", state)
+
+
+def get_backup_state(controller: Irc5, call: Call) -> Page:
+    fields = {"backup-state": controller.own_settings.backup_state}
+    return resource("ctrl", _BASE, "backup", State("ctrl-backup-state", "backup-state", fields))
+
+
+def back_up(controller: Irc5, call: Call) -> HttpReply:
+    path = _backup_path(call, call.required("backup"))
+    own = controller.own_settings
+    if own.backup_state == "Backup in Progress":
+        raise Failure(409, Code.RESOURCE_HELD, "another backup is under way; wait for its end")
+    if any(file.lower().startswith(f"{path.lower()}/") for file in controller.files):
+        raise Refused(Refusal.NAME_TAKEN, f"{path} exists; choose another name.")
+
+    def work() -> None:
+        own.backup_state = "Error during backup"
+        write_backup(controller, path)
+        own.backup_state = "Backup Ready"
+
+    own.backup_state = "Backup in Progress"
+    return _begin(controller, work)
+
+
+def restore(controller: Irc5, call: Call) -> None:
+    """Become as in a backup; then the controller restarts. The backup stays unless ``delete-dir`` is true."""
+    path = _backup_path(call, call.required("backup"))
+    if controller.is_running:
+        raise Refused(Refusal.NOT_STOPPED, "a backup is restored while RAPID is stopped: stop it first.")
+    _check_restore(controller, call, path, call.parameter("ignore", "none"))
+    include = call.parameter("include", "all")
+    try:
+        restore_backup(controller, path, cfg=include != "modules", modules=include != "cfg")
+    except (SettingsError, RapidError) as error:
+        raise invalid(f"the backup cannot be restored: {error}") from error
+    if call.parameter("delete-dir", "false").lower() == "true":
+        controller.files.remove(path)
+    controller.restart()
+
+
+def _check_restore(controller: Irc5, call: Call, path: str, ignored: str) -> None:
+    name = check_backup(controller, path)
+    if ignored not in ("all", "system-id") and name != controller.identity.system_name:
+        raise invalid(f"the backup is of the system {name!r}; ignore=system-id restores it all the same")
+
+
+def check_restore(controller: Irc5, call: Call) -> Page:
+    path = _backup_path(call, call.option("backup") or "")
+    _check_restore(controller, call, path, call.option("ignore") or "none")
+    return resource("ctrl", _BASE, "backup", State("ctrl-check-restore", "check-restore", {"status": "Accepted"}))
+
+
+def get_backup_info(controller: Irc5, call: Call) -> Page:
+    path = _backup_path(call, call.option("backup-path") or "")
+    fields = {"system-name": check_backup(controller, path)}
+    return resource("ctrl", "/ctrl/backup/", "info", State("ctrl-backup-info", "info", fields))
+
+
+def get_compress(controller: Irc5, call: Call) -> Page:
+    return resource("ctrl", _BASE, "compress", entry("ctrl-compress-li", "compress"))
+
+
+def compress(controller: Irc5, call: Call) -> HttpReply:
+    """Pack a file or directory; the archive has the format of our own, since ABB's is not known."""
+    source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
+    files = controller.files
+    found = files.get_file(source)
+    if found.content is None and source.upper() == "HOME:":
+        raise invalid("HOME itself is not compressed")
+
+    def work() -> None:
+        packed = bytes_io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for each in tuple(files):
+                if f"{each.lower()}/".startswith(f"{source.lower()}/"):
+                    archive.writestr(each[len(source.rpartition("/")[0]) + 1 :], files.get_file(each).content or b"")
+        files.write(f"{target}/{found.name}.rzo" if _is_directory(controller, target) else target, packed.getvalue())
+
+    return _begin(controller, work)
+
+
+def decompress(controller: Irc5, call: Call) -> HttpReply:
+    source, target = path_of_file(call.required("srcpath")), path_of_file(call.required("dstpath"))
+    content = controller.files.get_file(source).content
+    if content is None or not zipfile.is_zipfile(bytes_io.BytesIO(content)):
+        raise invalid(f"{source} is not a compressed file")
+
+    def work() -> None:
+        with zipfile.ZipFile(bytes_io.BytesIO(content)) as archive:
+            for name in archive.namelist():
+                controller.files.write(f"{target}/{name}", archive.read(name))
+
+    return _begin(controller, work)
+
+
+def _is_directory(controller: Irc5, path: str) -> bool:
+    try:
+        return controller.files.get_file(path).content is None
+    except Refused:
+        return False
+
+
+def get_diagnostics(controller: Irc5, call: Call) -> Page:
+    return resource("ctrl", _BASE, "diagnostics", entry("ctrl-diagnostics-li", "diagnostics"))
+
+
+def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
+    target = path_of_file(call.required("dstpath"))
+
+    def work() -> None:
+        identity = controller.identity
+        lines = [f"{identity.system_name} {identity.robotware}", f"mode {controller.mode.value}"]
+        lines += [f"motors {controller.controller_state.value}"]
+        lines += [f"{task.name} {task.execution.value}" for task in controller.tasks.values()]
+        lines += [
+            f"{event.number} {event.code} {event.title} {event.description}" for event in controller.events.entries()
+        ]
+        controller.files[target] = "\n".join(lines) + "\n"
+
+    return _begin(controller, work)
+
+
+# Systems, options, safety
+
+
+def get_systems(controller: Irc5, call: Call) -> Page:
+    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", controller.identity.system_name))
+
+
+def get_one_system(controller: Irc5, call: Call) -> Page:
+    _check_system(controller, call)
+    identity = controller.identity
+    fields = {"system-name": identity.system_name, "system-id": identity.system_id, "rwversion": identity.robotware}
+    return resource("ctrl", "/ctrl/system/", identity.system_name, State("ctrl-system", identity.system_name, fields))
+
+
+def _check_system(controller: Irc5, call: Call) -> None:
+    if call.names["system"] != controller.identity.system_name:
+        raise Failure(404, Code.FAIL, f"there is no system {call.names['system'][:50]!r}")
+
+
+def rename_system(controller: Irc5, call: Call) -> None:
+    _check_system(controller, call)
+    controller.identity = replace(controller.identity, system_name=call.required("newname"))
+
+
+def activate_system(controller: Irc5, call: Call) -> None:
+    _check_system(controller, call)
+    raise Failure(409, Code.INVALID_STATE, "the system is active already")
+
+
+def delete_system(controller: Irc5, call: Call) -> None:
+    _check_system(controller, call)
+    raise invalid("the active system cannot be deleted")
+
+
+def get_options(controller: Irc5, call: Call) -> None:
+    """Whether there are options: which, is asked one by one."""
+
+
+def get_option(controller: Irc5, call: Call) -> Page:
+    name = call.names["option"]
+    if name not in controller.identity.options:
+        raise Failure(404, Code.FAIL, f"the option {name[:50]!r} is not installed")
+    return resource("ctrl", "/ctrl/options/", name, State("ctrl-option", name, {"option": name}))
+
+
+def get_compatible(controller: Irc5, call: Call) -> Page:
+    """Whether a version of RobotWare runs on this controller: an IRC5 runs RobotWare 5 and 6."""
+    version = call.names.get("version", controller.identity.robotware)
+    major = version.partition(".")[0]
+    if not major.isdecimal():
+        raise invalid(f"{version[:50]!r} is not a version of RobotWare")
+    compatible = "TRUE" if major in ("5", "6") else "FALSE"
+    state = State("ctrl-compatibility", version, {"compatible": compatible})
+    return resource("ctrl", "/ctrl/compatibility/", version, state)
+
+
+def get_safety(controller: Irc5, call: Call) -> Page:
+    """A robot without a safety controller has the resource and nothing in it."""
+    return resource("ctrl", _BASE, "safety")
+
+
+_ACCEPTED = 202
+_BACKUP = "/ctrl/backup"
+_CLOCK = "/ctrl/clock"
+_NETWORK = "/ctrl/network"
+_SYSTEM = "/ctrl/system"
+_SAFETY = "/ctrl/safety"
+_VIRTUAL_TIME = "/ctrl/virtualtime"
+OPERATIONS = (
+    Operation("GET", "/ctrl", get_controller),
+    Operation("POST", "/ctrl", restart, values={"restart-mode": _RESTARTS}, status=200),
+    Operation("POST", "/ctrl", set_language, "set-lang", {"lang": _LANGUAGES}),
+    Operation("GET", "/ctrl/${variable}", get_environment),
+    Operation("GET", "/ctrl/identity", get_identity),
+    Operation("PUT", "/ctrl/identity", set_identity, values={"ctrl-name": (), "ctrl-id": ()}, status=204),
+    Operation("GET", _CLOCK, get_clock),
+    Operation(
+        "PUT",
+        _CLOCK,
+        set_clock,
+        values={f"sys-clock-{part}": () for part in ("year", "month", "day", "hour", "min", "sec")},
+        status=204,
+    ),
+    Operation("GET", f"{_CLOCK}/timezone", get_timezone),
+    Operation("POST", f"{_CLOCK}/timezone", set_timezone, values={"timezone": ()}),
+    Operation("POST", f"{_CLOCK}/timezone", set_timezone, "set-timezone", {"timezone": ()}),
+    Operation("GET", f"{_CLOCK}/timeserver", get_timeserver),
+    Operation(
+        "GET", f"{_CLOCK}/timeserver", get_server_time, resource="servertime", query={"server-ip": ()}, status=400
+    ),
+    Operation("POST", f"{_CLOCK}/timeserver", set_timeserver, "set-timeserver", {"timeserver": ()}),
+    Operation("GET", _NETWORK, get_network),
+    Operation(
+        "POST",
+        _NETWORK,
+        set_network,
+        "set",
+        {"method": ("fixip", "dhcp", "noip"), "address": (), "mask": (), "gateway": ()},
+        status=_ACCEPTED,
+    ),
+    Operation("GET", f"{_NETWORK}/dns", get_dns),
+    Operation("GET", f"{_NETWORK}/routes", get_routes),
+    Operation("POST", f"{_NETWORK}/route/add", add_route, values={"destination": (), "gateway": ()}),
+    Operation("OPTIONS", f"{_NETWORK}/route/add", get_route_options),
+    Operation("POST", f"{_NETWORK}/route/remove", remove_route, values={"destination": ()}, status=_ACCEPTED),
+    Operation("OPTIONS", f"{_NETWORK}/route/remove", get_route_options),
+    Operation("GET", _BACKUP, get_backup),
+    Operation("GET", _BACKUP, get_backup_state, "backupstate"),
+    Operation("GET", _BACKUP, check_restore, "check-restore", query={"backup": (), "ignore": ()}),
+    Operation("POST", _BACKUP, back_up, "backup", {"backup": (), "archive": _TRUTH}, status=_ACCEPTED),
+    Operation(
+        "POST",
+        _BACKUP,
+        restore,
+        "restore",
+        {
+            "backup": (),
+            "ignore": ("all", "system-id", "template-id", "none"),
+            "delete-dir": _TRUTH,
+            "include-cs": _TRUTH,
+            "include-ss": _TRUTH,
+            "include": ("cfg", "modules", "all"),
+        },
+    ),
+    Operation("GET", f"{_BACKUP}/info", get_backup_info, query={"backup-path": ()}),
+    Operation("GET", "/progress", get_progress_list),
+    Operation("GET", "/progress/{job}", get_progress),
+    Operation("GET", "/ctrl/compress", get_compress),
+    Operation("POST", "/ctrl/compress", compress, "comp", {"srcpath": (), "dstpath": ()}, status=_ACCEPTED),
+    Operation("POST", "/ctrl/compress", decompress, "dcomp", {"srcpath": (), "dstpath": ()}, status=_ACCEPTED),
+    Operation("GET", "/ctrl/diagnostics", get_diagnostics),
+    Operation("POST", "/ctrl/diagnostics", save_diagnostics, "save", {"dstpath": ()}, status=_ACCEPTED),
+    Operation("GET", _SYSTEM, get_systems, query={"type": ("selected",)}),
+    Operation("GET", f"{_SYSTEM}/{{system}}", get_one_system),
+    Operation("POST", f"{_SYSTEM}/{{system}}", rename_system, "rename", {"newname": ()}, status=201),
+    Operation("POST", f"{_SYSTEM}/{{system}}", activate_system, "activate", status=409),
+    Operation("DELETE", f"{_SYSTEM}/{{system}}", delete_system, status=400),
+    Operation("GET", "/ctrl/options", get_options, status=204),
+    Operation("GET", "/ctrl/options/{option:.+}", get_option),
+    Operation("GET", "/ctrl/compatible", get_compatible),
+    Operation("GET", "/ctrl/compatibility/{version}", get_compatible),
+    Operation("GET", _SAFETY, get_safety),
+    Operation("GET", f"{_SAFETY}/zones", not_there, lacks=_NO_SAFETY),
+    Operation("POST", f"{_SAFETY}/cyclic-brake-check", not_there, lacks=_NO_SAFETY),
+    *(
+        Operation("GET", _SAFETY, not_there, resource=name, lacks=_NO_SAFETY)
+        for name in (
+            "config-status",
+            "safety-mode",
+            "cbc-status",
+            "loadoperation-status",
+            "safety-config",
+            "violation-info",
+        )
+    ),
+    *(
+        Operation("POST", _SAFETY, not_there, action, lacks=_NO_SAFETY)
+        for action in ("load", "set-mode", "unlock", "syncack", "validate-cfg", "invalidate-cfg", "reset")
+    ),
+    *(
+        Operation("GET", f"{_VIRTUAL_TIME}{name}", not_there, lacks=_NO_VIRTUAL_TIME)
+        for name in ("", "/vttime", "/vtstate", "/vtspeed", "/vttimeslice")
+    ),
+    *(
+        Operation("POST", f"{_VIRTUAL_TIME}{name}", not_there, lacks=_NO_VIRTUAL_TIME)
+        for name in ("/vtstate", "/vtspeed", "/vttimeslice", "/vtrun")
+    ),
+)

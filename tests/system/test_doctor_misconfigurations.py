@@ -1,0 +1,372 @@
+"""Misconfigurations of set-ups: the doctor names the cause of each, and finds nothing on healthy robots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import datetime
+from typing import NamedTuple
+
+import pytest
+
+from memory_http import MemoryHttp
+from yumi.clock import ManualClock
+from yumi.driver.bringup import EgmAddress
+from yumi.driver.commissioning.doctor import examine_controller, examine_stream
+from yumi.driver.commissioning.findings import Finding, Verdict
+from yumi.driver.commissioning.machine import examine_machine
+from yumi.driver.commissioning.modules import delivered_modules
+from yumi.driver.commissioning.stream import ArmStream, listen, streaming
+from yumi.egm.udp import NetworkCard, UdpServer
+from yumi.errors import NoConnection, ProtocolError
+from yumi.robot.joints import Side
+from yumi.rws.client import RwsClient
+from yumi.rws.replies import TaskInfo
+from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.testing.virtual_yumi import VirtualYumi
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.world import World, WorldSettings
+
+HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
+NOON = datetime(2026, 7, 9, 12, 0, 0).timestamp()
+FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"
+
+
+class Robot:
+    """A virtual controller with what a client of it and the doctor need."""
+
+    def __init__(self, **settings: object) -> None:
+        world = World(replace(WorldSettings(start_time=NOON), **settings))  # type: ignore[arg-type]
+        self.controller: Irc5 = world.controller
+        self.clock = ManualClock()
+        self.transport = MemoryHttp(self.controller, self.clock)
+        self.password = "robotics"
+        self.now = NOON
+
+    def client(self) -> RwsClient:
+        return RwsClient(self.transport, password=self.password, clock=self.clock)
+
+    def findings(self) -> list[Finding]:
+        return list(examine_controller(self.client(), HERE, lambda: datetime.fromtimestamp(self.now)))
+
+
+class Case(NamedTuple):
+    """One misconfiguration, and what is found of it."""
+
+    name: str
+    seed: Callable[[Robot], object]
+    requirement: str
+    words: str
+    verdict: Verdict = Verdict.PROBLEM
+
+
+def cfg(domain: str, type_name: str, name: str, **attributes: str) -> Callable[[Robot], object]:
+    def change(robot: Robot) -> None:
+        robot.controller.configuration.change(domain, type_name, name, attributes)
+
+    return change
+
+
+def removed(domain: str, type_name: str, name: str) -> Callable[[Robot], object]:
+    return lambda robot: robot.controller.configuration.remove(domain, type_name, name)
+
+
+def without_option(start: str) -> Callable[[Robot], object]:
+    def change(robot: Robot) -> None:
+        identity = robot.controller.identity
+        options = tuple(each for each in identity.options if not each.startswith((start, "StateMachine")))
+        robot.controller.identity = replace(identity, options=options)
+
+    return change
+
+
+def robotware(version: str) -> Callable[[Robot], object]:
+    def change(robot: Robot) -> None:
+        robot.controller.identity = replace(robot.controller.identity, robotware=version)
+
+    return change
+
+
+def shows(name: str, value: object) -> Callable[[Robot], object]:
+    return lambda robot: setattr(robot.controller, name, value)
+
+
+def edited(robot: Robot) -> None:
+    without_option("none")(robot)
+    text = delivered_modules()["TRobEGM"].replace("PRESYNC_TIMEOUT:=10", "PRESYNC_TIMEOUT:=1")
+    robot.controller.files["HOME:/edited.mod"] = text
+    robot.controller.load_module("T_ROB_R", "HOME:/edited.mod", replace=True)
+
+
+def foreign_main(robot: Robot) -> None:
+    robot.controller.execution.tasks["T_ROB_L"].lose_pp()
+    robot.controller.unload_module("T_ROB_L", "TRobMain")
+    robot.controller.files["HOME:/production.mod"] = FOREIGN
+    robot.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
+
+
+def not_restarted(robot: Robot) -> None:
+    """As after a load of EIO.cfg without the restart."""
+    robot.controller.effective.remove("EIO", "EIO_SIGNAL", "EGM_STOP")
+    robot.controller.signals.configure(robot.controller.effective)
+
+
+def held_by_another(robot: Robot) -> None:
+    robot.client().call("POST", "/rw/mastership/rapid", (("action", "request"),))
+
+
+def sessions_full(robot: Robot) -> None:
+    for _ in range(70):
+        robot.client().connect()
+
+
+def nothing_there(robot: Robot) -> None:
+    robot.transport.is_there = False
+
+
+def wrong_password(robot: Robot) -> None:
+    robot.password = "wrong"
+
+
+def clock_off(robot: Robot) -> None:
+    robot.now += 3600.0
+
+
+CASES = [
+    Case("other computer", cfg("SIO", "COM_TRP", "ROB_R", RemoteAdress="127.0.0.9"), "UDPUC device ROB_R", "127.0.0.9"),
+    Case("other port", cfg("SIO", "COM_TRP", "ROB_L", RemotePortNumber="7000"), "UDPUC device ROB_L", "127.0.0.1:7000"),
+    Case(
+        "both arms on one port",
+        cfg("SIO", "COM_TRP", "ROB_L", RemotePortNumber="6512"),
+        "UDPUC devices",
+        "ROB_R and ROB_L both send to port 6512",
+    ),
+    Case("no device", removed("SIO", "COM_TRP", "ROB_L"), "UDPUC device ROB_L", "has no UDPUC device ROB_L"),
+    Case("device of TCP", cfg("SIO", "COM_TRP", "ROB_R", Type="TCP/IP"), "UDPUC device ROB_R", "no UDPUC device"),
+    Case("signal missing", removed("EIO", "EIO_SIGNAL", "EGM_START_JOINT"), "signals", "EGM_START_JOINT missing"),
+    Case("signal of another type", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", SignalType="DO"), "signal EGM_STOP", "'DO'"),
+    Case("signal not writable", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Access="Default"), "signal EGM_STOP", "Access"),
+    Case(
+        "name of another signal", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Device="D652_10"), "signal EGM_STOP", "D652_10"
+    ),
+    Case("loaded, not restarted", not_restarted, "restart", "EGM_STOP configured, but not in use yet"),
+    Case("no motion data", removed("MOC", "EXT_MOTION_DATA", "ROB_R_RAW"), "motion data", "ROB_R_RAW missing"),
+    Case("option missing", without_option("689-1"), "option", "689-1"),
+    Case("RobotWare too old", robotware("6.08.01.00"), "RobotWare", "no EGM for seven axes"),
+    Case("RobotWare 7", robotware("7.10.00.00"), "RobotWare", "speaks to RobotWare 6"),
+    Case("foreign main", foreign_main, "program in T_ROB_L", "Production has a main"),
+    Case("module edited", edited, "modules in T_ROB_R", "TRobEGM not as in this package"),
+    Case(
+        "module missing",
+        lambda robot: robot.controller.unload_module("T_ROB_R", "TRobEGM"),
+        "modules in T_ROB_R",
+        "TRobEGM missing",
+    ),
+    Case("manual mode", shows("mode", OperatingMode.MANUAL_REDUCED), "operating mode", "MANR"),
+    Case("full speed, RMMP needed", shows("mode", OperatingMode.MANUAL_FULL), "operating mode", "MANF"),
+    Case("emergency stop", lambda robot: robot.controller.press_emergency_stop(), "motors", "emergency stop"),
+    Case("safety chain", shows("controller_state", ControllerState.GUARD_STOP), "motors", "guardstop"),
+    Case("system failure", shows("controller_state", ControllerState.SYSTEM_FAILURE), "motors", "sysfail"),
+    Case("collision", shows("collision_state", CollisionState.TRIGGERED), "collision", "an arm has collided"),
+    Case("speed ratio 0", shows("speed_ratio", 0), "speed ratio", "0 %"),
+    Case("mastership held", held_by_another, "mastership", "holds that of rapid"),
+    Case("sessions full", sessions_full, "reachable", "all its 70 sessions are taken"),
+    Case("nothing there", nothing_there, "reachable", "Nothing answers"),
+    Case("wrong password", wrong_password, "login", "does not accept user 'Default User'"),
+    Case("clock off", clock_off, "clock", "13:00:00 here", Verdict.NOTE),
+    Case("no gripper product", without_option("SmartGripper"), "gripper product", "is missing", Verdict.NOTE),
+]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_doctor_names_the_cause(case: Case) -> None:
+    robot = Robot()
+    case.seed(robot)
+    found = [each for each in robot.findings() if each.requirement == case.requirement]
+    assert [each.verdict for each in found if case.words in each.found] == [case.verdict], found
+    assert all(each.why for each in found)
+
+
+def test_task_that_is_switched_off_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = RwsClient.tasks
+
+    def one_off(client: RwsClient) -> tuple[TaskInfo, ...]:
+        return tuple(replace(task, is_active=task.name != "T_ROB_L") for task in tasks(client))
+
+    monkeypatch.setattr(RwsClient, "tasks", one_off)
+    found = [each for each in Robot().findings() if each.requirement == "task"]
+    assert [each.found for each in found] == ["T_ROB_L is switched off, and does not start"]
+
+
+def test_gripper_without_signals_is_named() -> None:
+    robot = Robot()
+    signals = robot.controller.configuration.instances("EIO", "EIO_SIGNAL")
+    for each in signals:
+        if each.name.startswith("hand_") and each.name.endswith("_R"):
+            robot.controller.effective.remove("EIO", "EIO_SIGNAL", each.name)
+    robot.controller.signals.configure(robot.controller.effective)
+    found = {each.requirement: each for each in robot.findings()}
+    assert found["gripper right"].verdict is Verdict.NOTE
+    assert found["gripper left"].verdict is Verdict.OK
+
+
+def test_peer_that_is_not_a_controller_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def connect(_: RwsClient) -> None:
+        raise ProtocolError("A web server answers at 10.0.0.1, but it is not an IRC5 controller; check the address.")
+
+    monkeypatch.setattr(RwsClient, "connect", connect)
+    (found,) = Robot().findings()
+    assert (found.requirement, found.verdict) == ("reachable", Verdict.PROBLEM)
+    assert found.remedy == "check the address"
+
+
+def healthy() -> Iterator[tuple[str, Robot]]:
+    """Ten robots that have nothing wrong."""
+    yield "stock", Robot()
+    yield "calibrated", Robot(grippers_are_calibrated=True)
+    yield "another name", Robot(robot_name="cell 7")
+    for version in ("6.09.00.00", "6.15.03.00"):
+        robot = Robot()
+        robotware(version)(robot)
+        yield version, robot
+    robot = Robot()
+    without_option("StateMachine")(robot)
+    yield "without the Add-In", robot
+    robot = Robot()
+    robot.controller.set_motors(True)
+    yield "motors on", robot
+    robot = Robot()
+    robot.controller.set_motors(True)
+    robot.controller.start_rapid()
+    yield "program runs", robot
+    robot = Robot()
+    robot.controller.files["HOME:/tools.mod"] = "MODULE tools\n  PERS num main_speed:=1;\nENDMODULE\n"
+    robot.controller.load_module("T_ROB_L", "HOME:/tools.mod", replace=False)
+    yield "module of its owner", robot
+    robot = Robot()
+    robot.controller.configuration.put("EIO", "EIO_SIGNAL", {"Name": "door", "SignalType": "DI", "Device": "D652_10"})
+    robot.controller.speed_ratio = 50
+    yield "signal of its owner", robot
+
+
+def test_doctor_finds_no_problem_on_healthy_robots() -> None:
+    robots = list(healthy())
+    assert len(robots) == 10
+    for name, robot in robots:
+        found = [each for each in robot.findings() if each.verdict is not Verdict.OK]
+        assert {each.requirement for each in found} <= {"motors", "RAPID program"}, name
+        assert [each for each in found if each.verdict is Verdict.PROBLEM] == [], name
+
+
+# This machine
+
+CABLE = NetworkCard("enp3s0", "192.168.125.50", "255.255.255.0", 1500, is_up=True, is_wireless=False, is_tunnel=False)
+AWAITED = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("192.168.125.50", 6512)}
+
+
+def of_machine(
+    *cards: NetworkCard, environment: Mapping[str, str] | None = None, addresses: Mapping[Side, EgmAddress] = AWAITED
+) -> dict[str, Finding]:
+    found = examine_machine("192.168.125.1", addresses, cards=lambda: cards, environment=environment or {})
+    return {each.requirement: each for each in found}
+
+
+@pytest.mark.parametrize(
+    ("cards", "requirement", "words"),
+    [
+        ([replace(CABLE, mtu=500)], "network card", "packets of 500 bytes"),
+        ([replace(CABLE, is_wireless=True)], "network card", "Wi-Fi"),
+        ([replace(CABLE, is_tunnel=True)], "network card", "VPN"),
+        ([replace(CABLE, is_up=False)], "network card", "not connected"),
+        ([CABLE, replace(CABLE, name="wlp1s0", address="192.168.125.77")], "network card", "wlp1s0 (192.168.125.77)"),
+        ([replace(CABLE, address="192.168.125.51")], "route", "no network card has the address 192.168.125.50"),
+        ([replace(CABLE, mask="255.255.255.240")], "route", "a router is between them"),
+    ],
+)
+def test_way_to_the_robot_that_is_wrong_is_named(cards: list[NetworkCard], requirement: str, words: str) -> None:
+    found = of_machine(*cards)[requirement]
+    assert found.verdict is not Verdict.OK
+    assert words in found.found
+
+
+def test_cable_in_the_robots_network_is_fine() -> None:
+    found = of_machine(CABLE)
+    assert found["route"].verdict is found["network card"].verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(("domain", "verdict"), [("0", "ok"), ("101", "ok"), ("150", "note"), ("x", "problem")])
+def test_ros_domain_is_looked_at(domain: str, verdict: str) -> None:
+    assert of_machine(CABLE, environment={"ROS_DOMAIN_ID": domain})["ROS domain"].verdict.value == verdict
+
+
+def test_one_port_for_both_arms_and_a_taken_port_are_named() -> None:
+    with UdpServer("127.0.0.1", 0) as taken:
+        port = taken.port
+        both = dict.fromkeys(Side, EgmAddress("127.0.0.1", port))
+        found = list(examine_machine("127.0.0.1", both))
+    wrong = [each.requirement for each in found if each.verdict is Verdict.PROBLEM]
+    assert wrong[0] == "UDP ports here"
+    assert f"UDP port {port} here" in wrong
+
+
+# EGM's position streams, in virtual time
+
+
+def streams_of(yumi: VirtualYumi, seed: Callable[[VirtualYumi], object] = lambda _: None) -> list[Finding]:
+    with yumi.client() as client:
+        with streaming(client, yumi):
+            seed(yumi)
+            streams = listen(yumi.egm, yumi, 1.0)
+        stands = {side: client.joint_target(side.unit) for side in Side}
+        return list(examine_stream(streams, stands, HERE))
+
+
+@pytest.fixture
+def yumi() -> VirtualYumi:
+    return VirtualYumi()
+
+
+def test_streams_of_both_arms_arrive_and_all_is_as_before(yumi: VirtualYumi) -> None:
+    before = tuple(yumi.world.arms[Side.LEFT].position)
+    found = streams_of(yumi)
+    assert [each.verdict for each in found] == [Verdict.OK, Verdict.OK]
+    assert "one every 4.03 ms, 0 lost" in found[0].found
+    assert tuple(yumi.world.arms[Side.LEFT].position) == before
+    assert yumi.world.controller.controller_state is ControllerState.MOTORS_OFF
+    assert not yumi.world.controller.is_running
+
+
+def test_stream_that_is_dropped_on_the_way_is_named(yumi: VirtualYumi) -> None:
+    network = yumi.world.network
+    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.RIGHT, 100.0, Way.FROM_ROBOT))
+    (right,) = [each for each in found if each.verdict is Verdict.PROBLEM]
+    assert right.requirement == "EGM right"
+    assert "nothing comes to 127.0.0.1:6512: it is dropped on the way" in right.found
+
+
+def test_stream_with_losses_is_named(yumi: VirtualYumi) -> None:
+    network = yumi.world.network
+    found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.LEFT, 10.0, Way.FROM_ROBOT))
+    (left,) = [each for each in found if each.verdict is Verdict.PROBLEM]
+    assert "is lost on the way" in left.found
+
+
+def test_exchanged_ports_are_named(yumi: VirtualYumi) -> None:
+    yumi.egm = {Side.LEFT: yumi.egm[Side.RIGHT], Side.RIGHT: yumi.egm[Side.LEFT]}
+    found = streams_of(yumi)
+    assert [each.verdict for each in found] == [Verdict.PROBLEM, Verdict.PROBLEM]
+    assert "but those of the other arm" in found[0].found
+
+
+def test_something_else_at_the_port_is_named() -> None:
+    nothing = ArmStream(0, 0, 12, 0.0, 0.0, 0.0, None)
+    stands = dict.fromkeys(Side, (0.0,) * 7)
+    (found,) = examine_stream({Side.LEFT: nothing}, stands, HERE)  # type: ignore[arg-type]
+    assert "is not EGM of a seven-axis arm" in found.found
+
+
+def test_link_that_is_lost_while_streaming_is_an_error(yumi: VirtualYumi) -> None:
+    with yumi.client() as client, pytest.raises(NoConnection), streaming(client, yumi):
+        raise NoConnection("gone")
+    assert not yumi.world.controller.is_running

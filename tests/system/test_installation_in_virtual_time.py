@@ -1,0 +1,238 @@
+"""A controller from the factory is set up, and made as it was, whatever happens in between."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from commissioning_bench import HERE, Interruption, Site
+from soak import long, short
+from yumi.driver.commissioning.installation import Installation, Record
+from yumi.driver.commissioning.stream import listen, streaming
+from yumi.egm.codec import JointCodec
+from yumi.egm.session import SensorSession
+from yumi.errors import NoConnection, RobotNotReady
+from yumi.robot.joints import Side
+from yumi.rws.types import ControllerState, OperatingMode
+from yumi.testing.virtual_yumi import VirtualYumi
+from yumi.virtual.controller.system import factory_system
+from yumi.virtual.world import WorldSettings
+
+FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+def test_factory_controller_has_nothing_of_this_package(site: Site) -> None:
+    assert site.modules() == {"T_ROB_R": [], "T_ROB_L": []}
+    assert "EGM_STOP" not in site.controller.signals
+    assert site.controller.configuration.find("SIO", "COM_TRP", "ROB_R") is None
+    assert "StateMachine Core" not in site.controller.identity.options
+
+
+def test_installation_brings_everything_and_is_idempotent(site: Site) -> None:
+    plan = site.plan()
+    assert plan.obstacles == ()
+    assert {change.sign for change in plan.changes} == {"+"}
+    site.install()
+    assert site.modules()["T_ROB_L"] == site.modules()["T_ROB_R"]
+    assert "TRobWatchdog" in site.modules()["T_ROB_R"]
+    assert site.controller.signals.get("EGM_STOP").access == "All"
+    device = site.controller.effective.find("SIO", "COM_TRP", "ROB_L")
+    assert device is not None
+    assert (device.attributes["RemoteAdress"], device.attributes["RemotePortNumber"]) == ("192.168.125.99", "6511")
+    again = site.plan()
+    assert again.changes == ()
+    before = site.transport.changes
+    site.installation().install(again)
+    assert site.transport.changes == before
+
+
+def test_installed_program_starts_and_becomes_idle(site: Site) -> None:
+    site.install()
+    site.client.set_motors(True)
+    site.client.move_pp_to_main()
+    site.client.start_rapid()
+    for _ in range(50):
+        site.wait(0.02)
+    assert [site.client.value(side.task, "TRobMain", "current_state") for side in Side] == [0.0, 0.0]
+    assert site.controller.signals.get("OUTPUT_STATIONARY_ROB_R").value == 1
+
+
+def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
+    home, cfg, modules = site.home(), site.cfg(), site.modules()
+    site.install()
+    assert (site.home(), site.cfg()) != (home, cfg)
+    site.installation().roll_back()
+    assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+    assert "EGM_STOP" not in site.controller.signals
+
+
+def test_program_that_has_run_is_rolled_back(site: Site) -> None:
+    home, cfg, modules = site.home(), site.cfg(), site.modules()
+    site.install()
+    site.client.set_motors(True)
+    site.client.move_pp_to_main()
+    site.client.start_rapid()
+    site.wait(0.1)
+    site.client.stop_rapid()
+    site.installation().roll_back()
+    assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
+def test_backup_is_on_the_controller_and_here(site: Site) -> None:
+    site.install()
+    (name,) = (file.name for file in site.controller.files.entries("BACKUP:"))
+    saved = {str(path.relative_to(site.folder)) for path in site.folder.rglob("*.cfg")}
+    domains = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+    assert {f"installations/yumi/{name}/SYSPAR/{domain}.cfg" for domain in domains} == saved
+
+
+def test_other_address_is_the_only_change_of_a_second_installation(site: Site) -> None:
+    site.install()
+    moved = {side: type(address)("192.168.125.77", address.port) for side, address in HERE.items()}
+    plan = site.installation().plan(site.client.connect(), moved)
+    assert [str(change) for change in plan.changes] == [
+        f"~ SIO COM_TRP ROB_{arm}: RemoteAdress '192.168.125.99' becomes '192.168.125.77'" for arm in "RL"
+    ]
+
+
+def test_program_that_runs_is_left_alone(site: Site) -> None:
+    site.install()
+    site.client.set_motors(True)
+    site.client.move_pp_to_main()
+    site.client.start_rapid()
+    with pytest.raises(RobotNotReady, match="a RAPID program runs; stop it first"):
+        site.installation().roll_back()
+    assert site.plan().obstacles[0].startswith("a RAPID program runs")
+
+
+def test_manual_mode_is_an_obstacle(site: Site) -> None:
+    site.controller.mode = OperatingMode.MANUAL_REDUCED
+    plan = site.plan()
+    assert plan.obstacles == ("the operating mode is MANR; turn it to AUTO on the FlexPendant",)
+    with pytest.raises(RobotNotReady, match="Nothing was changed"):
+        site.installation().install(plan)
+    assert site.transport.changes == 0
+
+
+def test_foreign_main_is_explained_and_comes_back_with_a_roll_back(site: Site) -> None:
+    site.controller.files["HOME:/production.mod"] = FOREIGN
+    site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
+    (obstacle,) = site.plan().obstacles
+    assert obstacle.startswith("T_ROB_L has a program of its own: its module Production (5 lines) has a main")
+    home, cfg, modules = site.home(), site.cfg(), site.modules()
+    site.install(replaces_main=True)
+    assert "Production" not in site.modules()["T_ROB_L"]
+    site.installation().roll_back()
+    assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
+def test_add_in_keeps_its_modules_and_gets_the_destinations_only(tmp_path: Path) -> None:
+    site = Site(tmp_path, WorldSettings())  # its options name the Add-In
+    plan = site.plan()
+    assert [change.place for change in plan.changes] == ["SIO COM_TRP ROB_R", "SIO COM_TRP ROB_L"]
+    assert "Add-In" in plan.notes[0]
+
+
+def test_signal_of_another_with_our_name_is_an_obstacle(site: Site) -> None:
+    site.controller.configuration.put(
+        "EIO", "EIO_SIGNAL", {"Name": "EGM_STOP", "SignalType": "DO", "Device": "D652_10"}
+    )
+    (kind, device) = site.plan().obstacles
+    assert "another EGM_STOP, with SignalType 'DO' instead of 'DI'" in kind
+    assert "Device 'D652_10'" in device
+
+
+def test_controller_without_grippers_gets_no_gripper_module(site: Site) -> None:
+    identity = site.controller.identity
+    options = tuple(each for each in identity.options if each != "SmartGripper")
+    site.controller.identity = type(identity)(options=options)
+    site.install()
+    assert "TRobSG" not in site.modules()["T_ROB_R"]
+    assert "HOME:/yumi/TRobSG.mod" not in site.home()
+
+
+def test_removal_without_a_record_takes_what_is_ours(site: Site, tmp_path: Path) -> None:
+    home, cfg = site.home(), site.cfg()
+    site.install()
+    site.folder = tmp_path / "another computer"
+    installation = site.installation()
+    installation.remove(installation.plan_removal(HERE))
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def changes_of_an_installation(folder: Path) -> int:
+    """So many requests of an installation change something."""
+    site = Site(folder / "counted")
+    site.install()
+    return site.transport.changes
+
+
+@pytest.mark.parametrize("how", ["killed", "cut before", "cut after", "restarted"])
+@pytest.mark.parametrize("stride", [short(8), long(1, seconds=300)])
+def test_installation_that_ends_at_any_step_is_rolled_back_bit_for_bit(tmp_path: Path, how: str, stride: int) -> None:
+    steps = changes_of_an_installation(tmp_path)
+    assert steps > 20
+    for step in range(1 + ["killed", "cut before", "cut after", "restarted"].index(how) % stride, steps + 1, stride):
+        site = Site(tmp_path / f"{how} {step}")
+        home, cfg, modules = site.home(), site.cfg(), site.modules()
+        if how == "killed":
+            site.transport.kill_at = step
+        elif how == "restarted":
+            site.transport.restart_at = step
+        else:
+            site.transport.cut_at, site.transport.is_carried_out = step, how == "cut after"
+        with suppress(Interruption, NoConnection, RobotNotReady):  # a restart at the last step does not disturb it
+            site.install()
+        for _ in range(2):  # a controller that restarts is there again
+            site.wait(30.0)
+        site.reconnect()
+        site.installation().roll_back()
+        assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules), (how, step)
+        effective = {domain: site.controller.effective.text(domain) for domain in cfg}
+        assert effective == cfg, (how, step)
+        assert site.controller.controller_state is ControllerState.MOTORS_OFF
+
+
+def test_roll_back_that_is_killed_itself_goes_on(site: Site) -> None:
+    home, cfg = site.home(), site.cfg()
+    site.install()
+    site.reconnect()
+    for step in range(1, 100, 6):
+        site.transport.kill_at = step
+        try:
+            site.installation().roll_back()
+            break
+        except Interruption:
+            for _ in range(2):
+                site.wait(30.0)
+            site.reconnect()
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_factory_robot_moves_both_arms_within_90_seconds_of_its_time(tmp_path: Path) -> None:
+    yumi = VirtualYumi(WorldSettings(system=factory_system(), grippers_are_calibrated=True))
+    client = yumi.client()
+    installation = Installation(client, Record.of("yumi", tmp_path))
+    installation.install(installation.plan(client.connect(), HERE))
+    with streaming(client, yumi):
+        streams = listen(yumi.egm, yumi, 0.2)
+    assert all(streams[side].is_of(client.joint_target(side.unit)) for side in Side)
+    yumi.start_egm()
+    start = {side: yumi.world.arms[side].position for side in Side}
+    sessions = {side: SensorSession(JointCodec()) for side in Side}
+    for _ in range(250):
+        yumi.wait(yumi.world.cycle_time)
+        for side, session in sessions.items():
+            if session.accept(yumi.egm[side].receive(), yumi.now()) is not None:
+                goal = start[side][0] + 0.05, *start[side][1:]
+                yumi.egm[side].send(session.reply(goal, None))
+    for side in Side:
+        assert yumi.world.arms[side].position[0] - start[side][0] == pytest.approx(0.05, abs=0.01)
+    assert yumi.now() < 90.0

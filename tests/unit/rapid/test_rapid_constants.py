@@ -1,0 +1,35 @@
+"""RAPID's predefined constants: programs get the values of `constants.txt`, and each error is caught by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rapid_bench import started
+
+SECTIONS = {
+    section.partition("]")[0]: section.partition("]")[2].split()
+    for section in Path(__file__).with_name("constants.txt").read_text(encoding="ascii").split("\n[")[1:]
+}
+ERRORS = SECTIONS.pop("errnum")
+
+
+@pytest.mark.parametrize("type_name", SECTIONS)
+def test_program_gets_the_value(type_name: str) -> None:
+    """A program assigns each constant to a variable of its type and compares it with what it should be."""
+    constants = dict(entry.replace("\\20", " ").split("=", 1) for entry in SECTIONS[type_name])
+    body = "\n".join(f"value:={name}; {name}_:=value;" for name in constants)
+    variables = "\n".join(f"VAR {type_name} {name}_;" for name in constants)
+    bench = started(body, f"VAR {type_name} value;\n{variables}")
+    assert not bench.stop.error, bench.stop.sentence
+    assert {name: bench.read(f"{name}_") for name in constants} == constants
+
+
+def test_errors_are_raised_and_caught_by_their_names() -> None:
+    """Each is raised in a routine whose handler takes that error alone."""
+    routines = "\n".join(
+        f'PROC p{i}() RAISE {name}; ERROR ({name}) TPWrite "{name}"; TRYNEXT; ENDPROC' for i, name in enumerate(ERRORS)
+    )
+    bench = started("\n".join(f"p{i};" for i in range(len(ERRORS))), routines)
+    bench.run(0.5)
+    assert bench.lines == ERRORS

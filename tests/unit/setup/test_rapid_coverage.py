@@ -1,0 +1,21 @@
+"""The page that says which of RobotWare's names RAPID has here."""
+
+from __future__ import annotations
+
+import pytest
+import rapid_coverage
+
+
+@pytest.fixture(scope="module")
+def generated() -> str:
+    return rapid_coverage.page()
+
+
+def test_page_is_current(generated: str) -> None:
+    assert rapid_coverage.PAGE.read_text(encoding="utf-8") == generated, "run .venv/bin/python setup/rapid_coverage.py"
+
+
+def test_nearly_all_that_is_provided_is_executed_by_a_test(generated: str) -> None:
+    total = next(line for line in generated.splitlines() if line.startswith("| All |"))
+    untested = int(total.split("|")[5])
+    assert untested <= 40, "add what is new to tests/unit/rapid/effects.txt"

@@ -1,0 +1,337 @@
+"""Programs and parameters of a user: modules, program files, backups, and the tasks they make."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from yumi.errors import SettingsError
+from yumi.rapid.program import Execution
+from yumi.rapid.task import StepKind
+from yumi.rws.types import ControllerState
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.system import delivered_system, read_backup, with_programs
+from yumi.virtual.world import World, WorldSettings
+
+EIO = """EIO:CFG_1.0:6:1::
+#
+DEVICENET_DEVICE:
+
+      -Name "Board10" -VendorName "ABB Robotics" -ProductName "24 VDC I/O" \\
+      -Address 10
+#
+EIO_SIGNAL:
+
+      -Name "doLamp" -SignalType "DO" -Device "Board10" -DeviceMap "0"
+
+      -Name "aoGlue" -SignalType "AO" -Default 1.5
+"""
+SYS = """SYS:CFG_1.0:6:0::
+#
+CAB_TASKS:
+
+      -Name "T_ROB1" -Type "NORMAL" -MotionTask -UseMechanicalUnitGroup "rob1"
+
+      -Name "LOGGER" -Type "SEMISTATIC" -Entry "log" -TrustLevel "SysStop"
+#
+MECHANICAL_UNIT_GROUP:
+
+      -Name "rob1" -Robot "ROB_1"
+"""
+HEADER = "%%%\n  VERSION:1\n  LANGUAGE:ENGLISH\n%%%\n\n"
+COUNT = 'MODULE Count PERS num n := 0; PROC main() Incr n; TPWrite "pass " \\Num:=n; WaitTime 0.1; ENDPROC ENDMODULE'
+
+
+def write(folder: Path, files: Mapping[str, str | bytes]) -> Path:
+    for name, content in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return folder
+
+
+def world_of(folder: Path, *, cfg: tuple[str, ...] = (), **programs: str) -> World:
+    """A robot with programs of its own: their file names by task."""
+    paths = {task: [folder / name for name in names.split(",") if name] for task, names in programs.items()}
+    return World(WorldSettings(system=with_programs(delivered_system(), paths, [folder / name for name in cfg])))
+
+
+def started(world: World, seconds: float = 0.5) -> Irc5:
+    world.controller.set_motors(True)
+    world.controller.start_rapid()
+    run(world, seconds)
+    return world.controller
+
+
+def run(world: World, seconds: float) -> None:
+    for _ in range(round(seconds / world.cycle_time)):
+        world.cycle({})
+
+
+def test_program_of_a_user_runs_in_the_place_of_ours_and_repeats(tmp_path: Path) -> None:
+    controller = started(world_of(write(tmp_path, {"a.mod": COUNT}), T_ROB_L="a.mod", T_ROB_R=""), 0.35)
+    assert controller.screens["T_ROB_L"] == ("pass 1", "pass 2", "pass 3", "pass 4")
+    assert controller.tasks["T_ROB_R"].modules == ()
+
+
+def test_modules_use_each_other_and_signals_of_a_cfg_as_robotstudio_writes_it(tmp_path: Path) -> None:
+    main = "MODULE A PROC main() Set doLamp; lamp_is DOutput(doLamp); Stop; ENDPROC ENDMODULE"
+    other = 'MODULE user(SYSMODULE) PROC lamp_is(num n) TPWrite "lamp "\\Num:=n; ENDPROC ENDMODULE'
+    write(tmp_path, {"a.mod": HEADER + main, "user.sys": other, "EIO.cfg": EIO})
+    controller = started(world_of(tmp_path, cfg=("EIO.cfg",), T_ROB_L="a.mod,user.sys", T_ROB_R=""))
+    assert controller.screens["T_ROB_L"] == ("lamp 1",)
+    assert (controller.signals.get("doLamp").network, controller.signals.get("aoGlue").value) == ("DeviceNet", 1.5)
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
+def test_text_is_read_in_either_encoding(tmp_path: Path, encoding: str) -> None:
+    text = 'MODULE A PROC main() TPWrite "Größe " \\Num:=StrLen("Größe"); Stop; ENDPROC ENDMODULE'
+    controller = started(world_of(write(tmp_path, {"a.mod": text.encode(encoding)}), T_ROB_L="a.mod", T_ROB_R=""))
+    assert controller.screens["T_ROB_L"] == ("Größe 5",)
+
+
+def test_program_file_names_its_modules_in_any_letter_case(tmp_path: Path) -> None:
+    pgf = '<?xml version="1.0" encoding="ISO-8859-1" ?>\n<Program>\n <Module>MAIN.mod</Module>\n</Program>'
+    world = world_of(write(tmp_path, {"p.pgf": pgf, "main.mod": COUNT}), T_ROB_L="p.pgf", T_ROB_R="")
+    assert [module.name for module in world.controller.tasks["T_ROB_L"].modules] == ["Count"]
+
+
+@pytest.mark.parametrize(
+    ("programs", "sentence"),
+    [
+        ({"T_ROB9": "a.mod"}, "there is no task T_ROB9; there are T_ROB_L, T_ROB_R"),
+        ({"T_ROB_L": "none.mod"}, "none.mod cannot be read: No such file"),
+        ({"T_ROB_L": "a.txt"}, "a.txt is not a RAPID file: its name has to end in .mod"),
+        ({"T_ROB_L": "bad.pgf"}, "bad.pgf is not a program file"),
+    ],
+)
+def test_program_that_cannot_be_installed_is_refused(tmp_path: Path, programs: dict[str, str], sentence: str) -> None:
+    write(tmp_path, {"a.mod": COUNT, "a.txt": COUNT, "bad.pgf": "MODULE"})
+    with pytest.raises(SettingsError) as caught:
+        world_of(tmp_path, **programs)
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("cfg", "sentence"),
+    [
+        ("", "a cfg file begins with its domain"),
+        ('EIO:CFG_1.0::\nEIO_SIGNAL:\n-Name "x" -SignalType "XX"', "the signal x of the EIO parameters has the"),
+        ('SYS:CFG_1.0::\nCAB_TASKS:\n-Name "x" -Type "ODD"', "the task x has the type 'ODD'"),
+    ],
+)
+def test_parameters_that_make_no_sense_are_refused(tmp_path: Path, cfg: str, sentence: str) -> None:
+    write(tmp_path, {"x.cfg": cfg})
+    with pytest.raises(SettingsError, match=sentence):
+        world_of(tmp_path, cfg=("x.cfg",))
+
+
+# Backups ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def backup(tmp_path: Path) -> Path:
+    """Of a robot with a background task, as RobotStudio writes it."""
+    log = "MODULE Log PERS num n; PROC log() IF n > 2 notice; WaitTime 0.05; ENDPROC ENDMODULE"
+    notice = 'MODULE More PROC notice() TPWrite "two"; n := 0; ENDPROC ENDMODULE'
+    return write(
+        tmp_path / "Backup_1",
+        {
+            "BACKINFO/backinfo.txt": ">>TASK1: (T_ROB1,,)\nPROGMOD/Count.mod @ \n>>TASK2: (LOGGER,,)",
+            "SYSPAR/SYS.cfg": SYS,
+            "SYSPAR/EIO.cfg": EIO,
+            "RAPID/TASK1/PROGMOD/Count.mod": HEADER + COUNT,
+            "RAPID/TASK1/SYSMOD/BASE.sys": "MODULE BASE(SYSMODULE) PERS num spare; ENDMODULE",
+            "RAPID/TASK2/PROGMOD/Log.mod": log,
+            "RAPID/TASK2/PROGMOD/More.mod": notice,
+            "HOME/data/list.txt": "1;2",
+        },
+    )
+
+
+def test_backup_brings_its_tasks_modules_signals_and_files(backup: Path) -> None:
+    world = World(WorldSettings(system=read_backup(backup)))
+    controller = world.controller
+    modules = {name: [module.name for module in task.modules] for name, task in controller.tasks.items()}
+    assert modules == {"T_ROB1": ["BASE", "Count"], "LOGGER": ["Log", "More"]}
+    assert controller.files["HOME:/data/list.txt"] == "1;2"
+    assert controller.signals.get("doLamp").value == 0.0
+    assert controller.execution.installed["T_ROB1"].unit is not None
+    assert controller.execution.installed["LOGGER"].unit is None
+
+
+def test_background_task_runs_by_itself_and_shares_persistents(backup: Path) -> None:
+    world = World(WorldSettings(system=read_backup(backup)))
+    controller = started(world, 0.32)
+    assert controller.screens["LOGGER"] == ("two",)
+    assert controller.screens["T_ROB1"] == ("pass 1", "pass 2", "pass 3", "pass 1")
+    controller.stop_rapid()
+    assert controller.tasks["LOGGER"].execution is Execution.STARTED
+    assert controller.tasks["T_ROB1"].execution is Execution.STOPPED
+
+
+def test_error_of_a_background_task_stops_the_others_as_its_trust_level_says(backup: Path) -> None:
+    (backup / "RAPID/TASK2/PROGMOD/More.mod").write_text("MODULE More PROC notice() RAISE 1; ENDPROC ENDMODULE")
+    controller = started(World(WorldSettings(system=read_backup(backup))))
+    assert not controller.is_running
+    assert controller.controller_state is ControllerState.MOTORS_ON  # SysStop
+
+
+def test_semistatic_task_begins_anew_after_a_restart(backup: Path) -> None:
+    text = 'MODULE Log VAR num k; PROC log() Incr k; TPWrite "k "\\Num:=k; WaitTime 100; ENDPROC ENDMODULE'
+    (backup / "RAPID/TASK2/PROGMOD/Log.mod").write_text(text)
+    world = World(WorldSettings(system=read_backup(backup)))
+    run(world, 0.1)
+    world.controller.restart(0.5)
+    run(world, 1.0)
+    assert world.controller.screens["LOGGER"] == ("k 1", "k 1")
+
+
+def test_task_without_a_robot_cannot_move_one(backup: Path) -> None:
+    move = "MoveAbsJ [[0,0,0,0,0,0],[0,9E9,9E9,9E9,9E9,9E9]], v100, fine, tool0;"
+    handler = 'ERROR IF ERRNO = ERR_NOT_MOVETASK TPWrite "may not"; TRYNEXT;'
+    (backup / "RAPID/TASK2/PROGMOD/Log.mod").write_text(
+        f"MODULE Log PROC log() {move} WaitTime 9; {handler} ENDPROC ENDMODULE"
+    )
+    world = World(WorldSettings(system=read_backup(backup)))
+    run(world, 0.1)
+    assert world.controller.screens["LOGGER"] == ("may not",)
+
+
+def test_tasks_of_a_backup_without_backinfo_are_in_the_order_of_their_declarations(backup: Path) -> None:
+    (backup / "BACKINFO/backinfo.txt").unlink()
+    modules = read_backup(backup).modules or {}
+    assert [path.rpartition("/")[2] for path in modules["LOGGER"]] == ["Log.mod", "More.mod"]
+
+
+def test_directory_that_is_no_backup_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="is not a backup of a controller: it has neither RAPID nor SYSPAR"):
+        read_backup(tmp_path)
+
+
+# Starting, stopping, stepping ---------------------------------------------------------------------------------------
+
+STEPS = """MODULE Steps
+VAR num n;
+PROC main()
+  n := 1;
+  inner;
+  n := 3;
+ENDPROC
+PROC inner()
+  n := 2;
+  n := 2.5;
+ENDPROC
+ENDMODULE
+"""
+
+
+@pytest.fixture
+def stepping(tmp_path: Path) -> World:
+    world = world_of(write(tmp_path, {"steps.mod": STEPS}), T_ROB_L="steps.mod", T_ROB_R="")
+    world.controller.set_motors(True)
+    return world
+
+
+def places(world: World, *steps: StepKind) -> list[int]:
+    """The line of the program pointer after each step."""
+    lines = []
+    for step in steps:
+        world.controller.start_rapid(step=step)
+        run(world, 0.02)
+        assert not world.controller.is_running
+        lines.append(world.controller.tasks["T_ROB_L"].call_stack[0].line)
+    return lines
+
+
+def test_steps_go_into_over_and_out_of_routines(stepping: World) -> None:
+    into, over, out = StepKind.IN, StepKind.OVER, StepKind.OUT
+    assert places(stepping, over, into, out) == [5, 9, 6]
+    stepping.controller.move_pp_to_main()
+    assert places(stepping, into, over) == [5, 6]
+
+
+def test_call_stack_names_routines_from_the_inside(stepping: World) -> None:
+    places(stepping, StepKind.IN, StepKind.IN)
+    stack = [(each.module, each.routine, each.line) for each in stepping.controller.tasks["T_ROB_L"].call_stack]
+    assert stack == [("Steps", "inner", 9), ("Steps", "main", 5)]
+
+
+def test_program_stops_at_a_breakpoint_and_goes_on_from_it(stepping: World) -> None:
+    task = stepping.controller.tasks["T_ROB_L"]
+    task.breakpoints.add(("steps", 10))
+    for _ in range(2):
+        stepping.controller.start_rapid("once", stop_at_breakpoints=True)
+        run(stepping, 0.02)
+    assert (task.read("Steps", "n"), task.execution) == ("3", Execution.READY)
+    stepping.controller.start_rapid("once", stop_at_breakpoints=True)
+    run(stepping, 0.02)
+    assert (task.read("Steps", "n"), task.call_stack[0].line) == ("2", 10)
+
+
+def test_cycle_once_ends_after_main_and_forever_goes_on(stepping: World) -> None:
+    stepping.controller.start_rapid("once")
+    run(stepping, 0.1)
+    assert (stepping.controller.is_running, stepping.controller.cycle) == (False, "once")
+    stepping.controller.start_rapid("forever")
+    run(stepping, 0.1)
+    assert stepping.controller.is_running
+
+
+def test_pointer_is_set_to_a_routine(stepping: World) -> None:
+    controller = stepping.controller
+    controller.execution.move_pp_to_routine("T_ROB_L", "inner")
+    assert controller.tasks["T_ROB_L"].call_stack[0].routine == "inner"
+    with pytest.raises(Refused, match=r"has no procedure nothing\(\) without parameters"):
+        controller.execution.move_pp_to_routine("T_ROB_L", "nothing")
+    assert controller.tasks["T_ROB_L"].call_stack[0].routine == "inner"
+
+
+def test_task_that_is_taken_out_on_the_task_panel_is_not_started(tmp_path: Path) -> None:
+    write(tmp_path, {"a.mod": COUNT, "b.mod": COUNT.replace("PERS", "TASK PERS")})
+    world = world_of(tmp_path, T_ROB_L="a.mod", T_ROB_R="b.mod")
+    world.controller.execution.select("T_ROB_R", is_active=False)
+    controller = started(world, 0.05)
+    assert (controller.screens["T_ROB_L"], controller.screens["T_ROB_R"]) == (("pass 1",), ())
+    with pytest.raises(Refused) as refused:
+        controller.execution.select("T_ROB_L", is_active=False)
+    assert refused.value.reason is Refusal.NOT_STOPPED
+
+
+def test_module_with_the_pointer_is_replaced_and_the_pointer_is_lost(stepping: World) -> None:
+    controller = stepping.controller
+    controller.files["HOME:/steps.mod"] = STEPS.replace("n := 1", "n := 7")
+    controller.load_module("T_ROB_L", "$HOME/steps.mod", replace=True)
+    assert controller.tasks["T_ROB_L"].execution is Execution.UNINITIALIZED
+    controller.move_pp_to_main()
+    places(stepping, StepKind.OVER)
+    assert controller.tasks["T_ROB_L"].read("Steps", "n") == "7"
+
+
+# Persistents of several tasks ---------------------------------------------------------------------------------------
+
+
+def shared(tmp_path: Path, left: str, right: str) -> World:
+    modules = {"l.mod": f"MODULE L {left} ENDMODULE", "r.mod": f"MODULE R {right} ENDMODULE"}
+    return world_of(write(tmp_path, modules), T_ROB_L="l.mod", T_ROB_R="r.mod")
+
+
+def test_persistents_of_one_name_are_one_value_unless_local_or_of_the_task(tmp_path: Path) -> None:
+    data = "PERS num a := {0}; TASK PERS num b := {0}; LOCAL PERS num c := {0}; PERS num d{{2}};"
+    write_all = "PROC main() a := 5; b := 5; c := 5; d{2} := 5; Stop; ENDPROC"
+    world = shared(tmp_path, data.format(1) + write_all, data.format(2) + "PROC main() Stop; ENDPROC")
+    controller = started(world)
+    values = [controller.tasks["T_ROB_R"].read("R", name) for name in "abcd"]
+    assert values == ["5", "2", "2", "[0,5]"]
+
+
+def test_first_value_of_a_shared_persistent_may_stand_in_one_task(tmp_path: Path) -> None:
+    world = shared(tmp_path, "PERS num a := 3; PROC main() ENDPROC", "PERS num a; PROC main() ENDPROC")
+    assert [task.read(name[-1], "a") for name, task in world.controller.tasks.items()] == ["3", "3"]
+
+
+def test_shared_persistents_of_different_types_are_refused(tmp_path: Path) -> None:
+    world = shared(tmp_path, "PERS num a := 3; PROC main() ENDPROC", 'PERS string a := ""; PROC main() ENDPROC')
+    with pytest.raises(Refused, match="'a' is a num, in another task a string: make one a TASK PERS"):
+        world.controller.move_pp_to_main()

@@ -1,0 +1,86 @@
+"""`yumi rapid check`: what is found in programs, and where."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import yumi.controller_files
+from yumi.cli.main import main
+from yumi.virtual.program_check import check_program
+
+PROGRAM = """MODULE Faulty
+  VAR nothing odd;
+  PROC main()
+    VAR num x;
+    x := "text";
+    helper x;
+    IF x > THEN
+    ENDIF
+  ENDPROC
+  PROC helper(num n)
+    missing n;
+    SearchExtJ n;
+  ENDPROC
+  FUNC num broken(num n)
+    RETURN n +;
+  ENDFUNC
+  TRAP fine
+    TPWrite "" \\Num:=broken(1;
+  ENDTRAP
+ENDMODULE
+"""
+
+
+@pytest.fixture
+def faulty(tmp_path: Path) -> Path:
+    path = tmp_path / "faulty.mod"
+    path.write_text(PROGRAM)
+    return path
+
+
+def test_all_kinds_of_faults_are_found_with_their_places(faulty: Path) -> None:
+    found = [(fault.line, fault.column, fault.kind) for fault in check_program([faulty])]
+    assert found == [
+        (2, 15, "unknown"),
+        (7, 12, "syntax"),
+        (11, 5, "unknown"),
+        (12, 5, "missing"),
+        (15, 15, "syntax"),
+        (18, 30, "syntax"),
+    ]
+
+
+def test_command_prints_a_line_for_each_and_fails(faulty: Path) -> None:
+    result = CliRunner().invoke(main, ["rapid", "check", str(faulty)])
+    assert result.exit_code == 1
+    assert f"{faulty}:7:12: syntax: found 'THEN' where an expression is allowed." in result.output.splitlines()
+
+
+def test_editors_get_json(faulty: Path) -> None:
+    found = json.loads(CliRunner().invoke(main, ["rapid", "check", "--json", str(faulty)]).output)
+    assert found[0] == {
+        "file": str(faulty),
+        "line": 2,
+        "column": 15,
+        "kind": "unknown",
+        "sentence": "there is no data type 'nothing'.",
+    }
+
+
+def test_modules_are_one_program_and_signals_come_from_a_cfg(tmp_path: Path) -> None:
+    (tmp_path / "a.mod").write_text("MODULE A PROC main() Set doLamp; other; ENDPROC ENDMODULE")
+    (tmp_path / "b.mod").write_text("MODULE B PROC other() ENDPROC ENDMODULE")
+    (tmp_path / "c.mod").write_text("MODULE C PROC Main() ENDPROC ENDMODULE")
+    (tmp_path / "EIO.cfg").write_text('EIO:CFG_1.0:6:1::\nEIO_SIGNAL:\n-Name "doLamp" -SignalType "DO"\n')
+    files = [tmp_path / name for name in ("a.mod", "b.mod", "c.mod")]
+    faults = check_program(files, [tmp_path / "EIO.cfg"])
+    assert [(fault.file[-5:], fault.line, fault.kind, fault.sentence) for fault in faults] == [
+        ("c.mod", 1, "reference", "'Main' is global in the module 'A', too: make one of them LOCAL.")
+    ]
+
+
+def test_our_own_program_has_no_faults() -> None:
+    folder = Path(next(iter(yumi.controller_files.__path__)))
+    assert check_program(sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])) == []
