@@ -128,14 +128,17 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
         name: of what stands still; any when empty.
     """
     model = arms.model
-    placed = {each: model.place(each, np.array([arms.sent[each].position])) for each in Side}
+    placed = {each: model.arms[each].place(np.array([arms.sent[each].position])) for each in Side}
     if group:
-        pairs, distances = model.from_fixed(side, placed[side], 5.0)
+        near = model.from_fixed(side, placed[side], 5.0)
+        is_it = np.array([not name or model.boxes[box] == name for box in near.columns])
     else:
-        pairs, distances = model.between(placed[Side.RIGHT], placed[Side.LEFT], 5.0)
-    others = np.array([model.parts_of(int(pair))[1] for pair in pairs]) if name else name
-    pair = int(pairs[np.argmin(np.where(others == name, distances.reshape(-1), np.inf))])
-    normal = model.gradient(side, pair, placed[side], 0, placed[side.other].middles[0])
+        near, is_it = model.between(side, placed[side], placed[side.other], 5.0), True
+    row, column = np.unravel_index(np.argmin(np.where(is_it, near.distances[0, 0], np.inf)), near.distances.shape[2:])
+    other = int(near.columns[column])
+    normal = model.gradient(
+        side, int(near.rows[row]), placed[side], 0, other if group else placed[side.other].middles[0, :, other]
+    )
     return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
 
 

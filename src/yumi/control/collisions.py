@@ -1,11 +1,11 @@
 """Keeps both arms apart from each other, from the body and from what stands around the robot.
 
 The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
-come nearer to each other than the margin. A command that would break it is led along the boundary, or braked. Braking
-needs no permission: it leads along a path that was checked. So what was once kept can be kept.
+come nearer to each other than the margin. A command that would break it is braked, and when the arm is slow led along
+the boundary. Braking needs no permission: it leads along a way that was checked. So what was once kept can be kept.
 
-Distances of shapes are calculated seldom. A radian of a joint moves no part of the arm further than the joint's reach;
-so of what was left beyond the margin when it was calculated last, that much is still left less the way since then
+Distances of shapes are calculated seldom. A radian of a joint moves a part no further than its reach from that joint;
+so of what was left beyond the margin when it was calculated last, all but the way since then is still left
 (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
@@ -13,32 +13,31 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, fsum, inf
+from math import ceil, dist, fsum, inf
 from typing import NamedTuple
 
 import numpy as np
 
-from yumi.control.motion import Setpoint, braking_path, stop
-from yumi.errors import CommandRefused
-from yumi.robot.collision import Array, BallModel, NearPairs, PlacedArm
+from yumi.control.motion import Setpoint, braking_path
+from yumi.robot.collision import Array, BallModel, Indices, Near, PlacedArm
 from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
 
 BODY_MARGIN = -0.002
-"""From the body the arms keep half of their padding: at home they stand that near to it [m]."""
+"""From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_FORESIGHT = 0.05  # [m] pairs that are further beyond the margin need no exact distance
-_STEP = 0.04  # [m] between two postures of a motion that are checked
-_MOST_STEPS = 5
+_FORESIGHT = 0.02  # [m] parts that are further beyond the margin need no exact distance
+_STEP = 0.10  # [rad] of all joints together between two postures of a way that are looked at
+_MOST_STEPS = 4
 _SIGHT = 0.002  # [m] a boundary so near is led along
-_SLOW = 0.03  # [m] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
-_CORNERS = 4  # boundaries that count at once
+_SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
+_CORNERS = 3  # boundaries that count at once
 _EXACT = 1e-6  # [m]
+_NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
 
@@ -47,7 +46,7 @@ class Limited(NamedTuple):
     """What limits an arm.
 
     Attributes:
-        part: of one arm, e.g. ``right gripper``.
+        part: of the arm, e.g. ``right gripper``.
         other: of the other arm, ``body``, or a box by its name.
         distance: between them now [m].
     """
@@ -70,81 +69,65 @@ class ArmMotion:
         limits: of the joints.
 
     Attributes:
-        end: where the position sent comes to rest if it brakes now [rad], (7,).
-        robot_end: where the robot does [rad], (7,).
+        corners: the position sent, where it comes to rest if it brakes now, where the robot plans to be, where it comes
+            to rest, (4, 7) [rad].
+        postures: all that are looked at, the position sent first, (n, 7) [rad].
     """
 
-    __slots__ = ("_limits", "_placed", "end", "planned", "postures", "robot", "robot_end", "sent")
+    __slots__ = ("_placed", "corners", "planned", "postures", "robot", "sent")
 
     def __init__(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, limits: JointLimits) -> None:
         self.planned, self.sent, self.robot = planned, sent, robot
-        self._limits = limits
+        end = _end(sent, limits)
+        self.corners = np.array((sent.position, end, planned, end if robot is None else _end(robot, limits)))
+        self.postures = self.corners[:1]
         self._placed: PlacedArm | None = None
-        self.postures: list[Joints] = []
-        self.end = self._end_of(sent)
-        self.robot_end = self.end if robot is None else self._end_of(robot)
 
-    def _end_of(self, motion: Setpoint) -> Joints:
-        if motion.velocity is ZERO:
-            return motion.position
-        rows = zip(*motion, self._limits.acceleration, self._limits.jerk, strict=True)
-        return joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
-
-    def placed(self, side: Side, model: BallModel, coasts_to: Joints | None = None) -> PlacedArm:
-        """The arm wherever it may be on its way to rest, see :attr:`postures`.
+    def placed(
+        self, side: Side, model: BallModel, coasts_to: Joints | None = None, before: ArmMotion | None = None
+    ) -> PlacedArm:
+        """The arm in all :attr:`postures`.
 
         Args:
             side: which arm.
             model: its shapes.
             coasts_to: where the robot goes in a straight line if it gets no commands any more [rad], (7,).
+            before: its motion until now: the position sent then is the last posture.
         """
         if self._placed is None:
-            reach = model.reach[side]
-            # First the position sent, then its way to rest, then the robot's way there.
-            self.postures = [self.sent.position, *self._braking(self.sent, self.end, reach)]
+            sent, end, planned, robot_end = self.corners
+            lines = [self.corners[:1], _line(sent, end), _line(sent, planned)]
             if self.robot is not None:
-                self.postures += self._braking(self.robot, self.robot_end, reach)
-            elif len(self.postures) > 1 and _way(self.planned, self.sent.position, reach) > _STEP:
-                self.postures += _line(self.planned, self.end, reach)
-            self.postures += _line(self.planned, self.sent.position, reach)
+                lines.append(_line(end, robot_end))
+            elif len(lines[1]) and len(lines[2]) > 1:  # the robot cuts the corner
+                lines.append(_line(planned, end)[:-1])
             if coasts_to is not None:
-                self.postures += [*_line(self.planned, coasts_to, reach), coasts_to]
-            self._placed = model.place(side, np.array(self.postures))
+                lines.append(_line(planned, np.array(coasts_to)))
+            lines.append(self.corners[:1] if before is None else before.corners[:1])
+            self.postures = np.concatenate(lines)
+            self._placed = model.arms[side].place(self.postures)
         return self._placed
 
-    def _braking(self, motion: Setpoint, end: Joints, reach: Joints) -> list[Joints]:
-        """On the way to rest, without its begin."""
-        steps, between = min(_MOST_STEPS, ceil(_way(motion.position, end, reach) / _STEP)), []
-        if steps > 1:
-            with suppress(CommandRefused):  # without a plan, its end is what there is to look at
-                way = stop(motion, self._limits)
-                between = [way.at(way.duration * step / steps).position for step in range(1, steps)]
-        return [*between, end] if steps else []
 
-    def way_from(self, other: ArmMotion, reach: Joints) -> float:
-        """How far any part is on its way to rest from where it was on another motion's way [m]."""
-        if self is other:
-            return 0.0
-        rows = zip(
-            *(reach, self.sent.position, other.sent.position, self.end, other.end),
-            *(self.planned, other.planned, self.robot_end, other.robot_end),
-            strict=True,
-        )
-        return fsum([r * max(abs(a - b), abs(c - d), abs(e - f), abs(g - h)) for r, a, b, c, d, e, f, g, h in rows])
+def _end(motion: Setpoint, limits: JointLimits) -> Joints:
+    if motion.velocity is ZERO:
+        return motion.position
+    rows = zip(*motion, limits.acceleration, limits.jerk, strict=True)
+    return joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
 
 
-def _way(start: Joints, end: Joints, reach: Joints) -> float:
-    return 0.0 if start is end else fsum([r * abs(a - b) for r, a, b in zip(reach, start, end, strict=True)])
+def _line(start: Array, end: Array) -> Array:
+    """From start to end in joint space, without the start, (n, 7)."""
+    way = end - start
+    length = float(np.abs(way).sum())
+    steps = min(_MOST_STEPS, ceil(length / _STEP))
+    if steps < 2:
+        return end[None] if length > _EXACT else _NOWHERE
+    return start + way * _FRACTIONS[steps]
 
 
-def _line(start: Joints, end: Joints, reach: Joints) -> list[Joints]:
-    """From start to end in joint space, without the end."""
-    steps = min(_MOST_STEPS, ceil(_way(start, end, reach) / _STEP))
-    return [_between(start, end, step / steps) for step in range(steps)]
-
-
-def _between(start: Joints, end: Joints, fraction: float) -> Joints:
-    return joints([a + (b - a) * fraction for a, b in zip(start, end, strict=True)])
+_NOWHERE = np.empty((0, 7))
+_FRACTIONS = [np.arange(1, steps + 1)[:, None] / max(steps, 1) for steps in range(_MOST_STEPS + 1)]
 
 
 class Boundary:
@@ -172,26 +155,35 @@ class Boundary:
         return [value + n * change / self._square for n, value in zip(self.normal, values, strict=True)]
 
 
+class _Left:
+    """What is left beyond the margin between an arm and the other one, or what stands still.
+
+    Attributes:
+        margins: of each two parts, (parts, parts or boxes) [m].
+        left: of each two parts, when it was calculated last [m].
+        corners: of the motions then, of this arm and, if it concerns one, of the other.
+        boundaries: near the arm.
+    """
+
+    def __init__(self, margins: Array) -> None:
+        self.margins = margins
+        self.left = np.full_like(margins, -inf)
+        self.corners: tuple[Array | None, Array | None] = (None, None)
+        self.boundaries: list[Boundary] = []
+
+
 @dataclass(slots=True)
 class _Arm:
     """What is known of one arm.
 
     Attributes:
         motion: of the command sent last; None before the first.
-        checked: its motion when distances from the other arm were calculated last.
-        checked_alone: its motion when distances from what stands still were calculated last.
-        left: what was left then beyond the margin [m].
-        boundaries: near it, with the other arm and with what stands still.
         is_heard: whether its robot's datagrams arrive.
         coasts_to: where it goes where they do not [rad], (7,); None while they do.
         limited: what limits it in this cycle.
     """
 
     motion: ArmMotion | None = None
-    checked: ArmMotion | None = None
-    checked_alone: ArmMotion | None = None
-    left: float = -inf
-    boundaries: tuple[Sequence[Boundary], Sequence[Boundary]] = ((), ())
     is_heard: bool = False
     coasts_to: Joints | None = None
     limited: Limited | None = None
@@ -213,19 +205,36 @@ class CollisionLimiter:
         self._limits = limits
         self._gain = gain
         self._arms = {side: _Arm() for side in Side}
-        self._left = -inf  # beyond the margin between both arms, when their distances were calculated last [m]
-        self._permitted = np.zeros(model.count, dtype=bool)
-        others = [model.parts_of(pair)[1] for pair in range(model.count)]
-        self._margins = np.array([min(margin, BODY_MARGIN) if other == "body" else margin for other in others])
+        counts = {side: len(arm.names) for side, arm in model.arms.items()}
+        fixed = np.array([min(margin, BODY_MARGIN) if name == "body" else margin for name in model.boxes])
+        # The shoulders are as near to the other arm as to the body.
+        is_body = {side: arm.part_frames == 0 for side, arm in model.arms.items()}
+        self._both = {
+            side: _Left(np.where(is_body[side][:, None] | is_body[side.other], min(margin, BODY_MARGIN), margin))
+            for side in Side
+        }
+        self._alone = {side: _Left(np.tile(fixed, (counts[side], 1))) for side in Side}
+        self._permitted: tuple[tuple[_Left, int, int, float], ...] = ()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
         """The part of it that one arm's limiter asks."""
         return ArmCollisionLimiter(self, side)
 
-    def permit(self, pairs: Collection[int]) -> None:
-        """Let these pairs of parts touch, and no others."""
-        self._permitted[:] = False
-        self._permitted[list(pairs)] = True
+    def pairs_of(self, name: str, other: str) -> int:
+        """How many pairs of parts have these names, in either order; see :meth:`permit`."""
+        return len(self._found(name, other))
+
+    def permit(self, *pairs: tuple[str, str]) -> None:
+        """Let the parts of these names touch, and no others.
+
+        A name is that of a part (``right gripper``), of an arm (``right arm``) or of what stands still (``table``).
+        """
+        for left, row, column, margin in self._permitted:
+            left.margins[row, column] = margin
+        found = {(id(each[0]), *each[1:]): each for pair in pairs for each in self._found(*pair)}.values()
+        self._permitted = tuple((left, row, column, float(left.margins[row, column])) for left, row, column in found)
+        for left, row, column, _ in self._permitted:
+            left.margins[row, column] = -inf
         self._forget()
 
     def limited(self, side: Side) -> Limited | None:
@@ -234,26 +243,26 @@ class CollisionLimiter:
 
     def place(self, side: Side, position: Joints) -> None:
         """An arm that no command is sent to stands at ``position`` [rad], (7,)."""
-        arm = self._arms[side]
-        arm.motion, arm.boundaries = ArmMotion(position, Setpoint(position), None, self._limits), ((), ())
+        self._arms[side].motion = ArmMotion(position, Setpoint(position), None, self._limits)
         self._forget()
 
     def lose(self, side: Side) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it."""
         arm = self._arms[side]
-        if arm.is_heard and arm.motion is not None:
-            arm.is_heard, motion = False, arm.motion
-            arm.coasts_to = motion.sent.position
-            if motion.robot is not None and self._gain > 0.0:
-                rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
-                arm.coasts_to = joints([p + v / self._gain for p, v in rows])
-            arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits)
-            self._forget()
+        if not arm.is_heard or arm.motion is None:
+            return
+        arm.is_heard, motion = False, arm.motion
+        arm.coasts_to = motion.sent.position
+        if motion.robot is not None and self._gain > 0.0:
+            rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
+            arm.coasts_to = joints([p + v / self._gain for p, v in rows])
+        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits)
+        self._forget()
 
     def take(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
         arm = self._arms[side]
-        if arm.motion is None or arm.motion.sent != sent or arm.motion.planned is not planned:
+        if not _stays(arm.motion, planned, sent, robot):
             arm.motion = ArmMotion(planned, sent, robot, self._limits)
         if not arm.is_heard:
             arm.is_heard, arm.coasts_to = True, None
@@ -268,22 +277,25 @@ class CollisionLimiter:
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
         """
-        arm, other, reach = self._arms[side], self._arms[side.other], self.model.reach
+        arm, other = self._arms[side], self._arms[side.other]
+        if _stays(arm.motion, planned, sent, robot):
+            return True
         motion, last = ArmMotion(planned, sent, robot, self._limits), arm.motion
         if last is None:  # its first command is where it stands
             arm.motion = motion
             return True
         is_free = True
-        alone = arm.checked_alone
-        if alone is None or motion.way_from(alone, reach[side]) > arm.left:
-            is_free = self._is_free_alone(side, motion, last)
-        if other.motion is not None:  # else nobody knows where it is
-            moved = inf
-            if arm.checked is not None and other.checked is not None:
-                moved = motion.way_from(arm.checked, reach[side])
-                moved += other.motion.way_from(other.checked, reach[side.other])
-            if moved > self._left:
-                is_free = self._is_free_together(side, motion, last) and is_free
+        alone, both = self._alone[side], self._both[side]
+        ways = self._ways(side, motion, alone.corners[0])
+        if ways is None or (ways[:, None] > alone.left).any():
+            is_free = self._is_free(side, alone, motion, last, None)
+        if other.motion is not None:  # else it is not known where it is
+            ways, others = (
+                self._ways(each, now, before)
+                for each, now, before in zip((side, side.other), (motion, other.motion), both.corners, strict=True)
+            )
+            if ways is None or others is None or (ways[:, None] + others > both.left).any():
+                is_free = self._is_free(side, both, motion, last, other) and is_free
         if is_free:
             arm.motion = motion
         return is_free
@@ -292,11 +304,8 @@ class CollisionLimiter:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
         arm = self._arms[side]
         arm.limited = None
-        boundaries = (*arm.boundaries[0], *arm.boundaries[1])
-        if not boundaries or arm.motion is None:
-            return desired
-        # First slower, on the way it goes; where that way is free after all, it is not left.
-        if _way(arm.motion.sent.position, arm.motion.end, self.model.reach[side]) > _SLOW:
+        boundaries = self._both[side].boundaries + self._alone[side].boundaries
+        if not boundaries or not self._is_slow(arm.motion):
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
         for _ in range(_REPEATS):
@@ -307,7 +316,7 @@ class CollisionLimiter:
                     continue
                 is_clear, arm.limited = False, boundary.limited
                 position = boundary.along(position, missing)
-                inwards = sum([n * v for n, v in zip(boundary.normal, velocity, strict=True)])
+                inwards = fsum([n * v for n, v in zip(boundary.normal, velocity, strict=True)])
                 if inwards < 0.0:
                     velocity = boundary.along(velocity, -inwards)
             if is_clear:
@@ -316,86 +325,125 @@ class CollisionLimiter:
             return desired
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
+    @staticmethod
+    def _is_slow(motion: ArmMotion | None) -> bool:
+        """First an arm is slowed down on the way it goes: where that is free after all, it is not left."""
+        return motion is not None and float(np.abs(motion.corners[1] - motion.corners[0]).sum()) < _SLOW
+
+    def _ways(self, side: Side, motion: ArmMotion, before: Array | None) -> Array | None:
+        """How far each part is, on its way to rest, from where it was on another motion's way, at most [m]."""
+        if before is None:
+            return None
+        moved = np.abs(motion.corners - before).max(0)
+        return np.asarray(self.model.arms[side].reach @ moved)
+
     def _forget(self) -> None:
-        self._left = -inf
-        for arm in self._arms.values():
-            arm.left = -inf
+        for each in (*self._both.values(), *self._alone.values()):
+            each.corners = (None, None)
 
-    def _is_free_together(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
-        """Calculate distances between both arms on all of their ways to rest, whichever is quicker."""
-        arm, other = self._arms[side], self._arms[side.other]
-        assert other.motion is not None
-        mine = motion.placed(side, self.model)
-        its = other.motion.placed(side.other, self.model, other.coasts_to)
-        before = last.placed(side, self.model)
-        now, count = PlacedArm(*(each[:1] for each in before)), len(motion.postures)
-        own = PlacedArm(*(np.concatenate(each) for each in zip(mine, now, strict=True)))
-        pair = (own, its) if side is Side.RIGHT else (its, own)
-        near = self.model.between(*pair, self.margin + _FORESIGHT)
-        distances = near.distances if side is Side.RIGHT else near.distances.swapaxes(0, 1)
-        # What is nearer already may not come nearer still; a robot that is not heard may be anywhere on its way.
-        least = np.minimum(distances[count, : 1 if other.is_heard else None].min(0), self._margins[near.pairs])
-        least[self._permitted[near.pairs]] = -inf
-        left = distances[:count] - least
-        smallest = left.min((0, 1))
-        end = float(smallest.min(initial=_FORESIGHT))
-        if end >= -_EXACT:
-            self._left, arm.checked, other.checked = end, motion, other.motion
-        now = distances[count, 0]
-        boundaries = []
-        for index in self._nearest(arm, near, now, smallest):
-            posture, there = divmod(int(left[:, :, index].argmin()), left.shape[1])
-            normal = self.model.gradient(side, int(near.pairs[index]), mine, posture, its.middles[there])
-            least = float(normal @ motion.postures[posture] - left[posture, there, index])
-            boundaries.append(Boundary(normal, least, self._limited(near, index, now)))
-        arm.boundaries = (boundaries, arm.boundaries[1])
-        return end >= -_EXACT
+    def _found(self, name: str, other: str) -> list[tuple[_Left, int, int]]:
+        def fits(part: str, wanted: str) -> bool:
+            return wanted in {part, f"{part.partition(' ')[0]} arm"}
 
-    def _is_free_alone(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
-        """Calculate distances of one arm from what stands still on all of its way to rest."""
-        arm = self._arms[side]
-        mine = motion.placed(side, self.model)
-        before, count = last.placed(side, self.model), len(motion.postures)
-        own = PlacedArm(*(np.concatenate((a, b[:1])) for a, b in zip(mine, before, strict=True)))
-        near = self.model.from_fixed(side, own, self.margin + _FORESIGHT)
-        least = np.minimum(near.distances[count], self._margins[near.pairs])
-        least[self._permitted[near.pairs]] = -inf
-        left = near.distances[:count] - least
-        smallest = left.min(0)
-        end = float(smallest.min(initial=_FORESIGHT))
-        if end >= -_EXACT:
-            arm.left, arm.checked_alone = end, motion
-        now = near.distances[count]
-        boundaries = []
-        for index in self._nearest(arm, near, now, smallest):
-            posture = int(left[:, index].argmin())
-            normal = self.model.gradient(side, int(near.pairs[index]), mine, posture)
-            least = float(normal @ motion.postures[posture] - left[posture, index])
-            boundaries.append(Boundary(normal, least, self._limited(near, index, now)))
-        arm.boundaries = (arm.boundaries[0], boundaries)
-        return end >= -_EXACT
+        found = []
+        for side in Side:
+            its = self.model.arms[side.other].names
+            for left, columns in ((self._both[side], its), (self._alone[side], self.model.boxes)):
+                found += [
+                    (left, row, column)
+                    for row, a in enumerate(self.model.arms[side].names)
+                    for column, b in enumerate(columns)
+                    if (fits(a, name) and fits(b, other)) or (fits(a, other) and fits(b, name))
+                ]
+        return found
 
-    def _nearest(self, arm: _Arm, near: NearPairs, distances: Array, left: Array) -> list[int]:
-        """The pairs that are at their boundaries, one of each two parts; one that is over it limits the arm."""
-        found: dict[tuple[str, str], int] = {}
-        candidates = np.nonzero(left < _SIGHT)[0]
-        for index in candidates[np.argsort(left[candidates])].tolist():
-            if not found and left[index] < -_EXACT:
-                arm.limited = self._limited(near, index, distances)
-            found.setdefault(self.model.parts_of(int(near.pairs[index])), index)
-            if len(found) == _CORNERS:
-                break
-        return list(found.values())
+    def _is_free(self, side: Side, known: _Left, motion: ArmMotion, last: ArmMotion, other: _Arm | None) -> bool:
+        """Calculate distances on all of the arm's way to rest, whichever arm is quicker.
 
-    def _limited(self, near: NearPairs, index: int, distances: Array) -> Limited:
-        return Limited(*self.model.parts_of(int(near.pairs[index])), float(distances[index]))
+        Args:
+            side: which arm.
+            known: what is left of it.
+            motion: its motion, should the command be sent.
+            last: that of the command before.
+            other: the other arm; None for what stands still.
+        """
+        model, arm = self.model, self._arms[side]
+        mine, its = motion.placed(side, model, before=last), None
+        within = self.margin + _FORESIGHT
+        if other is None:
+            near = model.from_fixed(side, mine, within)
+        else:
+            assert other.motion is not None
+            its = other.motion.placed(side.other, model, other.coasts_to)
+            near = model.between(side, mine, its, within)
+        left = near.gaps - known.margins
+        is_free, boundaries = True, []
+        if len(near.parts):
+            rows = _begins(model.arms[side].counts[near.parts])
+            columns = (
+                np.arange(len(near.others)) if other is None else _begins(model.arms[side.other].counts[near.others])
+            )
+            parts = near.parts[:, None], near.others
+            # What is nearer already may not come nearer still; a robot that is not heard may be anywhere on its way.
+            now = near.distances[-1, : 1 if other is None or other.is_heard else None].min(0)
+            now = np.minimum.reduceat(np.minimum.reduceat(now, rows, 0), columns, 1)
+            smallest = near.distances[:-1].min((0, 1))
+            smallest = np.minimum.reduceat(np.minimum.reduceat(smallest, rows, 0), columns, 1)
+            least = np.minimum(known.margins[parts], now)
+            left[parts] = smallest - least
+            over = left[parts] < (_SIGHT if self._is_slow(motion) else -_EXACT)
+            if over.any():
+                nearest = np.argsort(left[parts], axis=None)[: min(_CORNERS, int(over.sum()))]
+                ends = (np.append(rows[1:], len(near.rows)), np.append(columns[1:], len(near.columns)))
+                for row, column in zip(*np.unravel_index(nearest, over.shape), strict=True):
+                    block = (slice(rows[row], ends[0][row]), slice(columns[column], ends[1][column]))
+                    names = model.boxes if other is None else model.arms[side.other].names
+                    part, its_part = int(near.parts[row]), int(near.others[column])
+                    limited = Limited(model.arms[side].names[part], names[its_part], float(now[row, column]))
+                    if left[part, its_part] < -_EXACT and is_free:
+                        arm.limited, is_free = limited, False
+                    boundaries.append(
+                        self._boundary(side, near, block, motion, mine, its, float(least[row, column]), limited)
+                    )
+        known.boundaries = boundaries
+        if is_free:
+            known.left = left
+            known.corners = (motion.corners, None if other is None or other.motion is None else other.motion.corners)
+        return is_free
+
+    def _boundary(
+        self,
+        side: Side,
+        near: Near,
+        block: tuple[slice, slice],
+        motion: ArmMotion,
+        mine: PlacedArm,
+        its: PlacedArm | None,
+        least: float,
+        limited: Limited,
+    ) -> Boundary:
+        """Where the balls of two parts are nearest to each other on the arm's way to rest."""
+        distances = near.distances[:-1, :, block[0], block[1]]
+        posture, there, row, column = np.unravel_index(int(distances.argmin()), distances.shape)
+        ball, second = int(near.rows[block[0]][row]), int(near.columns[block[1]][column])
+        other = second if its is None else its.middles[there, :, second]
+        normal = self.model.gradient(side, ball, mine, int(posture), other)
+        beyond = float(distances[posture, there, row, column]) - least
+        return Boundary(normal, float(normal @ motion.postures[posture]) - beyond, limited)
 
 
 class ArmCollisionLimiter(NamedTuple):
-    """What the limiter of one arm asks of :class:`CollisionLimiter`, and tells it; methods as there."""
+    """What the limiter of one arm asks of and reports to :class:`CollisionLimiter`; methods as there."""
 
     both: CollisionLimiter
     side: Side
+
+    @property
+    def limited(self) -> Limited | None:
+        return self.both.limited(self.side)
+
+    def lose(self) -> None:
+        self.both.lose(self.side)
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         return self.both.accepts(self.side, planned, sent, robot)
@@ -405,3 +453,17 @@ class ArmCollisionLimiter(NamedTuple):
 
     def take(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         self.both.take(self.side, planned, sent, robot)
+
+
+def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
+    """Whether a command changes nothing: most of the time an arm stands."""
+    if motion is None or motion.sent != sent or motion.robot != robot:
+        return False
+    return motion.planned is planned or dist(motion.planned, planned) < _NOISE
+
+
+def _begins(counts: Indices) -> Indices:
+    """Where in a row of so many of each kind every kind begins."""
+    begins = np.zeros(len(counts), dtype=np.intp)
+    np.cumsum(counts[:-1], out=begins[1:])
+    return begins

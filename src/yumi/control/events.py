@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import degrees
 
+from yumi.control.collisions import Limited
 from yumi.control.shared_state import CAUSES, Problem
 from yumi.robot.joints import Joints, Side
 
@@ -165,6 +166,21 @@ class ProblemOver:
 
 
 @dataclass(frozen=True, slots=True)
+class KeptApart:
+    """An arm is limited because it would come too near to something; reported about once a second while it lasts.
+
+    Attributes:
+        limited: the two parts and their distance.
+    """
+
+    side: Side
+    limited: Limited
+
+    def __str__(self) -> str:
+        return f"{self.side.word.capitalize()} arm: motion limited by {self.limited}."
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerFailed:
     """A controller raised an error in its update."""
 
@@ -254,6 +270,7 @@ Event = (
     | ImplausibleFeedback
     | ReferencesIgnored
     | ProblemOver
+    | KeptApart
     | ControllerFailed
     | ControllerReport
     | CycleFailed

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
 
-from yumi.control.collisions import ArmCollisionLimiter
+from yumi.control.collisions import ArmCollisionLimiter, Limited
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
@@ -478,6 +478,16 @@ class Limiter:
     def is_other_arm(self) -> bool:
         """Whether that is where the other arm is."""
         return self._feedback.is_other_arm
+
+    @property
+    def limited(self) -> Limited | None:
+        """The parts that must not come nearer to each other, where that limits the arm in this cycle."""
+        return self._collisions.limited if self._collisions else None
+
+    def note_silence(self) -> None:
+        """The arm's datagrams do not arrive any more: the other arm keeps clear of where this one may go."""
+        if self._collisions is not None:
+            self._collisions.lose()
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""

@@ -16,6 +16,7 @@ from yumi.control.events import (
     ControllerReport,
     Event,
     ImplausibleFeedback,
+    KeptApart,
     ProblemOver,
     ReferencesIgnored,
     RobotFollows,
@@ -87,6 +88,7 @@ class ArmLoop:
         self._problem = Problem.NONE
         self._implausible = 0
         self._doubt_reported = -inf
+        self._limited_reported = -inf
         self._foreign = 0
         self._cycles = 0
         self._interruptions = 0
@@ -160,6 +162,13 @@ class ArmLoop:
             self._stages.note(AFTER_REPLY)
             self._recorder.record(cycle, self.manager.reference, self._stages)
         limiter = self._limiter
+        if (
+            cycle is not None
+            and (limited := limiter.limited) is not None
+            and now - self._limited_reported >= DOUBTS_REPORTED
+        ):
+            self._limited_reported = now
+            self._events.append(KeptApart(self._side, limited))
         if limiter.counters.implausible != self._implausible or limiter.problem is not self._problem:
             self._note_problem(now)
         return cycle is not None
@@ -169,6 +178,7 @@ class ArmLoop:
         silence = self._arm.lost_after(now)
         if silence is not None:
             self._last = None
+            self._limiter.note_silence()
             self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
             self.publish(now)
         elif self._last is None:  # who waits for a robot wants to know that another sender was heard
@@ -180,6 +190,7 @@ class ArmLoop:
             # Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time.
             self._is_interrupted = True
             self._interruptions += 1
+            self._limiter.note_silence()
             self.publish(now)
 
     def take_events(self) -> Sequence[Event]:
@@ -259,6 +270,7 @@ class ArmLoop:
                 refused=limiter.refused,
                 position_limited=limiter.position_limited,
                 slowed=limiter.slowed,
+                kept_apart=limiter.kept_apart,
                 interruptions=self._interruptions,
                 implausible=limiter.implausible,
                 problem=self._limiter.problem,

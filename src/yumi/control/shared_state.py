@@ -79,6 +79,7 @@ class Snapshot:
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
+        kept_apart: commands that would have led an arm too near to something.
         interruptions: how often feedback stayed away for more than five cycles.
         implausible: positions reported that no arm can have reached.
         problem: why the arm holds whatever it is asked to do.
@@ -110,6 +111,7 @@ class Snapshot:
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
+    kept_apart: int = 0
     interruptions: int = 0
     implausible: int = 0
     problem: Problem = Problem.NONE

@@ -13,10 +13,11 @@ from enum import Enum
 from math import inf
 from pathlib import Path
 from types import NoneType
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import yaml
 
+from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, WatchdogSettings
@@ -24,8 +25,10 @@ from yumi.driver.recovery import RecoverySettings
 from yumi.driver.state_machine import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import CommandRefused, SettingsError
+from yumi.robot.collision import TOOL_FRAME, BallModel, CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side, Vector
+from yumi.robot.kinematics import quaternion_from_euler_zyx
 from yumi.settings import Entry, Parameter, ParameterFile, Values, bounded, read_parameter_file
 
 MAX_PORT = 65535
@@ -120,6 +123,94 @@ class GripperSettings:
     def modules(self, side: Side) -> GripperModules:
         """Modules of one gripper."""
         return self.left if side is Side.LEFT else self.right
+
+
+@dataclass(frozen=True, slots=True)
+class BoxSettings:
+    """Something that stands around the robot.
+
+    Attributes:
+        position: of its middle in ``yumi_body``, the robot's foot [m], (3,).
+        size: its edges along its own x, y, z [m], (3,).
+        rpy: how it is turned: roll, pitch, yaw about fixed axes [rad], (3,).
+
+    Raises:
+        SettingsError: there are not three values, or an edge has no length.
+    """
+
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    size: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("position", "size", "rpy"):
+            _three(f"collision: a box's {name}", getattr(self, name))
+        if min(self.size) <= 0.0:
+            raise SettingsError(f"collision: a box's size is {list(self.size)}; each edge is longer than 0 m.")
+
+
+@dataclass(frozen=True, slots=True)
+class ToolSettings:
+    """A part that an arm carries: a finger, a tool, an object that it holds; a capsule.
+
+    Attributes:
+        start: one end of its axis in ``yumi_tool0`` of the arm [m], (3,).
+        end: the other end [m], (3,).
+        radius: around the axis, as measured [m].
+
+    Raises:
+        SettingsError: there are not three values.
+    """
+
+    start: tuple[float, ...] = (0.0, 0.0, 0.0)
+    end: tuple[float, ...] = (0.0, 0.0, 0.0)
+    radius: float = bounded(0.01, 0.001, 0.5, "m")
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            _three(f"collision: a tool's {name}", getattr(self, name))
+
+
+def _three(name: str, values: tuple[float, ...]) -> None:
+    if len(values) != len(("x", "y", "z")):
+        raise SettingsError(f"{name} has {len(values)} values; give x, y, z.")
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionSettings:
+    """What keeps both arms apart from each other, from the body and from what stands around the robot.
+
+    Attributes:
+        enabled: whether commands are limited by it; without it the arms can hit each other.
+        margin: no two parts come nearer to each other [m]; from the robot's own body half of the padding is kept.
+        boxes: what stands around the robot, by name.
+        right_tools: what the right arm carries beside its gripper, by name.
+        left_tools: the same of the left arm.
+    """
+
+    enabled: bool = True
+    margin: float = bounded(MARGIN, 0.0, 0.2, "m")
+    boxes: Mapping[str, BoxSettings] = field(default_factory=dict)
+    right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
+    left_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
+
+    def model(self, grippers: Mapping[Side, GripperModules]) -> BallModel:
+        """The shapes of a robot with these grippers."""
+        tools = {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}
+        parts = {
+            side: [Part(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius) for name, it in own.items()]
+            for side, own in tools.items()
+        }
+        boxes = [
+            Obstacle(name, Pose(_vector(it.position), quaternion_from_euler_zyx(_vector(it.rpy))), _vector(it.size))
+            for name, it in self.boxes.items()
+        ]
+        return BallModel(CollisionModel(grippers, tools=parts, obstacles=boxes))
+
+
+def _vector(values: tuple[float, ...]) -> Vector:
+    x, y, z = values
+    return (x, y, z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +321,7 @@ class Settings:
     gripper: GripperSettings = field(default_factory=GripperSettings)
     watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
     recovery: RecoverySettings = field(default_factory=RecoverySettings)
+    collision: CollisionSettings = field(default_factory=CollisionSettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
 
@@ -359,10 +451,21 @@ def _checked(kind: type, values: object, place: str) -> dict[str, Any]:
 def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
     if isinstance(kind, type) and is_dataclass(kind):
         return kind(**_checked(kind, value, place))
+    if get_origin(kind) is Mapping:  # by names of the user's own
+        if not isinstance(value, dict):
+            raise SettingsError(f"{place} needs a mapping of names, it has {value!r}.")
+        _, element = get_args(kind)
+        return {str(name): element(**_checked(element, each, f"{place}: {name}")) for name, each in value.items()}
     if NoneType in get_args(kind):
         if value is None or value == _AUTO:
             return None
         (kind,) = (each for each in get_args(kind) if each is not NoneType)
+    if get_origin(kind) is tuple:
+        numbers = Parameter(item.name, (0.0,))
+        try:
+            return numbers.accept(value)
+        except CommandRefused as refusal:
+            raise SettingsError(f"{place} {refusal}") from refusal
     is_choice = issubclass(kind, Enum)
     rule = Parameter(
         item.name,

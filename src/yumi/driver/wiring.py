@@ -20,13 +20,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from ipaddress import ip_address
 from math import radians
 from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
+from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, find_parameter
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.cartesian import CartesianController
@@ -48,7 +49,7 @@ from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.settings import MANAGER_SETTINGS, ControllerSettings, InitialState, Settings
+from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
@@ -56,6 +57,8 @@ from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.single_instance import Only
+from yumi.robot.description import SERVO_GRIPPERS
+from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, set_prefix
 from yumi.rws.client import RwsClient
 
@@ -177,6 +180,8 @@ class EgmPlan:
         position_gain: of the robot's own position loop [1/s].
         limits: what the joints may do in the robot's EGM motion.
         prefix: before the names of joints.
+        collision: what keeps the arms apart.
+        grippers: the modules of each gripper.
     """
 
     listen: str
@@ -188,6 +193,8 @@ class EgmPlan:
     position_gain: float = EGM_GAIN
     limits: JointLimits = YUMI_LIMITS
     prefix: str = ""
+    collision: CollisionSettings = field(default_factory=lambda: CollisionSettings(enabled=False))
+    grippers: Mapping[Side, GripperModules] = field(default_factory=lambda: SERVO_GRIPPERS)
 
     @property
     def addresses(self) -> Mapping[Side, EgmAddress]:
@@ -216,6 +223,8 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         position_gain=EGM_GAIN * motion.pos_corr_gain,
         limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
         prefix=settings.ros.prefix,
+        collision=settings.collision,
+        grippers={side: settings.gripper.modules(side) for side in Side},
     )
 
 
@@ -258,6 +267,11 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     set_prefix(plan.prefix)
     halves: Halves = {}
     arms: dict[Side, ConnectedArm] = {}
+    collisions = None
+    if plan.collision.enabled:
+        collisions = CollisionLimiter(
+            plan.collision.model(plan.grippers), plan.limits, plan.position_gain, plan.collision.margin
+        )
 
     def position(side: Side) -> Joints | None:
         return arms[side].loop.position if side in arms else None
@@ -268,11 +282,17 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
         start_controllers(manager, plan.controllers[side])
         arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
-        limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other))
+        apart = collisions.arm(side) if collisions else None
+        limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other), apart)
         recorder = FlightRecorder(own.flight)
         loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
         arms[side] = ConnectedArm(loop, socket)
     return arms
+
+
+COLLISIONS_IGNORED = (
+    "collision.enabled is false: nothing keeps the arms apart from each other, from the body and from declared boxes."
+)
 
 
 def first_speed_scale(settings: Settings) -> float:
@@ -344,6 +364,8 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
+    if not settings.collision.enabled:
+        (warn or report)(COLLISIONS_IGNORED)
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)

@@ -33,7 +33,7 @@ from yumi.robot.description import (
     joint_1_origin,
 )
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Side, Vector, joints
+from yumi.robot.joints import Joints, Pose, Side, Vector
 from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx
 
 Array = NDArray[np.float64]
@@ -43,7 +43,8 @@ PADDING = 0.004
 """Added to every radius: cables, labels, and castings that differ from the meshes [m]."""
 
 _LINKS = 7
-_GRIPPER = _LINKS  # index of tool0's frame behind those of the links
+TOOL_FRAME = _LINKS
+"""Index of tool0's frame, behind those of the links."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     # Four capsules side by side: circles of this radius about the middles of its quarters cover the cross-section.
     radius = hypot(half_x / 2.0, half_y / 2.0)
     parts = [
-        Part("gripper", _GRIPPER, (x, y, 0.0), (x, y, height), radius)
+        Part("gripper", TOOL_FRAME, (x, y, 0.0), (x, y, height), radius)
         for x in (-half_x / 2.0, half_x / 2.0)
         for y in (-half_y / 2.0, half_y / 2.0)
     ]
@@ -117,11 +118,11 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     half_y = max(abs(low_y + origin[1]), abs(high_y + origin[1]))
     for index in range(slices):
         z = origin[2] + low_z + (index + 0.5) * step
-        parts.append(Part("fingers", _GRIPPER, (-reach, 0.0, z), (reach, 0.0, z), hypot(half_y, step / 2.0)))
+        parts.append(Part("fingers", TOOL_FRAME, (-reach, 0.0, z), (reach, 0.0, z), hypot(half_y, step / 2.0)))
     if modules.has_camera:
-        parts.append(Part("camera", _GRIPPER, (-0.0073, 0.0, 0.0351), (-0.0073, 0.0283, 0.0351), 0.015))
+        parts.append(Part("camera", TOOL_FRAME, (-0.0073, 0.0, 0.0351), (-0.0073, 0.0283, 0.0351), 0.015))
     for channel, side in zip(modules.vacuum_channels, (1.0, -1.0), strict=False):
-        parts.append(Part(f"cup {channel}", _GRIPPER, (0.0, 0.0185, 0.0375), (side * 0.0635, 0.0185, 0.0375), 0.012))
+        parts.append(Part(f"cup {channel}", TOOL_FRAME, (0.0, 0.0185, 0.0375), (side * 0.0635, 0.0185, 0.0375), 0.012))
     return tuple(parts)
 
 
@@ -209,195 +210,199 @@ class PlacedArm(NamedTuple):
     frames: Array
 
 
-class NearPairs(NamedTuple):
-    """Pairs of balls, or of a ball and a box.
+class Near(NamedTuple):
+    """How near an arm is to the other one, or to what stands still, in a number of postures.
 
     Attributes:
-        pairs: their numbers, (k,), see :class:`BallModel`.
-        distances: between the surfaces in all postures [m], below zero where they overlap: (right, left, k) of two
-            arms, (n, k) of an arm with what stands still.
+        gaps: parts are further from each other than this in all postures, (parts, parts) or (parts, boxes) [m].
+        parts: which parts of the arm are near anything; empty when none is.
+        others: which parts of the other arm, or which boxes.
+        rows: all balls of those parts.
+        columns: all balls of those of the other arm, or the boxes.
+        distances: of those, (n, m, rows, columns) [m], below zero where they overlap; m is 1 for boxes.
     """
 
-    pairs: Indices
+    gaps: Array
+    parts: Indices
+    others: Indices
+    rows: Indices
+    columns: Indices
     distances: Array
 
 
 class BallModel:
     """The shapes of a :class:`CollisionModel` covered by balls: a little larger, and quick for many postures at once.
 
-    A pair of balls, or of a ball and a box, has a number: first those of both arms, then those of the right arm and of
-    the left arm with what stands still.
-
     Args:
         model: the shapes.
 
     Attributes:
-        reach: by how much a radian of each joint moves any part of an arm, at most [m/rad], (7,), by arm.
-        count: of all pairs.
+        arms: the balls of each arm.
+        boxes: the names of what stands still.
     """
 
     def __init__(self, model: CollisionModel) -> None:
-        self._arms = {side: _ArmBalls(arm) for side, arm in model.arms.items()}
-        self.reach = {side: arm.reach() for side, arm in model.arms.items()}
-        self._fixed_names = [obstacle.name for obstacle in model.fixed]
+        self.arms = {side: ArmBalls(arm) for side, arm in model.arms.items()}
+        self.boxes = [obstacle.name for obstacle in model.fixed]
         self._to_boxes = np.array([matrix(obstacle.centre.orientation).T for obstacle in model.fixed])
         centres = np.array([obstacle.centre.position for obstacle in model.fixed])
         self._box_offsets = self._to_boxes @ centres[..., None]  # (boxes, 3, 1)
         self._halves = np.array([obstacle.size for obstacle in model.fixed])[..., None] / 2.0
         # What is bolted to each other is infinitely far.
-        right, left = self._arms.values()
-        together = (right.frames[:, None] == 0) & (left.frames == 0)
-        self._sizes = np.where(together, -np.inf, right.radii[:, None] + left.radii)
-        self._part_sizes = right.part_radii[:, None] + left.part_radii
-        bodies = np.array([name == "body" for name in self._fixed_names])[:, None]
-        self._fixed_sizes = {
-            side: np.where((arm.frames == 0) & bodies, -np.inf, arm.radii) for side, arm in self._arms.items()
-        }
-        boxes, both = len(model.fixed), len(right.radii) * len(left.radii)
-        self._begins = {Side.RIGHT: both, Side.LEFT: both + boxes * len(right.radii)}
-        self.count = self._begins[Side.LEFT] + boxes * len(left.radii)
+        right, left = self.arms.values()
+        bodies = np.array([name == "body" for name in self.boxes])
+        self._sizes, self._part_sizes = (
+            np.where((a[:, None] == 0) & (b == 0), -np.inf, first[:, None] + second)
+            for a, b, first, second in (
+                (right.frames, left.frames, right.radii, left.radii),
+                (right.part_frames, left.part_frames, right.part_radii, left.part_radii),
+            )
+        )
+        self._fixed_sizes, self._fixed_part_sizes = (
+            {side: np.where((frames[side][:, None] == 0) & bodies, -np.inf, radii[side][:, None]) for side in self.arms}
+            for frames, radii in (
+                ({s: arm.frames for s, arm in self.arms.items()}, {s: arm.radii for s, arm in self.arms.items()}),
+                (
+                    {s: arm.part_frames for s, arm in self.arms.items()},
+                    {s: arm.part_radii for s, arm in self.arms.items()},
+                ),
+            )
+        )
 
-    def place(self, side: Side, positions: Array) -> PlacedArm:
-        """Where an arm's balls are in a number of postures, (n, 7) [rad]."""
-        return self._arms[side].place(positions)
-
-    def between(self, right: PlacedArm, left: PlacedArm, within: float) -> NearPairs:
-        """The pairs of both arms that may be nearer than ``within`` [m] in any of the postures."""
+    def between(self, side: Side, placed: PlacedArm, other: PlacedArm, within: float) -> Near:
+        """How near an arm is to the other one; exact for parts that may be nearer than ``within`` [m]."""
+        arm, its = self.arms[side], self.arms[side.other]
+        sizes, part_sizes = self._sizes, self._part_sizes
+        if side is Side.LEFT:
+            sizes, part_sizes = sizes.T, part_sizes.T
         # Larger balls round whole parts first: few of them are near each other.
-        apart = right.parts[:, None, :, :, None] - left.parts[:, :, None]
-        gaps = np.sqrt(np.einsum("rlxab,rlxab->rlab", apart, apart).min((0, 1))) - self._part_sizes
+        apart = placed.parts[:, None, :, :, None] - other.parts[:, :, None]
+        gaps = np.sqrt(np.einsum("nmxab,nmxab->nmab", apart, apart).min((0, 1))) - part_sizes
         is_near = gaps < within
         if not is_near.any():
-            return NearPairs(np.empty(0, dtype=np.intp), np.empty((len(right.parts), len(left.parts), 0)))
-        first, second = self._arms.values()
-        rows, columns = np.nonzero(is_near.any(1)[first.part_of])[0], np.nonzero(is_near.any(0)[second.part_of])[0]
-        apart = right.middles.take(rows, 2)[:, None, :, :, None] - left.middles.take(columns, 2)[:, :, None]
-        distances = np.sqrt(np.einsum("rlxab,rlxab->rlab", apart, apart))
-        distances -= self._sizes.take(rows, 0).take(columns, 1)
-        pairs = (rows[:, None] * len(second.radii) + columns).ravel()
-        return NearPairs(pairs, distances.reshape(len(right.parts), len(left.parts), -1))
+            return Near(gaps, _NONE, _NONE, _NONE, _NONE, np.empty((len(placed.parts), len(other.parts), 0, 0)))
+        (parts,), (others,) = np.nonzero(is_near.any(1)), np.nonzero(is_near.any(0))
+        rows, columns = arm.balls_of(parts), its.balls_of(others)
+        apart = placed.middles.take(rows, 2)[:, None, :, :, None] - other.middles.take(columns, 2)[:, :, None]
+        distances = np.sqrt(np.einsum("nmxab,nmxab->nmab", apart, apart))
+        distances -= sizes.take(rows, 0).take(columns, 1)
+        return Near(gaps, parts, others, rows, columns, distances)
 
-    def from_fixed(self, side: Side, placed: PlacedArm, within: float) -> NearPairs:
-        """The pairs of an arm with what stands still that may be nearer than ``within`` [m] in any of the postures."""
-        arm = self._arms[side]
+    def from_fixed(self, side: Side, placed: PlacedArm, within: float) -> Near:
+        """How near an arm is to what stands still; exact for parts that may be nearer than ``within`` [m]."""
+        arm = self.arms[side]
         over = np.abs(self._to_boxes @ placed.parts[:, None] - self._box_offsets) - self._halves
         np.maximum(over, 0.0, out=over)
-        gaps = np.sqrt(np.einsum("nbxp,nbxp->nbp", over, over).min(0)) - arm.part_radii
+        gaps = np.sqrt(np.einsum("nbxp,nbxp->npb", over, over).min(0)) - self._fixed_part_sizes[side]
         is_near = gaps < within
         if not is_near.any():
-            return NearPairs(np.empty(0, dtype=np.intp), np.empty((len(placed.parts), 0)))
-        boxes, balls = np.nonzero(is_near.any(1))[0], np.nonzero(is_near.any(0)[arm.part_of])[0]
-        over = np.abs(self._to_boxes[boxes] @ placed.middles.take(balls, 2)[:, None] - self._box_offsets[boxes])
+            return Near(gaps, _NONE, _NONE, _NONE, _NONE, np.empty((len(placed.parts), 1, 0, 0)))
+        (parts,), (boxes,) = np.nonzero(is_near.any(1)), np.nonzero(is_near.any(0))
+        rows = arm.balls_of(parts)
+        over = np.abs(self._to_boxes[boxes] @ placed.middles.take(rows, 2)[:, None] - self._box_offsets[boxes])
         over -= self._halves[boxes]
         inside = np.minimum(over.max(2), 0.0)
         np.maximum(over, 0.0, out=over)
-        distances = np.sqrt(np.einsum("nbxp,nbxp->nbp", over, over))
-        distances += inside
-        distances -= self._fixed_sizes[side].take(boxes, 0).take(balls, 1)
-        pairs = (self._begins[side] + boxes[:, None] * len(arm.radii) + balls).ravel()
-        return NearPairs(pairs, distances.reshape(len(placed.parts), -1))
+        inside += np.sqrt(np.einsum("nbxp,nbxp->nbp", over, over))
+        distances = inside.swapaxes(1, 2)[:, None] - self._fixed_sizes[side].take(rows, 0).take(boxes, 1)
+        return Near(gaps, parts, boxes, rows, boxes, distances)
 
-    def parts_of(self, pair: int) -> tuple[str, str]:
-        """What the parts of a pair are called, e.g. ``right gripper`` and ``left forearm``, or ``table``."""
-        right, left = self._arms.values()
-        if pair < self._begins[Side.RIGHT]:
-            first, second = divmod(pair, len(left.radii))
-            return right.names[first], left.names[second]
-        side = Side.RIGHT if pair < self._begins[Side.LEFT] else Side.LEFT
-        box, ball = divmod(pair - self._begins[side], len(self._arms[side].radii))
-        return self._arms[side].names[ball], self._fixed_names[box]
-
-    def pairs_of(self, name: str, other: str) -> list[int]:
-        """The numbers of all pairs of parts with these names, in either order.
-
-        A name is that of a part (``right gripper``), of an arm (``right arm``) or of what stands still (``table``).
-        """
-
-        def fits(part: str, wanted: str) -> bool:
-            return wanted in {part, f"{part.partition(' ')[0]} arm"}
-
-        return [
-            pair
-            for pair, (a, b) in enumerate(map(self.parts_of, range(self.count)))
-            if (fits(a, name) and fits(b, other)) or (fits(a, other) and fits(b, name))
-        ]
-
-    def gradient(self, side: Side, pair: int, placed: PlacedArm, posture: int, other: Array | None = None) -> Array:
-        """How the distance of a pair changes with the joints of one arm [m/rad], (7,).
+    def gradient(self, side: Side, ball: int, placed: PlacedArm, posture: int, other: Array | int) -> Array:
+        """How the distance of a ball changes with the joints of its arm [m/rad], (7,).
 
         Args:
-            side: whose joints.
-            pair: its number.
-            placed: this arm.
+            side: which arm.
+            ball: its number.
+            placed: the arm.
             posture: in which posture.
-            other: the middles of the other arm's balls in its own posture, (3, balls), where the pair is of both arms.
+            other: the middle of the other arm's ball, (3,) [m], or the number of a box.
         """
-        arm = self._arms[side]
-        if pair < self._begins[Side.RIGHT]:
-            assert other is not None
-            balls = divmod(pair, len(self._arms[Side.LEFT].radii))
-            ball, its = balls if side is Side.RIGHT else balls[::-1]
-            middle = placed.middles[posture, :, ball]
-            away = middle - other[:, its]
-        else:
-            box, ball = divmod(pair - self._begins[side], len(arm.radii))
-            middle = placed.middles[posture, :, ball]
-            local = self._to_boxes[box] @ middle - self._box_offsets[box, :, 0]
-            over = np.abs(local) - self._halves[box, :, 0]
+        middle = placed.middles[posture, :, ball]
+        if isinstance(other, int):
+            local = self._to_boxes[other] @ middle - self._box_offsets[other, :, 0]
+            over = np.abs(local) - self._halves[other, :, 0]
             # Inside of a box the nearest face counts.
             over = np.maximum(over, 0.0) if over.max() > 0.0 else np.where(over == over.max(), 1.0, 0.0)
-            away = self._to_boxes[box].T @ (over * np.sign(local))
-        away = away / max(float(np.linalg.norm(away)), _TOUCHING)
+            away = self._to_boxes[other].T @ (over * np.sign(local))
+        else:
+            away = middle - other
+        nx, ny, nz = (away / max(float(np.linalg.norm(away)), _TOUCHING)).tolist()
         frames = placed.frames[posture, :_LINKS]
         (ax, ay, az), (x, y, z) = frames[:, :3, 2].T, (middle - frames[:, :3, 3]).T
-        nx, ny, nz = away
         moved = nx * (ay * z - az * y) + ny * (az * x - ax * z) + nz * (ax * y - ay * x)
-        moved[int(arm.frames[ball]) + 1 :] = 0.0  # a joint moves what comes behind it
+        moved[int(self.arms[side].frames[ball]) + 1 :] = 0.0  # a joint moves what comes behind it
         return np.asarray(moved)
 
 
+_NONE: Indices = np.empty(0, dtype=np.intp)
 _TOUCHING = 1e-9  # [m]
 
 
-class _ArmBalls:
-    """One arm covered by balls, as arrays."""
+class ArmBalls:
+    """One arm covered by balls, as arrays.
+
+    Attributes:
+        names: of the parts; shapes of one name on one link are one part.
+        part_of: which part a ball belongs to, (balls,), ascending.
+        counts: how many balls each part has, (parts,).
+        radii: of the balls, (balls,) [m].
+        frames: whose balls they are: of a link from 0, or 7 for tool0, (balls,).
+        part_radii, part_frames: the same of larger balls round whole parts, (parts,).
+        reach: by how much a radian of each joint moves anything of a part, at most, (parts, 7) [m/rad].
+    """
 
     def __init__(self, arm: _ArmShapes) -> None:
         self._origins, self._tool0 = arm.origins, arm.tool0
-        columns: list[list[Array]] = [[] for _ in range(_LINKS + 1)]
-        places: list[tuple[int, int]] = []
-        ends: list[tuple[int, int]] = []
-        radii: list[float] = []
-        frames, names, part_of = [], [], []
-        for number, part in enumerate(arm.parts):
+        shapes: dict[tuple[str, int], list[tuple[Array, float]]] = {}
+        for name, part in zip(arm.names, arm.parts, strict=True):
             start, end = np.array(part.start), np.array(part.end)
             length = float(np.linalg.norm(end - start))
             # Halfway between two balls of this radius their common circle is as wide as the capsule.
             steps = ceil(length / (2.0 * sqrt((part.radius + BALL_EXCESS) ** 2 - part.radius * part.radius)))
-            ends.append((len(radii), len(radii) + steps))
-            for step in range(steps + 1):
-                places.append((part.frame, len(columns[part.frame])))
-                columns[part.frame].append(start + (end - start) * (step / max(steps, 1)))
-                radii.append(hypot(part.radius, 0.5 * length / max(steps, 1)))
-                frames.append(part.frame)
-                names.append(arm.names[number])
-                part_of.append(number)
-        self.radii, self.frames, self.names, self.part_of = np.array(radii), np.array(frames), names, np.array(part_of)
-        self._firsts, self._lasts = (np.array(each) for each in zip(*ends, strict=True))
-        ways = [float(np.linalg.norm(np.subtract(part.end, part.start))) for part in arm.parts]
-        self.part_radii = self.radii[self._firsts] + 0.5 * np.array(ways)
-        # By frame, as homogeneous columns, for one product of matrices; then one after the other.
-        most = max(map(len, columns))
+            radius = hypot(part.radius, 0.5 * length / max(steps, 1))
+            balls = shapes.setdefault((name, part.frame), [])
+            balls += [(start + (end - start) * (step / max(steps, 1)), radius) for step in range(steps + 1)]
+        self.names = [name for name, _ in shapes]
+        self.counts = np.array([len(balls) for balls in shapes.values()])
+        self.part_of = np.repeat(np.arange(len(shapes)), self.counts)
+        self._balls = [np.flatnonzero(self.part_of == part) for part in range(len(shapes))]
+        self.part_frames = np.array([frame for _, frame in shapes])
+        self.frames = self.part_frames[self.part_of]
+        self.radii = np.array([radius for balls in shapes.values() for _, radius in balls])
+        middles, part_radii, reaches = [], [], []
+        for (_, frame), balls in shapes.items():
+            points = np.array([point for point, _ in balls])
+            middle = 0.5 * (points.min(0) + points.max(0))
+            middles.append(middle)
+            part_radii.append(max(float(np.linalg.norm(point - middle)) + radius for point, radius in balls))
+            reach, behind = [0.0] * _LINKS, float(np.linalg.norm(points, axis=1).max())
+            if frame == TOOL_FRAME:
+                behind += float(np.linalg.norm(self._tool0[:3, 3]))
+            for index in reversed(range(min(frame, _LINKS - 1) + 1)):
+                reach[index] = behind
+                behind += float(np.linalg.norm(self._origins[index, :3, 3]))
+            reaches.append(reach)
+        self.part_radii, self.reach = np.array(part_radii), np.array(reaches)
+        # All points by their frame, as homogeneous columns, for one product of matrices; then one after the other.
+        frames = [*self.frames.tolist(), *self.part_frames.tolist()]
+        places_in = [*(point for balls in shapes.values() for point, _ in balls), *middles]
+        most = max(map(frames.count, range(_LINKS + 1)))
         self._points = np.zeros((_LINKS + 1, 4, most))
         self._points[:, 3] = 1.0
-        for frame, points in enumerate(columns):
-            for index, point in enumerate(points):
-                self._points[frame, :3, index] = point
-        self._places = np.array([frame * most + index for frame, index in places])
+        used, places = [0] * (_LINKS + 1), []
+        for frame, point in zip(frames, places_in, strict=True):
+            self._points[frame, :3, used[frame]] = point
+            places.append(frame * most + used[frame])
+            used[frame] += 1
+        self._places = np.array(places)
+
+    def balls_of(self, parts: Indices) -> Indices:
+        """The balls of some parts, one part after the other."""
+        return np.concatenate([self._balls[part] for part in parts.tolist()])
 
     def place(self, positions: Array) -> PlacedArm:
-        """See :meth:`BallModel.place`."""
-        count = len(positions)
+        """Where the balls are in a number of postures, (n, 7) [rad]."""
+        count, balls = len(positions), len(self.radii)
         sine, cosine = np.sin(positions)[..., None], np.cos(positions)[..., None]
         along_x, along_y = self._origins[..., 0], self._origins[..., 1]
         turned = np.empty((count, _LINKS, 4, 4))
@@ -409,9 +414,8 @@ class _ArmBalls:
         for index in range(1, _LINKS):
             np.matmul(frames[:, index - 1], turned[:, index], out=frames[:, index])
         np.matmul(frames[:, _LINKS - 1], self._tool0, out=frames[:, _LINKS])
-        points = (frames[..., :3, :] @ self._points).swapaxes(1, 2).reshape(count, 3, -1)
-        middles = points.take(self._places, 2)
-        return PlacedArm(middles, 0.5 * (middles.take(self._firsts, 2) + middles.take(self._lasts, 2)), frames)
+        points = (frames[..., :3, :] @ self._points).swapaxes(1, 2).reshape(count, 3, -1).take(self._places, 2)
+        return PlacedArm(points[..., :balls], points[..., balls:], frames)
 
 
 class _ArmShapes:
@@ -430,19 +434,6 @@ class _ArmShapes:
             np.stack([_homogeneous(*each) for each in places]),
             _homogeneous(flange @ turn, offset),
         )
-
-    def reach(self) -> Joints:
-        """How far any part's axis is from each joint's axis, whatever the other joints do, at most [m]."""
-        furthest = [0.0] * (_LINKS + 1)
-        for part in self.parts:
-            furthest[part.frame] = max(furthest[part.frame], hypot(*part.start), hypot(*part.end))
-        reach = [0.0] * _LINKS
-        behind = float(np.linalg.norm(self.tool0[:3, 3])) + furthest[_LINKS]
-        for index in reversed(range(_LINKS)):
-            behind = max(behind, furthest[index])
-            reach[index] = behind
-            behind += float(np.linalg.norm(self.origins[index, :3, 3]))
-        return joints(reach)
 
     def placed(self, position: Joints) -> tuple[Array, Array]:
         """Both ends of the axis of each part in the body frame, (n, 3) each."""

@@ -105,7 +105,7 @@ def joint_state(
 
 _COUNTERS = (
     *("cycles", "missed", "lost", "late", "stale", "repeated", "malformed", "foreign", "refused"),
-    *("position_limited", "slowed", "interruptions", "implausible"),
+    *("position_limited", "slowed", "kept_apart", "interruptions", "implausible"),
 )
 """Of a snapshot, in the values of ``egm_state``."""
 

@@ -7,10 +7,18 @@ from math import radians
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, ApartArms, at_speed, behind, random_drive, to
-from yumi.control.collisions import BODY_MARGIN, MARGIN
-from yumi.robot.collision import PADDING, Distance
-from yumi.robot.joints import Joints, Side, joints, named_pose
+from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
+from yumi.control.controller import MemoryBuffer, write_goal
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.events import KeptApart
+from yumi.control.limiter import Limiter
+from yumi.control.motion import EGM_GAIN
+from yumi.robot.collision import PADDING, BallModel, CollisionModel, Distance, Obstacle
+from yumi.robot.description import SERVO_GRIPPERS
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
+from yumi.robot.kinematics import tool0_to_body
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}
 ROUNDING = 1e-3
@@ -34,14 +42,22 @@ def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
 
 
 def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
-    right, left = (arms.model.place(side, np.array([positions[side]])) for side in Side)
-    return float(arms.model.between(right, left, 0.1).distances.min(initial=0.1))
+    """The smallest distance, but of the shoulders, which are as near to the other arm as to the body [m]."""
+    right, left = (arms.model.arms[side].place(np.array([positions[side]])) for side in Side)
+    near = arms.model.between(Side.RIGHT, right, left, 0.1)
+    frames = (arms.model.arms[side].frames for side in Side)
+    rows, columns = (each[balls] > 0 for each, balls in zip(frames, (near.rows, near.columns), strict=True))
+    return float(near.distances[0, 0][rows][:, columns].min(initial=0.1))
 
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
     """Whether all but the body is beyond the margin, and the body as far as it has to be."""
     near = arms.shapes.nearest(positions, 12)
-    return all(each.distance >= (BODY_MARGIN if each.other == "body" else MARGIN) - ROUNDING for each in near)
+
+    def least(each: Distance) -> float:
+        return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else MARGIN
+
+    return all(each.distance >= least(each) - ROUNDING for each in near)
 
 
 @pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
@@ -51,12 +67,25 @@ def test_arms_turned_towards_each_other_come_to_rest_at_the_margin(drive: object
     goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
     drives = {side: drive(goal) for side, goal in goals.items()}
     lowest, names = np.inf, set()
-    for _ in range(400):
+    for _ in range(200):
         arms.cycle(drives)
         lowest = min(lowest, between_arms(arms, arms.commanded()), between_arms(arms, arms.measured()))
         names |= {limited.other for side in Side if (limited := arms.both.limited(side))}
     assert MARGIN - ROUNDING <= lowest <= MARGIN + 0.01
-    assert "left gripper" in names
+    assert "left fingers" in names
+
+
+def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() -> None:
+    tip = tool0_to_body(Side.RIGHT, FORWARD[Side.RIGHT], Pose((0.0, 0.0, 0.155), UPRIGHT)).position
+    arms = ApartArms(FORWARD, obstacles=(Obstacle("box", Pose(tip, UPRIGHT), (0.03, 0.03, 0.03)),))
+    first = nearest(arms, FORWARD).distance
+    assert first < MARGIN - ROUNDING
+    for _ in range(50):
+        arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, name="box")))})
+    assert nearest(arms, arms.commanded()).distance >= first - 1e-4
+    for _ in range(50):
+        arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, 1.0, "box")))})
+    assert nearest(arms, arms.commanded()).distance > MARGIN
 
 
 def test_free_motion_is_not_touched() -> None:
@@ -96,7 +125,7 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
 
 def test_permitted_pairs_may_touch_and_no_others() -> None:
     arms = ApartArms(FORWARD, obstacles=())
-    arms.both.permit(arms.model.pairs_of("right arm", "left arm"))
+    arms.both.permit(("right arm", "left arm"))
     goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
     lowest = np.inf
     for _ in range(300):
@@ -109,8 +138,8 @@ def test_permitted_pairs_may_touch_and_no_others() -> None:
 
 def test_unknown_parts_are_no_pair() -> None:
     arms = ApartArms(READY, obstacles=(TABLE,))
-    assert arms.model.pairs_of("right gripper", "table")
-    assert not arms.model.pairs_of("right gripper", "shelf")
+    assert arms.both.pairs_of("right gripper", "table")
+    assert not arms.both.pairs_of("right gripper", "shelf")
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -128,3 +157,25 @@ def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
         if cycle % 4 == 0:
             assert least_kept(arms, arms.commanded())
             assert nearest(arms, arms.measured()).distance > -PADDING
+
+
+def test_loop_reports_which_parts_limit_an_arm() -> None:
+    """The left forearm, sent from home into the body."""
+    model = BallModel(CollisionModel(SERVO_GRIPPERS))
+    both, goals = CollisionLimiter(model, YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
+    both.place(Side.RIGHT, home(Side.RIGHT))
+    limiter = Limiter(YUMI_LIMITS, collisions=both.arm(Side.LEFT))
+    arm = VirtualArmRig({"controller": JointPositionController(goals)}, side=Side.LEFT, limiter=limiter)
+    arm.start()
+    arm.switch_to("controller")
+    goal = joints([value + 0.3 for value in home(Side.LEFT)])
+    write_goal(goals, arm.snapshot.session, goal)
+    arm.run(2.0)
+    (event, *_) = [event for event in arm.events if isinstance(event, KeptApart)]
+    assert str(event).startswith("Left arm: motion limited by left ")
+    assert event.limited.other == "body"
+    assert arm.snapshot.kept_apart > 0
+    assert max(abs(a - b) for a, b in zip(arm.snapshot.position, goal, strict=True)) > 0.1
+    shapes = CollisionModel(SERVO_GRIPPERS)
+    now = {Side.RIGHT: home(Side.RIGHT), Side.LEFT: arm.snapshot.position}
+    assert shapes.nearest(now)[0].distance > BODY_MARGIN - ROUNDING

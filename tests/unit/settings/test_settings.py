@@ -9,6 +9,7 @@ from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
 from yumi.errors import SettingsError
+from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import Side
 
 
@@ -60,7 +61,7 @@ def test_speed_scale_is_a_number_or_left_to_the_address(file: Path, text: str, s
         ("robot: {adress: x}", "mine.yaml: robot has no setting 'adress'; it has: address, rws_port"),
         (
             "speed: 3",
-            "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, watchdog, recovery, ros",
+            "mine.yaml has no setting 'speed'; it has: robot, egm, egm_motion, gripper, watchdog, recovery, collision",
         ),
         ("robot: {rws_port: 70000}", "mine.yaml: robot: rws_port is 70000; allowed is 1 to 65535."),
         ("robot: {speed_scale: 0}", "mine.yaml: robot: speed_scale is 0; allowed is 0.01 to 1."),
@@ -105,7 +106,7 @@ def test_controllers_are_refused_with_a_sentence(file: Path, text: str, sentence
 def test_every_setting_in_the_delivered_file_is_explained_by_its_class() -> None:
     text = (config_folder() / "yumi.yaml").read_text()
     groups = re.findall(r"^(\w+):$", text, re.MULTILINE)
-    assert groups == ["robot", "egm", "egm_motion", "gripper", "watchdog", "recovery", "ros", "recorder"]
+    assert groups == ["robot", "egm", "egm_motion", "gripper", "watchdog", "recovery", "collision", "ros", "recorder"]
 
 
 def test_overridden_settings_keep_the_others() -> None:
@@ -125,3 +126,34 @@ def test_overridden_settings_keep_the_others() -> None:
 def test_overriding_values_keep_the_bounds_of_the_file(values: dict[str, dict[str, object]], sentence: str) -> None:
     with pytest.raises(SettingsError, match=re.escape(sentence)):
         override(Settings(), values, "command line")
+
+
+def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> None:
+    file.write_text(
+        "collision: {boxes: {table: {position: [0.4, 0, -0.05], size: [0.6, 1.2, 0.1], rpy: [0, 0, 1.57]}}, "
+        "left_tools: {needle: {start: [0, 0, 0.1], end: [0, 0, 0.3], radius: 0.004}}}"
+    )
+    model = read_settings(file).collision.model(SERVO_GRIPPERS)
+    assert model.boxes[-1] == "table"
+    assert model.arms[Side.LEFT].names[-1] == "left needle"
+    assert "right needle" not in model.arms[Side.RIGHT].names
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("collision: {boxes: [table]}", "collision: boxes needs a mapping of names, it has ['table']."),
+        ("collision: {boxes: {table: {size: [1, 1]}}}", "a box's size has 2 values; give x, y, z."),
+        ("collision: {boxes: {table: {size: [1, 0, 1]}}}", "each edge is longer than 0 m."),
+        (
+            "collision: {boxes: {table: {extent: [1, 1, 1]}}}",
+            "boxes: table has no setting 'extent'; it has: position",
+        ),
+        ("collision: {boxes: {table: {size: wide}}}", "size is 'wide'; it must be a list of numbers."),
+        ("collision: {right_tools: {needle: {radius: 0}}}", "radius is 0; allowed is 0.001 to 0.5 m."),
+    ],
+)
+def test_boxes_and_tools_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
+    file.write_text(text)
+    with pytest.raises(SettingsError, match=re.escape(sentence)):
+        read_settings(file)
