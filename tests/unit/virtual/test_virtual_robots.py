@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.robots import ROBOTS
 from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
+from yumi.virtual.instructions.data import robtarget
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
@@ -220,3 +221,12 @@ def test_stop_of_all_motion_tasks_stops_both_arms_on_their_paths(tmp_path: Path)
     assert len(still) > 200
     assert all(still)
     assert all(arm.path.is_empty for arm in world.arms.values())
+
+
+def test_robtarget_of_six_axes_is_served(tmp_path: Path) -> None:
+    world = world_of("irb120", tmp_path, "PROC main()\nENDPROC")
+    arm = world.arms[Side.RIGHT]
+    trans, _, turns, extax = robtarget(arm.kinematics, arm.position, None, None)
+    assert trans == pytest.approx(tuple(place(arm.position)))
+    assert turns == (0.0, 0.0, 0.0, 0.0)
+    assert extax[0] > 8.9e9

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from math import degrees, radians
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 from yumi.rapid.library import Library
-from yumi.robot.inverse_kinematics import arm_angle, configuration
-from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
-from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.robot.arms import Arm
+from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, abb_from_chain, chain_from_abb, joints
+from yumi.robot.kinematics import compose, inverse, upper_half
 from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import MechanicalUnit
 from yumi.virtual.mechanics.motion import StopMode
@@ -102,12 +104,15 @@ def wobj_from_rapid(wobj: Any) -> Pose:
     return compose(pose_from_rapid(wobj.uframe), pose_from_rapid(wobj.oframe))
 
 
-def robtarget(side: Side, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
-    """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle."""
-    pose = tool0_to_body(side, position, tool)
+def robtarget(arm: Arm, position: Joints, tool: Pose | None, wobj: Pose | None) -> tuple[Any, ...]:
+    """RAPID's robtarget of the tool at joint positions [rad]; ``eax_a`` is the arm angle of seven axes."""
+    pose = arm.tool0(position)
+    pose = pose if tool is None else compose(pose, tool)
+    pose = Pose(pose.position, upper_half(pose.orientation))
     trans, rot = frame(pose if wobj is None else compose(inverse(wobj), pose))
-    turns = tuple(float(number) for number in configuration(position))
-    return trans, rot, turns, (degrees(arm_angle(side, position)), *(NOT_PRESENT,) * 5)
+    turns = tuple(float(number) for number in arm.configuration(position))
+    angle_deg = NOT_PRESENT if arm.reference is None else degrees(float(arm.angles(np.array([position]))[0]))
+    return trans, rot, turns, (angle_deg, *(NOT_PRESENT,) * 5)
 
 
 def frame(pose: Pose) -> _Frame:

@@ -420,7 +420,9 @@ def target_fields(
     system = call.option("coordinate") or unit.coord_system
     wobj = wobj_from_rapid(_datum(controller, unit, call.option("wobj") or unit.wobj, "wobj"))
     position = controller.arm_of(unit).position
-    trans, rot, turns, extra = robtarget(unit.side, position, tool, wobj if system == "Wobj" else None)
+    trans, rot, turns, extra = robtarget(
+        controller.arm_of(unit).kinematics, position, tool, wobj if system == "Wobj" else None
+    )
     fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
     return fields | {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}, turns, extra
 

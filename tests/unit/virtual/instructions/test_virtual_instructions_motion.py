@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
+from yumi.robot.arms import yumi_arm
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
 from yumi.robot.kinematics import tool0_to_body
@@ -122,10 +123,10 @@ positions = st.tuples(*(st.floats(low, high) for low, high in zip(YUMI_LIMITS.lo
 
 @given(positions)
 def test_robtarget_without_tool_and_work_object_is_tool0_in_millimetres(position: Joints) -> None:
-    trans, rot, _, extax = robtarget(Side.LEFT, position, None, None)
+    trans, rot, _, extax = robtarget(yumi_arm(Side.LEFT), position, None, None)
     pose = tool0_to_body(Side.LEFT, position)
     assert trans == pytest.approx([value * 1e3 for value in pose.position])
-    assert rot == pose.orientation
+    assert rot == pytest.approx(pose.orientation, abs=1e-9)
     assert -180.0 <= extax[0] <= 180.0
 
 
