@@ -160,7 +160,7 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
         ]
     highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
     lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
-    lines.append("Both grippers open before and close afterwards. No limiter sees people: look where the arms go.")
+    lines.append("Both grippers open before and close afterwards. Arms are not kept apart: look where they go.")
     return "\n".join(lines)
 
 

@@ -188,7 +188,7 @@ class CollisionSettings:
         left_tools: the same of the left arm.
     """
 
-    enabled: bool = True
+    enabled: bool = False  # experimental: see docs/explanation/collisions.md
     margin: float = bounded(MARGIN, 0.0, 0.2, "m")
     boxes: Mapping[str, BoxSettings] = field(default_factory=dict)
     right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
